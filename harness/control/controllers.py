@@ -279,18 +279,18 @@ class PythonController(ControllerChoice):
             )
         file, name = folder / self.file, self.factory or self.name or "controller"
         user_folder = UserFolder(file.absolute().parent)
-        thing = user_folder.defined(file, name)
-        is_made = self.factory is not None or inspect.isclass(thing)
-        if is_made and not callable(thing):
-            raise ControllerError(f"{file}: factory = '{name}' is {thing!r}; expected a function or class")
-        if self.parameters and not is_made and not is_casadi_function(thing):
+        defined = user_folder.defined(file, name)
+        is_made = self.factory is not None or inspect.isclass(defined)
+        if is_made and not callable(defined):
+            raise ControllerError(f"{file}: factory = '{name}' is {defined!r}; expected a function or class")
+        if self.parameters and not is_made and not is_casadi_function(defined):
             raise ControllerError(
                 f"{file}: parameters: {', '.join(self.parameters)} are for a class or factory; '{name}' is neither"
             )
         try:
             if is_made:
-                return constructed(thing, self.design(platform, sample_time), user_folder)
-            return controller_of(user_folder.path / thing if isinstance(thing, str | Path) else thing)
+                return constructed(defined, self.design(platform, sample_time), user_folder)
+            return controller_of(user_folder.path / defined if isinstance(defined, str | Path) else defined)
         except ControllerError as error:
             raise ControllerError(f"{file}: {error}") from error
 

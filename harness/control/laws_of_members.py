@@ -30,7 +30,6 @@ from gough_stewart.model.vectors import FloatArray
 _INTEGRATES = 1e-12
 # Above what rounding leaves of a 0 in a projection.
 _TAKES = 1e-9
-_REFERENCES = (*signals.VARIABLES, interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 
 
 class KnownAhead(NamedTuple):
@@ -127,15 +126,14 @@ def laws_of(
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
-            told: Sequence[KnownAhead | None] = known if known else [None for _ in fresh]
+            told = known or [None] * len(fresh)
             laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
             return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
         together = [law if isinstance(law, LinearController) else linear[0] for law in fresh]
         together += [together[-1]] * copies
         law_of_all = LinearLaw(together, jacobians, reference, measured)
-        if failures:
-            law_of_all.failures = _with_copies(failures, len(fresh), copies)
+        law_of_all.failures = _with_copies(failures, len(fresh), copies)
         return law_of_all
 
     linear = [controller for controller in controllers if isinstance(controller, LinearController)]
@@ -167,18 +165,11 @@ def _check(controllers: Sequence[Controller | None], sample_time: float) -> None
 
 
 def _check_unshared(controllers: Sequence[Controller], fresh: Sequence[Controller | None]) -> None:
-    """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself.
-
-    Raises
-    ------
-    SharedMemoryError
-        Names both members.
-    """
+    """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself."""
     owners = dict[int, int]()
     for member, (controller, law) in enumerate(zip(controllers, fresh, strict=True)):
-        if law is None or not isinstance(controller, Maker) or is_casadi_function(law):
-            continue
-        owner = owners.setdefault(id(law), member)
+        is_made = law is not None and isinstance(controller, Maker) and not is_casadi_function(law)
+        owner = owners.setdefault(id(law), member) if is_made else member
         if owner != member:
             raise SharedMemoryError(
                 f"members {owner} and {member} got the same {name_of(law)}; expected a factory that makes a new "
@@ -214,7 +205,7 @@ class CalledLaw:
 
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
-        by_name = interface.unpack(_REFERENCES, reference.copy())
+        by_name = interface.unpack(signals.REFERENCES, reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
         if (known := self._known) is not None:
             last = self.command.copy(), excess.copy(), known.feedforward[k].copy()
@@ -437,9 +428,9 @@ class LinearLaw:
                 lambda change: product_of_members(rows_of_inverse, change), self._pose, self.lengths, r, lengths
             )
             excess = product_of_members(self.jacobians[k], excess) if self.kinds == 3 else excess
-            everyone = True if due is None else due
-            np.copyto(self._pose, y, where=everyone)
-            np.copyto(self.lengths, lengths, where=everyone)
+            are_due = True if due is None else due
+            np.copyto(self._pose, y, where=are_due)
+            np.copyto(self.lengths, lengths, where=are_due)
         elif self._angles.size:  # in the turns of their references
             y = y.copy()
             y[self._angles] = nearest_angle(y[self._angles], r[self._angles])

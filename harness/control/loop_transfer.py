@@ -12,7 +12,7 @@ import numpy as np
 from gough_stewart.harness.control.drive import linear_drives
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
-from gough_stewart.harness.control.linear import Mode, linear_matrices, modes
+from gough_stewart.harness.control.linear import Mode, linear_matrices, modes, pose_of
 from gough_stewart.harness.control.margins import disk_margin, frequency_range, is_stable, response
 from gough_stewart.harness.control.state_space import StateSpace, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
@@ -129,10 +129,7 @@ def held_plant(
 
 
 def feedback_part(
-    platform: Platform,
-    controller: LinearController,
-    position: Array | None = None,
-    orientation: Array | None = None,
+    platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
 ) -> StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
     K, n = matrices_of(controller.system), len(signals.positions(controller.signals))
@@ -143,19 +140,14 @@ def feedback_part(
 
 
 def space_of(
-    platform: Platform,
-    controller: LinearController,
-    position: Array | None = None,
-    orientation: Array | None = None,
+    platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """What measurements make of a controller's references and readings (n, n), and of its outputs, forces (6, 6)."""
     n = len(signals.positions(controller.signals))
     identity, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
         return (none, identity), np.eye(6)
-    p = platform.home_position if position is None else position
-    o = platform.home_orientation if orientation is None else orientation
-    J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
+    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose_of(platform, position, orientation)))
     # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
     return displacements(lambda change: J_inverse @ change, none, none, none, identity), J_inverse.T
 

@@ -364,8 +364,8 @@ def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi
             f"{name} cannot be traced: it returned {result!r}; expected {N_LEGS} forces, and a memory of one shape"
         ) from None
     outputs = {FORCE: force, **({MEMORY_NEXT: casadi.vertcat(*following)} if starts else {})}
-    everything = casadi.vertcat(*outputs.values())
-    arguments = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(everything, symbol)}
+    all_outputs = casadi.vertcat(*outputs.values())
+    arguments = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(all_outputs, symbol)}
     arguments |= {MEMORY: casadi.vertcat(*map(casadi.vec, changes.values()))} if starts else {}
     function = casadi.Function("law", [*arguments.values()], [*outputs.values()], [*arguments], [*outputs])
     constants = [k for k in range(function.n_instructions()) if function.instruction_id(k) == casadi.OP_CONST]

@@ -19,11 +19,10 @@ from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 
 REFERENCE = "reference_"
-_ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 # What its inputs may be: measurements and references, with their positions in the loop's two vectors.
 INPUTS: tuple[tuple[str, Variable], ...] = (
     *((v.name, v) for v in signals.VARIABLES),
-    *((REFERENCE + v.name, v) for v in (*signals.VARIABLES, *_ACCELERATIONS)),
+    *((REFERENCE + v.name, v) for v in signals.REFERENCES),
 )
 _FORCE, _LIMITED = "actuator_force", "force_limited"
 
