@@ -78,6 +78,7 @@ class ControllerChoice(Kind):
         Impossible values; names the key, its value, and what was expected.
     """
 
+    error: ClassVar[type[ControllerError]] = ControllerError
     feedforward: Feedforward = "none"
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
@@ -108,11 +109,6 @@ class ControllerChoice(Kind):
     def gains(self, platform: Platform) -> Gains | None:  # noqa: ARG002 - of the kinds that have any
         """The gains of a PD or PID."""
         return None
-
-    @classmethod
-    def refusal(cls, message: str) -> ControllerError:
-        """The error for wrong values."""
-        return ControllerError(message)
 
     @model_validator(mode="before")
     @classmethod

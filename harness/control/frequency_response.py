@@ -6,7 +6,7 @@ is all that a new kind needs.
 """
 
 from abc import abstractmethod
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,7 @@ class InjectionChoice(Kind):
         Impossible values; names the key, its value, and what was expected.
     """
 
+    error: ClassVar[type[ControllerError]] = ControllerError
     leg: Annotated[int, Field(ge=1, le=6)] | None = None
     mode: ModeName | None = None  # a force along, or a torque about, a world axis
     amplitude: PositiveForce  # the largest force on a leg
@@ -57,11 +58,6 @@ class InjectionChoice(Kind):
         if not 0 < low < high:
             raise ValueError(f"band is {low:g} to {high:g} Hz; expected two frequencies > 0, the lower one first")
         return self
-
-    @classmethod
-    def refusal(cls, message: str) -> ControllerError:
-        """The error for wrong values."""
-        return ControllerError(message)
 
     @abstractmethod
     def signal(self, sample_time: float) -> FloatArray:
