@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.drive import linear_drives
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.linear import Mode, linear_matrices, modes, pose_of
@@ -112,8 +111,9 @@ def held_plant(
     outputs = [signals.AT_MOTORS.get(name, name) for name in controller.signals] if at_motor else controller.signals
     linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
-    if lag > 0:
-        plant = series(linear_drives(lag, 6), plant)
+    if lag > 0:  # ḟ = (r − f)/τ
+        identity = np.eye(6)
+        plant = series(StateSpace(-identity / lag, identity / lag, identity, 0 * identity), plant)
     if not late:
         return discretised(plant, sample_time, "zoh")
     # within a sample the last force acts for θ, and the new one for the rest

@@ -21,8 +21,6 @@ MOTORS = "motor_position[1]"
 Side = Literal["leg", "motor"]
 AT_MOTORS = {"leg_length": "motor_position", "leg_velocity": "motor_velocity"}
 N_LEGS = interface.BY_NAME["leg_length"].size
-if interface.RESULTS[: len(NAMES)] != VARIABLES:
-    raise AssertionError("signals have to be the first results of the interface")
 
 
 def positions(names: Iterable[str]) -> NDArray[np.intp]:

@@ -17,7 +17,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.timing import Seeds, Timing
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
@@ -228,23 +228,15 @@ def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch
         observed(some, plant, Counting(7), keeps_interrupted=False)
 
 
-def test_jitter_of_a_member_is_that_of_its_seed_alone() -> None:
-    """Expected: rows of samples as of a single run with the member's jitter and seed."""
-    seeds = tuple(SeedSequence(9).spawn(3))
-    jitter = np.array([0.004, 0.0, 0.009])
-    rows = Timing(1.0, T, 0.001, jitter, seeds).rows_of_samples
-    for k in range(3):
-        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), seeds[k]).rows_of_samples)
-    assert len(np.unique(rows[:, 2] % 10)) == 10
-
-
-@pytest.mark.parametrize("seed", [9, SeedSequence(9, spawn_key=(3,))])
-def test_with_one_seed_for_all_members_are_late_in_proportion_to_their_jitter(seed: int | SeedSequence) -> None:
-    """Expected: rows of samples as of a single run with the same seed and the member's jitter."""
+@pytest.mark.parametrize("seed", [9, SeedSequence(9, spawn_key=(3,)), tuple(SeedSequence(9).spawn(3))])
+def test_members_are_late_by_their_jitter_and_seed_alone(seed: Seeds) -> None:
+    """Expected: rows of samples as of a single run with the member's jitter, and its seed or that of all."""
     jitter = np.array([0.004, 0.0, 0.009])
     rows = Timing(1.0, T, 0.001, jitter, seed).rows_of_samples
     for k in range(3):
-        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), seed).rows_of_samples)
+        own = seed[k] if isinstance(seed, tuple) else seed
+        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), own).rows_of_samples)
+    assert len(np.unique(rows[:, 2] % 10)) == 10
     late = rows - 10 * np.arange(100)[:, None]
     assert late.max(axis=0).tolist() == [4, 0, 9]
     assert late.min() == 0
