@@ -81,28 +81,16 @@ def law_of(
 
 
 def laws_of(
-    controllers: Sequence[Controller],
-    sample_time: float,
-    jacobians: FloatArray,
-    known: Sequence[KnownAhead] = (),
-    copies: int = 0,
+    controllers: Sequence[Controller],  # one for each member
+    sample_time: float,  # of the run [s]
+    jacobians: FloatArray,  # of the legs in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6)
+    known: Sequence[KnownAhead] = (),  # what each member's loop tells its controller; by default nothing
+    copies: int = 0,  # of the last member that follow, which fill up a vector: they get its forces
 ) -> LawFrom:
     """Make the laws of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
 
-    Makers are asked then, once for each member. All members call the same function.
-
-    Parameters
-    ----------
-    controllers
-        One for each member: linear ones of one structure (states, inputs, signals, space), or functions, or makers.
-    sample_time
-        Of the run [s].
-    jacobians
-        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6).
-    known
-        What each member's loop tells its controller; left out, nothing.
-    copies
-        How many copies of the last member follow, which fill up a vector: they get its forces.
+    Controllers are linear ones of one structure (states, inputs, signals, space), or functions, or makers. Makers are
+    asked then, once for each member. All members call the same function.
 
     Raises
     ------

@@ -33,38 +33,21 @@ _STATES_OF_PLATFORM = 12
 def loop_transfer(
     platform: Platform,
     controller: LinearController,
-    sample_time: float,
+    sample_time: float,  # [s]
     *,
-    delay: int = 0,
-    lag: float = 0.0,
-    late: float = 0.0,
+    delay: int = 0,  # [samples]
+    lag: float = 0.0,  # τ [s]
+    late: float = 0.0,  # θ, a further delay between force and reading, of any length [s]
     position: Array | None = None,
     orientation: Array | None = None,
-    coulomb_friction: bool = False,
-    believed: Platform | None = None,
-    side: signals.Side = "leg",
+    coulomb_friction: bool = False,  # keep its slope at rest; see `linearise`
+    believed: Platform | None = None,  # whose legs' Jacobian a controller in task space uses; by default the same
+    side: signals.Side = "leg",  # of legs that give, where their lengths and velocities are measured
 ) -> StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
     computational delay, and the controller from measurement to force with inverted sign.
-
-    Parameters
-    ----------
-    sample_time
-        [s]
-    delay
-        [samples]
-    lag
-        τ [s]
-    late
-        θ, a further delay between force and reading, of any length [s]
-    coulomb_friction
-        Keep the slope of Coulomb friction at rest; see `linearise`.
-    side
-        Of legs that give, where their lengths and velocities are measured: "leg" or "motor".
-    believed
-        The platform whose legs' Jacobian a controller in task space uses; by default the same.
 
     Raises
     ------
@@ -191,22 +174,15 @@ def structural_modes(
 
 def structure_of(
     platform: Platform,
-    transfer: StateSpace,
+    transfer: StateSpace,  # L (6×6)
     family: tuple[float, Callable[[float], StateSpace]] | None,
-    disk: float,
+    disk: float,  # the disk margin to keep
     position: Array | None = None,
     orientation: Array | None = None,
 ) -> LoopStructure | None:
     """The structural modes of a loop in a pose; None of rigid legs.
 
-    Parameters
-    ----------
-    transfer
-        The loop transfer L (6×6).
-    family
-        The bandwidth [Hz] of its controller, and the same loop with another one; None if the controller has none.
-    disk
-        The disk margin to keep.
+    The family is the bandwidth [Hz] of its controller, and the same loop with another one; None if it has none.
     """
     if not platform.leg_stiffness > 0:
         return None

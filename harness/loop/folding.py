@@ -92,30 +92,16 @@ class FoldKernels:
 
 
 class CompiledFolds:
-    """Folds in machine code, of eight members at once, and their states.
-
-    Parameters
-    ----------
-    folds
-        Each has a kernel.
-    row
-        Places of the columns in a row.
-    checked
-        Columns whose numbers have to be finite.
-    members
-        Their number N.
-    counting
-        How many rows count for each member (M,), -1 where all so far do; kept up to date.
-    """
+    """Folds in machine code, of eight members at once, and their states."""
 
     def __init__(
         self,
         kernels: FoldKernels,
-        folds: Sequence[TermFold],
-        row: Mapping[str, slice],
-        checked: Sequence[str],
-        members: int,
-        counting: NDArray[np.int64],
+        folds: Sequence[TermFold],  # each has a kernel
+        row: Mapping[str, slice],  # places of the columns in a row
+        checked: Sequence[str],  # columns whose numbers have to be finite
+        members: int,  # their number N
+        counting: NDArray[np.int64],  # rows that count for each member (M,), -1 where all so far do; kept up to date
     ) -> None:
         self.kernels, self._folds, self._row, self._members = kernels, folds, row, members
         vectors = len(counting) // WIDTH

@@ -152,15 +152,6 @@ class Stepping(NamedTuple):
 class LanesPlant(Plant):
     """N platforms as a `Plant` of shape (N,), each in its own start state at time 0.
 
-    Parameters
-    ----------
-    substeps
-        RK4 steps per plant step; None for error-controlled steps, each member's own.
-    tolerance
-        Tolerance of error-controlled steps, relative, and absolute in SI units.
-    kernel
-        The machine code that steps them; without it that of the plants alone.
-
     Attributes
     ----------
     features
@@ -187,9 +178,9 @@ class LanesPlant(Plant):
         platforms: Sequence[Platform],
         starts: Sequence[State],
         *,
-        substeps: int | None = None,
-        tolerance: float = DEFAULT_TOLERANCE,
-        kernel: CompiledLanes | None = None,
+        substeps: int | None = None,  # RK4 steps per plant step; None for error-controlled steps, each member's own
+        tolerance: float = DEFAULT_TOLERANCE,  # of error-controlled steps, relative, and absolute in SI units
+        kernel: CompiledLanes | None = None,  # the machine code that steps them; by default that of the plants alone
     ) -> None:
         if not platforms or len(platforms) != len(starts):
             raise PlantError(
