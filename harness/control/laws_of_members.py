@@ -302,13 +302,8 @@ def product_of_members(columns_first: FloatArray, vectors: FloatArray) -> FloatA
 class LinearLaw:
     """The linear controllers of N members, of one structure: x⁺ = A x + B u, w = C x + D u; (x, u) are columns.
 
-    Parameters
-    ----------
-    jacobians
-        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6), for task space.
-    reference, measured
-        References (30,) or (N, 30) and measurements (N, 24) at the first sample: the memory starts in steady state for
-        these constant inputs, integrators at zero, so that a start off the reference gives no derivative kick.
+    The memory starts in steady state for constant inputs, those of the first sample, integrators at zero, so that a
+    start off the reference gives no derivative kick.
     """
 
     limited = None
@@ -317,9 +312,9 @@ class LinearLaw:
     def __init__(
         self,
         controllers: Sequence[LinearController],
-        jacobians: FloatArray,
-        reference: FloatArray,
-        measured: FloatArray,
+        jacobians: FloatArray,  # of the legs in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6)
+        reference: FloatArray,  # at the first sample (30,) or (N, 30)
+        measured: FloatArray,  # at the first sample (N, 24)
     ) -> None:
         first, n_members = controllers[0], len(controllers)
         # if all members have the same system, one matrix serves all
@@ -373,21 +368,12 @@ class LinearLaw:
         self,
         k: int,
         _time: float,
-        reference: FloatArray,
-        measured: FloatArray,
-        excess: FloatArray,
-        due: BoolArray | None = None,
+        reference: FloatArray,  # (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]
+        measured: FloatArray,  # (N, 24)
+        excess: FloatArray,  # what the limits cut off the last command (N, 6) [N]
+        due: BoolArray | None = None,  # the members to sample (N,); None means all
     ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call.
-
-        Parameters
-        ----------
-        reference, measured, excess
-            References (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]; measurements (N, 24); what
-            the limits cut off the last command (N, 6) [N].
-        due
-            The members to sample (N,); None means all.
-        """
+        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call."""
         self._feed(k, reference, measured, excess.T, due)
         force_and_state = self._force_and_state()
         if due is None:
