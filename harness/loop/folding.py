@@ -68,18 +68,12 @@ class _SinkStructure(ctypes.Structure):
 
 
 class FoldKernels:
-    """A library of c/folds; it releases the GIL while it works.
-
-    Attributes
-    ----------
-    add
-        `folds_rows`, which adds rows to states, and which c/loop calls.
-    """
+    """A library of c/folds; it releases the GIL while it works."""
 
     def __init__(self, path: Path) -> None:
         self._library = ctypes.CDLL(str(path))
         self._library.folds_kernel.restype = ctypes.c_int64
-        self.add = self._library.folds_rows
+        self.add = self._library.folds_rows  # adds rows to states; c/loop calls it
         self.add.restype = None
         self.add.argtypes = (ctypes.c_void_p, *[ctypes.c_int64] * 4, ctypes.c_void_p, ctypes.c_void_p)
 
@@ -188,14 +182,7 @@ def _row_sink(folds: CompiledFolds, kept: Sequence[KeptRows], timing: Timing, co
 class Folding:
     """Folds of some members, fed with blocks; members end at rows, or before one that is not finite.
 
-    Parameters
-    ----------
-    folds
-        What is kept.
-    members
-        Their number.
-    kernels
-        Machine code of the folds; without it, or if it lacks one, NumPy computes them with the same bits.
+    Without machine code, or if it lacks one of the folds, NumPy computes them with the same bits.
     """
 
     def __init__(self, folds: Sequence[Fold], members: int, kernels: FoldKernels | None = None) -> None:
