@@ -59,13 +59,12 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
-
-    def forces_of(rows: Motion) -> list[FloatArray]:
-        if kind == "gravity":
-            return [static_leg_forces(platform, rows.position, rows.orientation)]
-        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
-
-    (forces,) = once_at_rest(forces_of, motion)
+    if kind == "gravity":
+        (forces,) = once_at_rest(lambda rows: [static_leg_forces(platform, rows.position, rows.orientation)], motion)
+    else:
+        (forces,) = once_at_rest(
+            lambda rows: [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))], motion
+        )
     return forces
 
 

@@ -222,21 +222,14 @@ class Response(NamedTuple):
 def response_of_periods(
     injected: FloatArray, force: FloatArray, samples: int, lines: NDArray[np.intp], settle: int
 ) -> Response:
-    """S at the harmonics of a period, from forces (n,) [N] at the samples of a loop.
+    """S at the harmonics of a period, from forces (n,) [N], injected and total, at the samples of a loop.
 
     With D_p, U_p the transforms of period p: S = ∑ U_p D_p* / ∑ |D_p|², coherence |∑ U_p D_p*|² / (∑ |U_p|² ∑ |D_p|²).
     If the deviations between P periods are circular complex normal with variance s², |S − S_true|² P |D|²/s² has
     Fisher's distribution with 2 and 2 (P − 1) degrees of freedom [Pintelon & Schoukens, System Identification, 2012,
     ch. 2].
 
-    Parameters
-    ----------
-    injected, force
-        The injected force, and the total force with the feedback's reaction; whole periods from the beginning.
-    samples
-        Samples per period.
-    settle
-        Number of periods that are dropped.
+    Whole periods of so many samples count from the beginning, but for those that settle.
 
     Raises
     ------

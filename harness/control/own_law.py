@@ -235,12 +235,8 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     """The CasADi function of a controller whose call is arithmetic; it has the same names as a `Sample`.
 
     Its memory is the change since the start of what changes between samples. It is traced at the first and at a later
-    sample, and its forces are held against the controller's over a run in which these pass their limits.
-
-    Parameters
-    ----------
-    reference
-        References at the samples of a run (m, 30).
+    sample, and its forces are held against the controller's over a run with these references (m, 30) at its samples, in
+    which they pass their limits.
 
     Raises
     ------
