@@ -114,7 +114,7 @@ def laws_of(
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
-            told: Sequence[KnownAhead | None] = known or [None] * len(fresh)
+            told: Sequence[KnownAhead | None] = known if known else [None] * len(fresh)
             laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
             return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
