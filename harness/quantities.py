@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -157,3 +157,14 @@ LegForces = Annotated[ArrayLike, Vector("N", 6)]
 ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, channels)]
 DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, channels)]
 IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, channels)]
+
+
+def plain(value: Any) -> Any:
+    """A value in types of JSON; None for what is no finite number."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

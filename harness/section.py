@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema
@@ -34,6 +34,7 @@ class Section(BaseModel):
 
     # pydantic builds the validator of a table at first use: most are only used as parts of an experiment
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
+    error: ClassVar[type[GoughStewartError] | None] = None  # its own
 
     def __init__(self, /, **values: Any) -> None:
         self.built()
@@ -56,7 +57,7 @@ class Section(BaseModel):
     @classmethod
     def refusal(cls, message: str) -> GoughStewartError:
         """The error for wrong values."""
-        return ExperimentError("", "", message)
+        return ExperimentError("", "", message) if cls.error is None else cls.error(message)
 
 
 class Kind(Section):

@@ -98,20 +98,16 @@ class HandMotion:
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
-        times = np.asarray(time, dtype=float)
-        return self._at(times, times)
+        return self.foreseen(np.asarray(time, dtype=float), 0.0)
 
     def foreseen(self, samples: FloatArray, ahead: float) -> Motion:
         """What is known at the times of samples (n,) [s] of the motion some time [s] later."""
-        return self._at(samples, samples + ahead)
-
-    def _at(self, known: FloatArray, times: FloatArray) -> Motion:
-        by_hand = known >= self._start - ROUNDING
+        times, by_hand = samples + ahead, samples >= self._start - ROUNDING
         before = np.minimum(np.where(by_hand, self._start, times), end_of(self._motion))
         motion = Motion(*(np.array(part) for part in self._motion(before)))
         if not by_hand.any():
             return motion
-        since = np.floor((known[by_hand] + ROUNDING) / self._period).astype(int) - self._samples[0]
+        since = np.floor((samples[by_hand] + ROUNDING) / self._period).astype(int) - self._samples[0]
         while len(self._states) <= since.max():
             self._take_rows(self._samples[0] + len(self._states))
             self._filter, _ = Smoothing.step(self._coefficients, self._filter, (self._target,))

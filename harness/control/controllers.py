@@ -77,6 +77,7 @@ class ControllerChoice(Kind):
         Impossible values; names the key, its value, and what was expected.
     """
 
+    error: ClassVar[type[ControllerError]] = ControllerError
     feedforward: Feedforward = "none"
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
@@ -107,11 +108,6 @@ class ControllerChoice(Kind):
     def gains(self, platform: Platform) -> Gains | None:  # noqa: ARG002 - of the kinds that have any
         """The gains of a PD or PID."""
         return None
-
-    @classmethod
-    def refusal(cls, message: str) -> ControllerError:
-        """The error for wrong values."""
-        return ControllerError(message)
 
     @model_validator(mode="before")
     @classmethod
@@ -154,11 +150,6 @@ class SixChannels(ControllerChoice):
         """The links after the six channels, in the order of their fields."""
         return tuple(value for _, value in self if isinstance(value, Link))
 
-    @property
-    def _integral(self) -> tuple[Any, float | None, float | None]:
-        """Integral gain, or time [s], and anti-windup time [s]."""
-        return 0.0, None, None
-
     def gains(self, platform: Platform) -> Gains:
         """The stated gains, or gains from bandwidth and damping ratio on this platform.
 
@@ -172,13 +163,14 @@ class SixChannels(ControllerChoice):
         ControllerError
             Impossible gains.
         """
-        integral_gain, integral_time, anti_windup_time = self._integral
+        keys_of_integral = ("integral_gain", "integral_time", "anti_windup_time")
+        integral_gain, integral_time, anti_windup_time = (getattr(self, key, None) for key in keys_of_integral)
         if self.bandwidth is not None:
             damping_ratio = DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
             times = (integral_time, self.derivative_filter, anti_windup_time)
             return gains_from_bandwidth(platform, self.bandwidth, damping_ratio, self.space, *times)
         kp = np.array(self.proportional_gain)
-        ki = integral_gain if integral_time is None else kp / integral_time
+        ki = kp / integral_time if integral_time is not None else 0.0 if integral_gain is None else integral_gain
         return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
@@ -237,10 +229,6 @@ class PID(SixChannels):
     integral_time: PositiveTime | None = None
     anti_windup_time: PositiveTime | None = None
 
-    @property
-    def _integral(self) -> tuple[Any, float | None, float | None]:
-        return self.integral_gain, self.integral_time, self.anti_windup_time
-
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
         """Discretised by `discretisation`, with an anti-windup time of at least one sample."""
         gains = self.gains(platform)
@@ -286,18 +274,18 @@ class PythonController(ControllerChoice):
             )
         file, name = folder / self.file, self.factory or self.name or "controller"
         user_folder = UserFolder(file.absolute().parent)
-        thing = user_folder.defined(file, name)
-        is_made = self.factory is not None or inspect.isclass(thing)
-        if is_made and not callable(thing):
-            raise ControllerError(f"{file}: factory = '{name}' is {thing!r}; expected a function or class")
-        if self.parameters and not is_made and not is_casadi_function(thing):
+        defined = user_folder.defined(file, name)
+        is_made = self.factory is not None or inspect.isclass(defined)
+        if is_made and not callable(defined):
+            raise ControllerError(f"{file}: factory = '{name}' is {defined!r}; expected a function or class")
+        if self.parameters and not is_made and not is_casadi_function(defined):
             raise ControllerError(
                 f"{file}: parameters: {', '.join(self.parameters)} are for a class or factory; '{name}' is neither"
             )
         try:
             if is_made:
-                return constructed(thing, self.design(platform, sample_time), user_folder)
-            return controller_of(user_folder.path / thing if isinstance(thing, str | Path) else thing)
+                return constructed(defined, self.design(platform, sample_time), user_folder)
+            return controller_of(user_folder.path / defined if isinstance(defined, str | Path) else defined)
         except ControllerError as error:
             raise ControllerError(f"{file}: {error}") from error
 

@@ -7,18 +7,14 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from gough_stewart.harness.control.component import Signals, Stepped
-from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.quantities import PositiveForceRate, Time, Unit, positive_or_word
 from gough_stewart.harness.section import Section
 from gough_stewart.model.operations import clip, greater, less, minimum, not_equal, sign, where
 
-
-def _force_limit(value: Any) -> float | str:
-    return positive_or_word(value, "N", "platform", "none")
-
-
 ForceLimit = Annotated[
-    float | str, BeforeValidator(_force_limit), Unit("N"), Field(description="largest force of an actuator")
+    float | str,
+    BeforeValidator(lambda value: positive_or_word(value, "N", "platform", "none")),
+    *(Unit("N"), Field(description="largest force of an actuator")),
 ]
 
 
@@ -157,9 +153,3 @@ class Drive(Stepped):
         following = r1 + (on_ramp - r1) * np.exp(-rest / tau)
         late = mean - (following - force) * tau / h
         return (reached, following), (late if lags is None else where(lags, late, mean), is_behind)
-
-
-def linear_drives(lag: float, channels: int) -> StateSpace:
-    """The small signals of drives with a lag τ > 0 [s], ḟ = (r − f)/τ, in continuous time."""
-    identity = np.eye(channels)
-    return StateSpace(-identity / lag, identity / lag, identity, 0 * identity)

@@ -31,10 +31,6 @@ def _numbered(values: list[int], most: int, kind: str) -> list[int]:
     return values
 
 
-def _legs(values: list[int]) -> list[int]:
-    return _numbered(values, N_LEGS, "leg")
-
-
 def _elements(value: dict[str, list[int]]) -> dict[str, list[int]]:
     for name, elements in value.items():
         if not elements:
@@ -48,7 +44,7 @@ class FaultChoice(Section):
 
     at: Time
     duration: PositiveTime | None = None
-    cut: Annotated[list[int], AfterValidator(_legs)] = Field(default_factory=list)
+    cut: Annotated[list[int], AfterValidator(lambda legs: _numbered(legs, N_LEGS, "leg"))] = Field(default_factory=list)
     freeze: Annotated[dict[str, list[int]], BeforeValidator(by_signal), AfterValidator(_elements)] = Field(
         default_factory=dict
     )

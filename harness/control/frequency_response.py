@@ -6,7 +6,7 @@ is all that a new kind needs.
 """
 
 from abc import abstractmethod
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,17 +41,13 @@ class InjectionChoice(Kind):
         Impossible values; names the key, its value, and what was expected.
     """
 
+    error: ClassVar[type[ControllerError]] = ControllerError
     leg: Annotated[int, Field(ge=1, le=6)] | None = None
-    # a force along, or a torque about, a world axis
-    mode: ModeName | None = None
-    # the largest force on a leg
-    amplitude: PositiveForce
-    # the lowest and the highest frequency
-    band: Band
-    # after which the signal repeats; one period of the lowest frequency by default
-    period: PositiveTime | None = None
-    # number of periods at the beginning that are dropped
-    settle: Annotated[int, Field(ge=0)] = 1
+    mode: ModeName | None = None  # a force along, or a torque about, a world axis
+    amplitude: PositiveForce  # the largest force on a leg
+    band: Band  # the lowest and the highest frequency
+    period: PositiveTime | None = None  # after which the signal repeats; that of the lowest frequency by default
+    settle: Annotated[int, Field(ge=0)] = 1  # number of periods at the beginning that are dropped
     seed: Annotated[int, Field(ge=0)] = 0
 
     @model_validator(mode="after")
@@ -62,11 +58,6 @@ class InjectionChoice(Kind):
         if not 0 < low < high:
             raise ValueError(f"band is {low:g} to {high:g} Hz; expected two frequencies > 0, the lower one first")
         return self
-
-    @classmethod
-    def refusal(cls, message: str) -> ControllerError:
-        """The error for wrong values."""
-        return ControllerError(message)
 
     @abstractmethod
     def signal(self, sample_time: float) -> FloatArray:
@@ -90,8 +81,7 @@ class InjectionChoice(Kind):
         ControllerError
             None in the band, or some above half the sample rate.
         """
-        n = len(self.signal(sample_time))
-        return _in_band(self.band, n, sample_time)
+        return _in_band(self.band, len(self.signal(sample_time)), sample_time)
 
     def directions(self, jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Forces a (6,) of the six legs, at most 1, and the row b (6,) that measures the excited channel, b a = 1.
@@ -116,13 +106,12 @@ class InjectionChoice(Kind):
             A band or a period that does not fit the sample time, or too few periods in the run.
         """
         self.lines(sample_time)
-        period = self.signal(sample_time)
-        periods = count / len(period)
-        if periods < self.settle + _LEAST_PERIODS:
+        period, least = self.signal(sample_time), self.settle + _LEAST_PERIODS
+        if count / len(period) < least:
             raise ControllerError(
-                f"a run of {count * sample_time:g} s has {periods:.3g} periods of {len(period) * sample_time:g} s; "
-                f"expected at least {self.settle} to settle and {_LEAST_PERIODS} to compare: a loop.duration of "
-                f"{(self.settle + _LEAST_PERIODS) * len(period) * sample_time:g} s"
+                f"a run of {count * sample_time:g} s has {count / len(period):.3g} periods of "
+                f"{len(period) * sample_time:g} s; expected at least {self.settle} to settle and {_LEAST_PERIODS} to "
+                f"compare: a loop.duration of {least * len(period) * sample_time:g} s"
             )
         return self.amplitude * np.resize(period, count)[:, None] * self.directions(jacobian)[0]
 
@@ -143,8 +132,7 @@ class Multisine(InjectionChoice):
     def signal(self, sample_time: float) -> FloatArray:
         """The flattest of several sums Σ cos(2π k t/n + φ_k) with random phases."""
         n, k = self.samples(sample_time), self.lines(sample_time)
-        rng, best = np.random.default_rng(self.seed), np.zeros(n)
-        smallest = np.inf
+        rng, best, smallest = np.random.default_rng(self.seed), np.zeros(n), np.inf
         for _ in range(_DRAWS):
             spectrum = np.zeros(n // 2 + 1, dtype=complex)
             spectrum[k] = np.exp(2j * np.pi * rng.uniform(size=len(k)))
@@ -234,21 +222,14 @@ class Response(NamedTuple):
 def response_of_periods(
     injected: FloatArray, force: FloatArray, samples: int, lines: NDArray[np.intp], settle: int
 ) -> Response:
-    """S at the harmonics of a period, from forces (n,) [N] at the samples of a loop.
+    """S at the harmonics of a period, from forces (n,) [N], injected and total, at the samples of a loop.
 
     With D_p, U_p the transforms of period p: S = ∑ U_p D_p* / ∑ |D_p|², coherence |∑ U_p D_p*|² / (∑ |U_p|² ∑ |D_p|²).
     If the deviations between P periods are circular complex normal with variance s², |S − S_true|² P |D|²/s² has
     Fisher's distribution with 2 and 2 (P − 1) degrees of freedom [Pintelon & Schoukens, System Identification, 2012,
     ch. 2].
 
-    Parameters
-    ----------
-    injected, force
-        The injected force, and the total force with the feedback's reaction; whole periods from the beginning.
-    samples
-        Samples per period.
-    settle
-        Number of periods that are dropped.
+    Whole periods of so many samples count from the beginning, but for those that settle.
 
     Raises
     ------

@@ -30,7 +30,6 @@ from gough_stewart.model.vectors import FloatArray
 _INTEGRATES = 1e-12
 # Above what rounding leaves of a 0 in a projection.
 _TAKES = 1e-9
-_REFERENCES = (*signals.VARIABLES, interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 
 
 class KnownAhead(NamedTuple):
@@ -82,28 +81,16 @@ def law_of(
 
 
 def laws_of(
-    controllers: Sequence[Controller],
-    sample_time: float,
-    jacobians: FloatArray,
-    known: Sequence[KnownAhead] = (),
-    copies: int = 0,
+    controllers: Sequence[Controller],  # one for each member
+    sample_time: float,  # of the run [s]
+    jacobians: FloatArray,  # of the legs in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6)
+    known: Sequence[KnownAhead] = (),  # what each member's loop tells its controller; by default nothing
+    copies: int = 0,  # of the last member that follow, which fill up a vector: they get its forces
 ) -> LawFrom:
     """Make the laws of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
 
-    Makers are asked then, once for each member. All members call the same function.
-
-    Parameters
-    ----------
-    controllers
-        One for each member: linear ones of one structure (states, inputs, signals, space), or functions, or makers.
-    sample_time
-        Of the run [s].
-    jacobians
-        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6).
-    known
-        What each member's loop tells its controller; left out, nothing.
-    copies
-        How many copies of the last member follow, which fill up a vector: they get its forces.
+    Controllers are linear ones of one structure (states, inputs, signals, space), or functions, or makers. Makers are
+    asked then, once for each member. All members call the same function.
 
     Raises
     ------
@@ -127,15 +114,14 @@ def laws_of(
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
-            told: Sequence[KnownAhead | None] = known if known else [None for _ in fresh]
+            told: Sequence[KnownAhead | None] = known if known else [None] * len(fresh)
             laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
             return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
         together = [law if isinstance(law, LinearController) else linear[0] for law in fresh]
         together += [together[-1]] * copies
         law_of_all = LinearLaw(together, jacobians, reference, measured)
-        if failures:
-            law_of_all.failures = _with_copies(failures, len(fresh), copies)
+        law_of_all.failures = _with_copies(failures, len(fresh), copies)
         return law_of_all
 
     linear = [controller for controller in controllers if isinstance(controller, LinearController)]
@@ -167,18 +153,11 @@ def _check(controllers: Sequence[Controller | None], sample_time: float) -> None
 
 
 def _check_unshared(controllers: Sequence[Controller], fresh: Sequence[Controller | None]) -> None:
-    """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself.
-
-    Raises
-    ------
-    SharedMemoryError
-        Names both members.
-    """
+    """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself."""
     owners = dict[int, int]()
     for member, (controller, law) in enumerate(zip(controllers, fresh, strict=True)):
-        if law is None or not isinstance(controller, Maker) or is_casadi_function(law):
-            continue
-        owner = owners.setdefault(id(law), member)
+        is_made = law is not None and isinstance(controller, Maker) and not is_casadi_function(law)
+        owner = owners.setdefault(id(law), member) if is_made else member
         if owner != member:
             raise SharedMemoryError(
                 f"members {owner} and {member} got the same {name_of(law)}; expected a factory that makes a new "
@@ -214,7 +193,7 @@ class CalledLaw:
 
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
-        by_name = interface.unpack(_REFERENCES, reference.copy())
+        by_name = interface.unpack(signals.REFERENCES, reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
         if (known := self._known) is not None:
             last = self.command.copy(), excess.copy(), known.feedforward[k].copy()
@@ -323,13 +302,8 @@ def product_of_members(columns_first: FloatArray, vectors: FloatArray) -> FloatA
 class LinearLaw:
     """The linear controllers of N members, of one structure: x⁺ = A x + B u, w = C x + D u; (x, u) are columns.
 
-    Parameters
-    ----------
-    jacobians
-        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6), for task space.
-    reference, measured
-        References (30,) or (N, 30) and measurements (N, 24) at the first sample: the memory starts in steady state for
-        these constant inputs, integrators at zero, so that a start off the reference gives no derivative kick.
+    The memory starts in steady state for constant inputs, those of the first sample, integrators at zero, so that a
+    start off the reference gives no derivative kick.
     """
 
     limited = None
@@ -338,9 +312,9 @@ class LinearLaw:
     def __init__(
         self,
         controllers: Sequence[LinearController],
-        jacobians: FloatArray,
-        reference: FloatArray,
-        measured: FloatArray,
+        jacobians: FloatArray,  # of the legs in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6)
+        reference: FloatArray,  # at the first sample (30,) or (N, 30)
+        measured: FloatArray,  # at the first sample (N, 24)
     ) -> None:
         first, n_members = controllers[0], len(controllers)
         # if all members have the same system, one matrix serves all
@@ -400,21 +374,12 @@ class LinearLaw:
         self,
         k: int,
         _time: float,
-        reference: FloatArray,
-        measured: FloatArray,
-        excess: FloatArray,
-        due: BoolArray | None = None,
+        reference: FloatArray,  # (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]
+        measured: FloatArray,  # (N, 24)
+        excess: FloatArray,  # what the limits cut off the last command (N, 6) [N]
+        due: BoolArray | None = None,  # the members to sample (N,); None means all
     ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call.
-
-        Parameters
-        ----------
-        reference, measured, excess
-            References (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]; measurements (N, 24); what
-            the limits cut off the last command (N, 6) [N].
-        due
-            The members to sample (N,); None means all.
-        """
+        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call."""
         self._feed(k, reference, measured, excess.T, due)
         force_and_state = self._force_and_state()
         if due is None:
@@ -443,9 +408,9 @@ class LinearLaw:
                 lambda change: product_of_members(rows_of_inverse, change), self._pose, self.lengths, r, lengths
             )
             excess = product_of_members(self.jacobians[k], excess) if self.kinds == 3 else excess
-            everyone = True if due is None else due
-            np.copyto(self._pose, y, where=everyone)
-            np.copyto(self.lengths, lengths, where=everyone)
+            are_due = True if due is None else due
+            np.copyto(self._pose, y, where=are_due)
+            np.copyto(self.lengths, lengths, where=are_due)
         elif self._angles.size:  # in the turns of their references
             y = y.copy()
             y[self._angles] = nearest_angle(y[self._angles], r[self._angles])

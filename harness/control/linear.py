@@ -116,7 +116,7 @@ def trim(
     >>> point = gs.trim(gs.load_preset("motion_base"), position=[0.2, 0.1, 2.1])
     >>> point.state, point.inputs[:6]
     """
-    p, o = _pose(platform, position, orientation)
+    p, o = pose_of(platform, position, orientation)
     wrench = np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench
     wrench = _checked("external_wrench", wrench, (6,))
     force = static_leg_forces(platform, p, o, wrench)
@@ -229,13 +229,14 @@ def leg_space_mass(platform: Platform, position: Array | None = None, orientatio
     SingularPoseError
         The legs do not determine the motion of the platform.
     """
-    pose = _pose(platform, position, orientation)
+    pose = pose_of(platform, position, orientation)
     # row k is J⁻ᵀ e_k, so the rows form J⁻¹
     J_inverse = solve_leg_forces(leg_jacobian(platform, *pose).T, np.eye(6))
     return np.asarray(J_inverse.T @ mass_matrix(platform, *pose) @ J_inverse)
 
 
-def _pose(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:
+def pose_of(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:
+    """Position and orientation, by default at home; refused as `trim` does."""
     p = _checked("position", platform.home_position if position is None else position, (3,))
     o = _checked("orientation", platform.home_orientation if orientation is None else orientation, (3,))
     if not abs(o[1]) < LARGEST_PITCH:
@@ -257,13 +258,13 @@ def _state_names(variant: Variant) -> list[str]:
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
     chosen_names = [outputs] if isinstance(outputs, str) else list(outputs)
-    everything = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
+    place_of = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
     if not chosen_names:
         raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
     for name in chosen_names:
-        if name not in everything:
-            raise InterfaceError(str(name), f"is not a result of the plant{interface.nearest(str(name), everything)}")
+        if name not in place_of:
+            raise InterfaceError(str(name), f"is not a result of the plant{interface.nearest(str(name), place_of)}")
         if chosen_names.count(name) > 1:
             raise InterfaceError(name, "is named twice; expected every output once")
     names = [scalar for name in chosen_names for scalar in interface.BY_NAME[name].scalar_names]
-    return names, np.concatenate([np.ravel(everything[name]) for name in chosen_names])
+    return names, np.concatenate([np.ravel(place_of[name]) for name in chosen_names])

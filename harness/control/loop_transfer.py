@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.drive import linear_drives
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
-from gough_stewart.harness.control.linear import Mode, linear_matrices, modes
+from gough_stewart.harness.control.linear import Mode, linear_matrices, modes, pose_of
 from gough_stewart.harness.control.margins import disk_margin, frequency_range, is_stable, response
 from gough_stewart.harness.control.state_space import StateSpace, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
@@ -34,38 +33,21 @@ _STATES_OF_PLATFORM = 12
 def loop_transfer(
     platform: Platform,
     controller: LinearController,
-    sample_time: float,
+    sample_time: float,  # [s]
     *,
-    delay: int = 0,
-    lag: float = 0.0,
-    late: float = 0.0,
+    delay: int = 0,  # [samples]
+    lag: float = 0.0,  # τ [s]
+    late: float = 0.0,  # θ, a further delay between force and reading, of any length [s]
     position: Array | None = None,
     orientation: Array | None = None,
-    coulomb_friction: bool = False,
-    believed: Platform | None = None,
-    side: signals.Side = "leg",
+    coulomb_friction: bool = False,  # keep its slope at rest; see `linearise`
+    believed: Platform | None = None,  # whose legs' Jacobian a controller in task space uses; by default the same
+    side: signals.Side = "leg",  # of legs that give, where their lengths and velocities are measured
 ) -> StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
     computational delay, and the controller from measurement to force with inverted sign.
-
-    Parameters
-    ----------
-    sample_time
-        [s]
-    delay
-        [samples]
-    lag
-        τ [s]
-    late
-        θ, a further delay between force and reading, of any length [s]
-    coulomb_friction
-        Keep the slope of Coulomb friction at rest; see `linearise`.
-    side
-        Of legs that give, where their lengths and velocities are measured: "leg" or "motor".
-    believed
-        The platform whose legs' Jacobian a controller in task space uses; by default the same.
 
     Raises
     ------
@@ -112,8 +94,9 @@ def held_plant(
     outputs = [signals.AT_MOTORS.get(name, name) for name in controller.signals] if at_motor else controller.signals
     linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
-    if lag > 0:
-        plant = series(linear_drives(lag, 6), plant)
+    if lag > 0:  # ḟ = (r − f)/τ
+        identity = np.eye(6)
+        plant = series(StateSpace(-identity / lag, identity / lag, identity, 0 * identity), plant)
     if not late:
         return discretised(plant, sample_time, "zoh")
     # within a sample the last force acts for θ, and the new one for the rest
@@ -129,10 +112,7 @@ def held_plant(
 
 
 def feedback_part(
-    platform: Platform,
-    controller: LinearController,
-    position: Array | None = None,
-    orientation: Array | None = None,
+    platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
 ) -> StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
     K, n = matrices_of(controller.system), len(signals.positions(controller.signals))
@@ -143,19 +123,14 @@ def feedback_part(
 
 
 def space_of(
-    platform: Platform,
-    controller: LinearController,
-    position: Array | None = None,
-    orientation: Array | None = None,
+    platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """What measurements make of a controller's references and readings (n, n), and of its outputs, forces (6, 6)."""
     n = len(signals.positions(controller.signals))
     identity, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
         return (none, identity), np.eye(6)
-    p = platform.home_position if position is None else position
-    o = platform.home_orientation if orientation is None else orientation
-    J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
+    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose_of(platform, position, orientation)))
     # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
     return displacements(lambda change: J_inverse @ change, none, none, none, identity), J_inverse.T
 
@@ -199,22 +174,15 @@ def structural_modes(
 
 def structure_of(
     platform: Platform,
-    transfer: StateSpace,
+    transfer: StateSpace,  # L (6×6)
     family: tuple[float, Callable[[float], StateSpace]] | None,
-    disk: float,
+    disk: float,  # the disk margin to keep
     position: Array | None = None,
     orientation: Array | None = None,
 ) -> LoopStructure | None:
     """The structural modes of a loop in a pose; None of rigid legs.
 
-    Parameters
-    ----------
-    transfer
-        The loop transfer L (6×6).
-    family
-        The bandwidth [Hz] of its controller, and the same loop with another one; None if the controller has none.
-    disk
-        The disk margin to keep.
+    The family is the bandwidth [Hz] of its controller, and the same loop with another one; None if it has none.
     """
     if not platform.leg_stiffness > 0:
         return None

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.quantities import plain
 from gough_stewart.model.vectors import FloatArray
 
 _GRID = 600
@@ -90,7 +91,7 @@ class Margins:
 
     def as_dict(self) -> dict[str, Any]:
         """As plain types; None for infinite or undefined values."""
-        return {name: _plain(value) for name, value in asdict(self).items()}
+        return dict(plain(asdict(self)))
 
 
 def loop_margins(L: StateSpace) -> Margins:
@@ -376,14 +377,6 @@ def _peak(
     if -peak.fun > values[best]:
         return float(-peak.fun), math.exp(peak.x)
     return float(values[best]), float(grid[best])
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    return value if math.isfinite(value) else None
 
 
 def scaled_norm(M: ComplexArray) -> FloatArray:

@@ -29,17 +29,13 @@ class Notch(Link):
     >>> gs.margins("heave_step", {"controller": controller}).disk.alpha
     """
 
+    error: ClassVar[type[ControllerError]] = ControllerError
     name: ClassVar[str] = "notch"
     conditions: ClassVar[Mapping[str, str]] = {"frequency": "value * sample_time < 0.5", "depth": "value < 1"}
 
     frequency: Annotated[Frequency, Field(description="of the notch")]
     damping: Annotated[PositiveNumber, Field(description="damping ratio of the notch: half its relative width")] = 0.5
     depth: Annotated[Share, Field(description="gain at its frequency, from 0 to below 1")] = 0.0
-
-    @classmethod
-    def refusal(cls, message: str) -> ControllerError:
-        """The error for wrong values."""
-        return ControllerError(message)
 
     def check(self, sample_time: float) -> None:
         """Refuse a frequency that a sample time [s] cannot show."""

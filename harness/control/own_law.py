@@ -235,12 +235,8 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     """The CasADi function of a controller whose call is arithmetic; it has the same names as a `Sample`.
 
     Its memory is the change since the start of what changes between samples. It is traced at the first and at a later
-    sample, and its forces are held against the controller's over a run in which these pass their limits.
-
-    Parameters
-    ----------
-    reference
-        References at the samples of a run (m, 30).
+    sample, and its forces are held against the controller's over a run with these references (m, 30) at its samples, in
+    which they pass their limits.
 
     Raises
     ------
@@ -364,8 +360,8 @@ def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi
             f"{name} cannot be traced: it returned {result!r}; expected {N_LEGS} forces, and a memory of one shape"
         ) from None
     outputs = {FORCE: force, **({MEMORY_NEXT: casadi.vertcat(*following)} if starts else {})}
-    everything = casadi.vertcat(*outputs.values())
-    arguments = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(everything, symbol)}
+    all_outputs = casadi.vertcat(*outputs.values())
+    arguments = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(all_outputs, symbol)}
     arguments |= {MEMORY: casadi.vertcat(*map(casadi.vec, changes.values()))} if starts else {}
     function = casadi.Function("law", [*arguments.values()], [*outputs.values()], [*arguments], [*outputs])
     constants = [k for k in range(function.n_instructions()) if function.instruction_id(k) == casadi.OP_CONST]

@@ -54,12 +54,11 @@ class SensorChoice(Section):
 
     noise: Annotated[PerSignal, Field(description="standard deviation of white noise")] = Field(default_factory=dict)
     quantisation: Annotated[PerSignal, Field(description="quantisation step")] = Field(default_factory=dict)
-    # of the readings; the controller's by default
+    # by default the controller's
     sample_time: Annotated[PositiveTime | None, Field(description="time between readings")] = None
     # of legs that give: where their length and velocity are read; the same of rigid ones
     side: Annotated[Side, Field(description="side of a leg that its encoder reads")] = "leg"
-    # of noise and jitter
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0)] = 0  # of noise and jitter
 
 
 class SensorCoefficients(NamedTuple):

@@ -26,8 +26,7 @@ MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_fo
 SIZES = {
     "time": 1,
     **{v.name: v.size for v in signals.VARIABLES},
-    **{OF_REFERENCE + v.name: v.size for v in signals.VARIABLES},
-    **dict.fromkeys((f"{OF_REFERENCE}acceleration", f"{OF_REFERENCE}angular_acceleration"), 3),
+    **{OF_REFERENCE + v.name: v.size for v in signals.REFERENCES},
     **dict.fromkeys(("command", "excess", "feedforward"), N_LEGS),
     **dict.fromkeys(("sample_time", "force_limit", "rate_limit"), 1),
 }
@@ -117,13 +116,7 @@ def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
 
 
 def _with_coefficients(functions: Sequence["casadi.Function"]) -> tuple["casadi.Function", FloatArray]:
-    """A function for all, whose constants that differ are an input `coefficients`; and their values (k, N).
-
-    Raises
-    ------
-    NotImplementedError
-        The functions differ in more than constants.
-    """
+    """A function for all, whose constants that differ are an input `coefficients`; and their values (k, N)."""
     first = functions[0]
     distinct = {function.serialize(): function for function in functions}
     if len(distinct) == 1:
@@ -141,8 +134,8 @@ def _with_coefficients(functions: Sequence["casadi.Function"]) -> tuple["casadi.
         constants[place] = symbols[k]
     inputs = {name: casadi.SX.sym(name, *first.size_in(i)) for i, name in enumerate(first.name_in())}
     outputs = _evaluated(first, inputs, constants)
-    everything = {**inputs, _COEFFICIENTS: symbols}
-    law = casadi.Function("law", [*everything.values()], [*outputs.values()], [*everything], [*outputs])
+    all_inputs = {**inputs, _COEFFICIENTS: symbols}
+    law = casadi.Function("law", [*all_inputs.values()], [*outputs.values()], [*all_inputs], [*outputs])
     return law, values[differs]
 
 

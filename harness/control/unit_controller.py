@@ -19,11 +19,10 @@ from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 
 REFERENCE = "reference_"
-_ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 # What its inputs may be: measurements and references, with their positions in the loop's two vectors.
 INPUTS: tuple[tuple[str, Variable], ...] = (
     *((v.name, v) for v in signals.VARIABLES),
-    *((REFERENCE + v.name, v) for v in (*signals.VARIABLES, *_ACCELERATIONS)),
+    *((REFERENCE + v.name, v) for v in signals.REFERENCES),
 )
 _FORCE, _LIMITED = "actuator_force", "force_limited"
 
@@ -35,25 +34,14 @@ class UnitController:
     At each sample it receives those of its inputs that have names of measured signals (`leg_length`, `leg_velocity`,
     `position`, …) or of references (`reference_leg_length`, `reference_position`, …, `reference_acceleration`), takes
     a step of one sample time, and then outputs `actuator_force`, so the loop has a delay of at least one sample. Other
-    inputs keep their start values.
-
-    Parameters
-    ----------
-    path
-        The FMU.
-    names
-        Its own names where they differ, as {"leg_length": "L", "actuator_force": "u_{}"}: an array, or scalars "L[1]"
-        to "L[6]"; {} stands for a number from 1 on.
-    parameters
-        Start values of parameters or other inputs, by the FMU's names.
-    is_foreign
-        Whether it runs in its own process.
+    inputs keep their start values. It may have other names, as {"leg_length": "L", "actuator_force": "u_{}"}: an array,
+    or scalars "L[1]" to "L[6]"; {} stands for a number from 1 on.
     """
 
     path: Path
-    names: Mapping[str, str] = field(default_factory=dict)
-    parameters: Mapping[str, ArrayLike] = field(default_factory=dict)
-    is_foreign: bool = True
+    names: Mapping[str, str] = field(default_factory=dict)  # its own, where they differ
+    parameters: Mapping[str, ArrayLike] = field(default_factory=dict)  # start values, also of inputs, by its names
+    is_foreign: bool = True  # whether it runs in its own process
 
     def __post_init__(self) -> None:
         possible = [*(name for name, _ in INPUTS), _FORCE, _LIMITED]

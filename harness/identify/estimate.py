@@ -11,6 +11,7 @@ from scipy.special import stdtrit
 
 from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
+from gough_stewart.harness.quantities import plain
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform, platform_to_toml
 from gough_stewart.model.vectors import FloatArray
@@ -180,7 +181,7 @@ class Estimate:
             "notes": self.notes,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
-        return (json.dumps(_plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        return (json.dumps(plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 FILES = ("platform.toml", "estimate.json")
@@ -215,14 +216,3 @@ def combination_text(direction: FloatArray, names: Sequence[str]) -> str:
     sign = np.sign(direction[shown[0]]) or 1.0
     parts = [f"{'+' if sign * direction[k] >= 0 else '−'} {abs(direction[k]):.2f} {names[k]}" for k in shown]
     return " ".join(parts).removeprefix("+ ")
-
-
-def _plain(value: Any) -> Any:
-    """The value in types of JSON; null for what is no number."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

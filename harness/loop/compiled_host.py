@@ -97,24 +97,10 @@ class LoopBlock(ctypes.Structure):
 
 
 class CompiledHost:
-    """A run of a plant with the machine code of c/loop.
+    """A run of a plant, whose machine code has the loop of c/loop.
 
-    Parameters
-    ----------
-    plant
-        Steps its members in machine code that has the loop.
-    law, reading
-        Linear or traced controllers before their first sample, and what they read then (N, 24); None for feedforward
-        alone.
-
-    Attributes
-    ----------
-    structure
-        What machine code gets.
-    arrays
-        The arrays that the structure points to, by address.
-    entries
-        Rows and columns of a linear law's elements of [C D; A B] (2, n).
+    Controllers, linear or traced, have not been sampled yet, and then read (N, 24); without them, None, there is
+    feedforward alone.
     """
 
     def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
@@ -124,7 +110,7 @@ class CompiledHost:
         (n,), blocks, timing, sensors = plant.shape, plant.batch.blocks, loop.timing, loop.sensors
         # there is room for all settings of the loop
         turned = [change.settings for change in loop.changes if change.settings is not None]
-        self.arrays: dict[int, NDArray[Any]] = {}
+        self.arrays: dict[int, NDArray[Any]] = {}  # that the structure points to, by address
         parts: dict[str, Any] = {}
 
         def rows(size: int, start: FloatArray | float = 0.0) -> FloatArray:
@@ -146,6 +132,7 @@ class CompiledHost:
             memory[:n_states, :n] = law.state.T
             positions = law.positions
             laws = [*law.matrices, *(matrix_of(s.system) for s in turned if s.system is not None)]
+            # of a linear law's elements of [C D; A B]
             entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
             parts |= {
                 "kinds": law.kinds,

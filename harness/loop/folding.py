@@ -31,6 +31,7 @@ from gough_stewart.harness.plants.lanes import lane_rows
 from gough_stewart.harness.plants.signals import LEGS, N_LEGS
 from gough_stewart.model.vectors import FloatArray
 
+_INTEGER, _POINTER = ctypes.c_int64, ctypes.c_void_p
 # Rows that machine code gets at once.
 _ROWS = 256
 
@@ -38,18 +39,13 @@ _ROWS = 256
 class _Fold(ctypes.Structure):
     """`fold` of c/folds/folds.h, as the structure below."""
 
-    _fields_ = [
-        ("kernel", ctypes.c_int64),
-        ("places", ctypes.c_void_p),
-        ("state", ctypes.c_int64),
-        ("parameter", ctypes.c_int64),
-    ]
+    _fields_ = [("kernel", _INTEGER), ("places", _POINTER), ("state", _INTEGER), ("parameter", _INTEGER)]
 
 
 class _FoldsOfMembers(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("n_folds", "n_states", "n_parameters", "n_checked")),
-        *((name, ctypes.c_void_p) for name in ("folds", "parameters", "states", "counting", "checked")),
+        *((name, _INTEGER) for name in ("n_folds", "n_states", "n_parameters", "n_checked")),
+        *((name, _POINTER) for name in ("folds", "parameters", "states", "counting", "checked")),
     ]
 
 
@@ -57,12 +53,8 @@ class _KeptRows(ctypes.Structure):
     """`kept_rows` of c/loop/loop.h."""
 
     _fields_ = [
-        ("place", ctypes.c_void_p),
-        ("size", ctypes.c_int64),
-        ("elements", ctypes.c_void_p),
-        ("at", ctypes.c_void_p),
-        ("row", ctypes.c_int64),
-        ("element", ctypes.c_int64),
+        *(("place", _POINTER), ("size", _INTEGER), ("elements", _POINTER)),
+        *(("at", _POINTER), ("row", _INTEGER), ("element", _INTEGER)),
     ]
 
 
@@ -70,25 +62,18 @@ class _SinkStructure(ctypes.Structure):
     """`taker` of c/loop/loop.h."""
 
     _fields_ = [
-        *((name, ctypes.c_void_p) for name in ("fold", "folding", "latest")),
-        ("n_kept", ctypes.c_int64),
-        ("kept", ctypes.c_void_p),
+        *((name, _POINTER) for name in ("fold", "folding", "latest")),
+        *(("n_kept", _INTEGER), ("kept", _POINTER)),
     ]
 
 
 class FoldKernels:
-    """A library of c/folds; it releases the GIL while it works.
-
-    Attributes
-    ----------
-    add
-        `folds_rows`, which adds rows to states, and which c/loop calls.
-    """
+    """A library of c/folds; it releases the GIL while it works."""
 
     def __init__(self, path: Path) -> None:
         self._library = ctypes.CDLL(str(path))
         self._library.folds_kernel.restype = ctypes.c_int64
-        self.add = self._library.folds_rows
+        self.add = self._library.folds_rows  # adds rows to states; c/loop calls it
         self.add.restype = None
         self.add.argtypes = (ctypes.c_void_p, *[ctypes.c_int64] * 4, ctypes.c_void_p, ctypes.c_void_p)
 
@@ -101,30 +86,16 @@ class FoldKernels:
 
 
 class CompiledFolds:
-    """Folds in machine code, of eight members at once, and their states.
-
-    Parameters
-    ----------
-    folds
-        Each has a kernel.
-    row
-        Places of the columns in a row.
-    checked
-        Columns whose numbers have to be finite.
-    members
-        Their number N.
-    counting
-        How many rows count for each member (M,), -1 where all so far do; kept up to date.
-    """
+    """Folds in machine code, of eight members at once, and their states."""
 
     def __init__(
         self,
         kernels: FoldKernels,
-        folds: Sequence[TermFold],
-        row: Mapping[str, slice],
-        checked: Sequence[str],
-        members: int,
-        counting: NDArray[np.int64],
+        folds: Sequence[TermFold],  # each has a kernel
+        row: Mapping[str, slice],  # places of the columns in a row
+        checked: Sequence[str],  # columns whose numbers have to be finite
+        members: int,  # their number N
+        counting: NDArray[np.int64],  # rows that count for each member (M,), -1 where all so far do; kept up to date
     ) -> None:
         self.kernels, self._folds, self._row, self._members = kernels, folds, row, members
         vectors = len(counting) // WIDTH
@@ -211,14 +182,7 @@ def _row_sink(folds: CompiledFolds, kept: Sequence[KeptRows], timing: Timing, co
 class Folding:
     """Folds of some members, fed with blocks; members end at rows, or before one that is not finite.
 
-    Parameters
-    ----------
-    folds
-        What is kept.
-    members
-        Their number.
-    kernels
-        Machine code of the folds; without it, or if it lacks one, NumPy computes them with the same bits.
+    Without machine code, or if it lacks one of the folds, NumPy computes them with the same bits.
     """
 
     def __init__(self, folds: Sequence[Fold], members: int, kernels: FoldKernels | None = None) -> None:

@@ -71,7 +71,7 @@ def error_between(name: str, reference: FloatArray, actual: FloatArray) -> Float
 class Fold(Protocol):
     """What is kept of the rows of a run: a `TermFold`, `KeptRows`, or only the number of rows."""
 
-    needs: Sequence[str] = ()
+    needs: Sequence[str] = ()  # columns of the rows
 
     def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Results (..., N) by name for members with these numbers of rows (N,); NaN where undefined."""
@@ -79,18 +79,10 @@ class Fold(Protocol):
 
 
 class KeptRows(Fold):
-    """A fold that keeps columns at some rows, also those after a member has ended.
+    """A fold that keeps columns at some rows, also those after a member has ended."""
 
-    Attributes
-    ----------
-    at
-        The rows, in order.
-    kept
-        By column (rows, size, N): where they are kept, from `start` on.
-    """
-
-    at: NDArray[np.intp]
-    kept: Mapping[str, FloatArray] = {}
+    at: NDArray[np.intp]  # the rows, in order
+    kept: Mapping[str, FloatArray] = {}  # by column (rows, size, N), from `start` on
 
     def start(self, members: int) -> State:
         """Make room for members; there is no other state."""
@@ -203,30 +195,15 @@ class AfterLast(First):
 class TermFold(Fold):
     """A fold that is described by terms and reductions; see the rules above.
 
-    Attributes
-    ----------
-    kernel
-        The description's name; folds of the same name differ in nothing but their columns' names and parameters.
-    needs
-        Columns of the rows that the terms use.
-    sizes
-        Of the columns, by the names that the terms use, in the order of `needs`.
-    begins
-        Their first elements in the rows' columns, by default 0.
-    term_sizes
-        Of the terms.
-    reductions
-        By the names of their states.
-    parameters
-        A number, or one per member (N,).
+    Folds with a kernel of the same name differ in nothing but their columns' names and parameters.
     """
 
-    kernel: str
-    sizes: Mapping[str, int]
-    begins: Mapping[str, int] = {}
+    kernel: str  # the description's name
+    sizes: Mapping[str, int]  # of the columns, by the names that the terms use, in the order of `needs`
+    begins: Mapping[str, int] = {}  # their first elements in the rows' columns, by default 0
     term_sizes: Mapping[str, int]
-    reductions: Mapping[str, Reduction]
-    parameters: Mapping[str, Any]
+    reductions: Mapping[str, Reduction]  # by the names of their states
+    parameters: Mapping[str, Any]  # a number, or one per member (N,)
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """The terms of a row by name."""
@@ -277,11 +254,7 @@ class TermFold(Fold):
         from gough_stewart.fmu_build.libraries import FoldKernel
 
         def symbols(name: str, size: int) -> Array:
-            vector = casadi.vertsplit(casadi.SX.sym(name, size)) if size else []
-            return np.array([[symbol] for symbol in vector], dtype=object)
-
-        def joined(arrays: Iterable[Array]) -> Any:
-            return casadi.vertcat(*(symbol for array in arrays for symbol in np.ravel(array)))
+            return column_of(casadi.SX.sym(name, size))
 
         row, before = (
             {name: symbols(f"{of_row}{k}", size) for k, (name, size) in enumerate(self.sizes.items())}
@@ -297,3 +270,15 @@ class TermFold(Fold):
         names += ["index", "parameters", "state"]
         outputs = [joined(following[name] for name in state)]
         return FoldKernel(casadi.Function(self.kernel, inputs, outputs, names, ["next"]), len(row))
+
+
+def column_of(vector: Any) -> Array:
+    """The elements of a CasADi vector as an array (n, 1)."""
+    return np.array([[vector[k]] for k in range(vector.numel())], dtype=object)
+
+
+def joined(arrays: Iterable[Array]) -> Any:
+    """The CasADi vector of the elements of arrays, one after the other."""
+    import casadi
+
+    return casadi.vertcat(*(element for array in arrays for element in np.ravel(array)))

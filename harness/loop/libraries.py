@@ -25,7 +25,7 @@ from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.folds import AT, ROW_PARTS
+from gough_stewart.harness.loop.folds import AT, ROW_PARTS, column_of, joined
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import CompiledLanes
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -118,21 +118,15 @@ def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int
 
     from gough_stewart.fmu_build.codegen import in_lanes
 
-    def column(symbol: Any) -> Any:
-        return np.array([[symbol[k]] for k in range(symbol.numel())], dtype=object)
-
-    def joined(arrays: Any) -> Any:
-        return casadi.vertcat(*(element for array in arrays for element in np.ravel(array)))
-
-    one = np.ones(1)
-    coefficients_type = type(component.prepare(dict.fromkeys(component.keys, one), one))
+    any_value = np.ones(1)
+    coefficients_type = type(component.prepare(dict.fromkeys(component.keys, any_value), any_value))
     n_coefficients = len(coefficients_type._fields)
     c = casadi.SX.sym("coefficients", n_coefficients)
-    coefficients = coefficients_type(*column(c))
+    coefficients = coefficients_type(*column_of(c))
     symbols = {key: casadi.SX.sym(key, channels) for key in component.inputs}
-    columns = tuple(map(column, symbols.values()))
+    columns = tuple(map(column_of, symbols.values()))
     states = [casadi.SX.sym("states", channels) for _ in component.start(coefficients, columns)]
-    following, results = component.step(coefficients, tuple(map(column, states)), columns)
+    following, results = component.step(coefficients, tuple(map(column_of, states)), columns)
     x = casadi.vertcat(*states)
     inputs = {**({"coefficients": c} if n_coefficients else {}), **({"states": x} if states else {}), **symbols}
     outputs = {"next": joined(following)} if states else {}

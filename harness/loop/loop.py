@@ -199,23 +199,13 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
 
 
 class ScheduledChanges:
-    """The changes of a loop by row, and what they change: parameters of a plant, its inputs, and what fails.
-
-    Attributes
-    ----------
-    by_row
-        Changes at rows.
-    inputs
-        Of the plant (N, 12), with the start forces at first.
-    faults
-        Flags (N, N_FAULTS), 1 of what has failed.
-    """
+    """The changes of a loop by row, and what they change: parameters of a plant, its inputs, and what fails."""
 
     def __init__(self, loop: Loop, plant: Plant) -> None:
         self._plant = plant
-        self.inputs = members.zeros(plant.shape, interface.N_INPUTS)
+        self.inputs = members.zeros(plant.shape, interface.N_INPUTS)  # of the plant
         self.inputs[:, :N_LEGS] = loop.start_force
-        self.faults = members.zeros(plant.shape, N_FAULTS)
+        self.faults = members.zeros(plant.shape, N_FAULTS)  # 1 of what has failed
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)

@@ -195,17 +195,8 @@ def _those_going(due: BoolArray | None, monitor: RowMonitor) -> BoolArray | None
 class SensorReadings:
     """What the sensors of N members read, by their noise, quantisation and faults.
 
-    Parameters
-    ----------
-    faults
-        Flags (N, N_FAULTS), changed by others; what is frozen stays as the member's last reading was.
-    used
-        The signals that are used; None for all. Others are without noise.
-
-    Attributes
-    ----------
-    latest
-        The latest reading (N, 24).
+    Faults are flags (N, N_FAULTS), changed by others; what is frozen stays as the member's last reading was. Signals
+    that are not used, None for all, are without noise.
     """
 
     def __init__(self, loop: Loop, members: int, faults: FloatArray, used: Iterable[str] | None = None) -> None:
@@ -220,7 +211,7 @@ class SensorReadings:
         self._noisy = range(noisy[0], noisy[-1] + 1) if noisy else range(0)
         self._streams = streams_of(sensors.seed)
         self._block, self._first, self._size = np.zeros((0, signals.SIZE, members)), 0, max(1, _BLOCK // members)
-        self.latest: FloatArray = np.zeros((0, signals.SIZE))
+        self.latest: FloatArray = np.zeros((0, signals.SIZE))  # reading (N, 24)
 
     def read(self, k: int, true: FloatArray, due: BoolArray | None = None) -> FloatArray:
         """Reading k (N, 24) of the true signals, for the members that are due (N,), by default for all."""

@@ -33,31 +33,19 @@ class Outcome(NamedTuple):
 class RowBlock:
     """A block of consecutive rows of N members: arrays (rows + 1, size, N), after the last row of the block before.
 
-    Attributes
-    ----------
-    host
-        What runs the loop, in words.
-    most
-        Rows that fit.
-    first, count
-        Index of the first row, and the number of rows.
-    counting
-        How many of these rows count for each member (N,): up to the row of its outcome.
-    signals, forces, force_limited, rate_limited
-        Sizes 24, 6, 6, 6; the forces act from the row on.
-    motors
-        Positions and velocities of the motors of elastic legs, size 12; 0 of rigid ones.
+    Signals have the size 24, forces, which act from the row on, and flags 6; motors, positions and velocities of those
+    of elastic legs, 12.
     """
 
-    host = "Python"
+    host = "Python"  # what runs the loop, in words
 
     def __init__(self, timing: Timing, plant: Plant, members: int) -> None:
-        self.first, self.count = 0, 0
+        self.first, self.count = 0, 0  # index of the first row, number of rows
         self.most = min(max(_FEWEST, BLOCK_SIZE // members), timing.steps + 1)
         sizes = signals.SIZE, 6, 12 if signals.MOTORS in plant.columns else 0
         self.signals, self.forces, self.motors = (np.zeros((self.most + 1, size, members)) for size in sizes)
         self.force_limited, self.rate_limited = np.zeros((2, self.most + 1, 6, members), dtype=bool)
-        self.counting = np.zeros(members, dtype=np.intp)
+        self.counting = np.zeros(members, dtype=np.intp)  # how many rows count for each, up to that of its outcome
 
     def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
@@ -103,21 +91,10 @@ class Observer(Protocol):
 
 
 class AllRows(RowBlock, Observer):
-    """Keeps all rows of a run as one block, with all results and inputs, and its samples.
+    """Keeps all rows of a run as one block, with all results and inputs, and its samples, arrays (m, size, N)."""
 
-    Attributes
-    ----------
-    results, inputs
-        Sizes N_RESULTS, or more of a plant with more states, and 12.
-    measured, state, command, limited
-        By sample, arrays (m, size, N): of many members only the signals that controllers use; before the command was
-        computed; before limits; which forces are limited.
-    used
-        The signals that controllers use.
-    """
-
-    state: FloatArray
-    used: tuple[str, ...] = ()
+    state: FloatArray  # by sample, before the command was computed
+    used: tuple[str, ...] = ()  # the signals that controllers use
 
     def __init__(self) -> None:
         """Nothing before `start`."""
@@ -132,9 +109,9 @@ class AllRows(RowBlock, Observer):
         self.motors = self.results[:, :0]  # they are among the results
         self.force_limited, self.rate_limited = np.zeros((2, n, 6, members), dtype=bool)
         self.counting = np.zeros(members, dtype=np.intp)
-        self.measured = np.zeros((m, signals.SIZE, members))
-        self.command = np.zeros((m, 6, members))
-        self.limited = np.zeros((m, 6, members), dtype=bool)
+        self.measured = np.zeros((m, signals.SIZE, members))  # of many members only the signals that are used
+        self.command = np.zeros((m, 6, members))  # before limits
+        self.limited = np.zeros((m, 6, members), dtype=bool)  # which forces are limited
         return self
 
     def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
@@ -167,21 +144,7 @@ class AllRows(RowBlock, Observer):
 
 
 class RowMonitor:
-    """Takes the rows of N members, ends members at limits and failures, and passes blocks of rows to an observer.
-
-    Attributes
-    ----------
-    rows
-        The block that is being filled.
-    n_rows
-        Number of rows so far.
-    counting
-        How many rows count for each member (N,).
-    going, all_go
-        Members without an outcome (N,); whether all are.
-    ended_now
-        Whether some have ended since this was set to False.
-    """
+    """Takes the rows of N members, ends members at limits and failures, and passes blocks of rows to an observer."""
 
     def __init__(self, loop: Loop, plant: Plant, observer: Observer) -> None:
         (n_members,) = plant.shape
@@ -189,11 +152,11 @@ class RowMonitor:
         self._reference = members_last(loop.reference)
         self._nearest_limit = float(np.min(loop.limits.largest_position_error))
         self._outcomes: dict[int, Outcome] = {}
-        self.rows = observer.start(loop.timing, plant, n_members)
-        self.n_rows = 0
-        self.counting = np.full(n_members, len(self._times))
-        self.going = np.ones(n_members, dtype=bool)
-        self.all_go, self.ended_now = True, False
+        self.rows = observer.start(loop.timing, plant, n_members)  # the block that is being filled
+        self.n_rows = 0  # so far
+        self.counting = np.full(n_members, len(self._times))  # how many rows count for each
+        self.going = np.ones(n_members, dtype=bool)  # those without an outcome
+        self.all_go, self.ended_now = True, False  # whether some have ended since this was set to False
 
     def end(
         self, whose: BoolArray | np.bool_ | bool, rows: int, status: Status, cause: str | Callable[[int], str]

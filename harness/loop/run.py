@@ -24,35 +24,20 @@ from gough_stewart.model.vectors import FloatArray
 
 
 def observe(
-    plant: Plant,
-    law_from: LawFrom | None,
-    loop: Loop,
+    plant: Plant,  # of N members; a plant of one platform is a member alone
+    law_from: LawFrom | None,  # makes the controllers of all members, see `laws_of`; None for feedforward alone
+    loop: Loop,  # with the plant's shape, or one loop for all members
     observer: Observer,
-    progress: TimeProgress | None = None,
-    threads: int = 1,
+    progress: TimeProgress | None = None,  # called with the time [s] from time to time
+    threads: int = 1,  # for machine code, at the most; results do not depend on their number
     *,
-    keeps_interrupted: bool = True,
+    keeps_interrupted: bool = True,  # whether an interrupt is an outcome, with the rows so far; else it goes on
 ) -> tuple[Outcome, ...]:
     """Run the loop until it ends or cannot continue; either is an outcome of each member, not an error.
 
     At each sample: measure, compute, and hold the forces (`actuators.delay` samples later). At each plant step: apply
     changes, advance the drives, call the observer, step the plant. Members that have ended stay frozen while the others
     continue.
-
-    Parameters
-    ----------
-    plant
-        Of N members; a plant of one platform is a member alone.
-    law_from
-        Makes the controllers of all members, see `laws_of` and `law_of`; None for feedforward alone.
-    loop
-        With the plant's shape, or one loop for all members.
-    progress
-        Called with the time [s] from time to time.
-    threads
-        For loops in machine code, at the most; results do not depend on their number.
-    keeps_interrupted
-        Whether an interrupt is an outcome, with the rows so far; else it goes on.
 
     Raises
     ------

@@ -30,17 +30,6 @@ class FmuPlant(Plant):
 
     The platform for which the FMU was built does not matter: all parameters are set.
 
-    Parameters
-    ----------
-    path
-        The FMU file, or a `UnitFile`, which stays open.
-    platform, start
-        Parameters, and the state at time 0; the home pose at rest by default.
-    tolerance
-        Tolerance of the integration.
-    fixed_step_size
-        0 for error-controlled steps, or the step of RK4 [s].
-
     Raises
     ------
     PlantError
@@ -49,11 +38,11 @@ class FmuPlant(Plant):
 
     def __init__(
         self,
-        path: Path | str | UnitFile,
+        path: Path | str | UnitFile,  # a `UnitFile` stays open
         platform: Platform,
-        start: State | None = None,
+        start: State | None = None,  # at time 0; the home pose at rest by default
         tolerance: float = DEFAULT_TOLERANCE,
-        fixed_step_size: float = 0.0,
+        fixed_step_size: float = 0.0,  # 0 for error-controlled steps, or the step of RK4 [s]
     ) -> None:
         self._platform, self._variant = platform, Variant.of(platform)
         self.columns = self._variant.columns

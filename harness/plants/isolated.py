@@ -42,19 +42,6 @@ class Isolated:
     success flag, and the value or the error. Output of the FMU is kept for the message after a crash. Not by
     `multiprocessing`, which would import the user's script again.
 
-    Parameters
-    ----------
-    path
-        The FMU file, for messages.
-    kind
-        The class of the object, as "module:name", imported only there; it has a method `close`.
-    arguments
-        Arguments of the class.
-    error
-        The error class to raise if the process has ended.
-    environment
-        Additional environment variables of the process.
-
     Raises
     ------
     GoughStewartError
@@ -63,11 +50,11 @@ class Isolated:
 
     def __init__(
         self,
-        path: Path,
-        kind: str,
-        arguments: tuple[Any, ...],
-        error: type[GoughStewartError] = PlantError,
-        environment: Mapping[str, str] | None = None,
+        path: Path,  # of the FMU, for messages
+        kind: str,  # the class of the object, "module:name", imported only there; it has a method `close`
+        arguments: tuple[Any, ...],  # of the class
+        error: type[GoughStewartError] = PlantError,  # if the process has ended
+        environment: Mapping[str, str] | None = None,  # besides this process's
     ) -> None:
         self.path, self._error, self._is_waiting = path, error, False
         # contains everything that the FMU leaves behind

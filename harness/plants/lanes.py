@@ -48,26 +48,10 @@ class _CBatch(ctypes.Structure):
 class LaneArrays:
     """M members, a multiple of eight, as kernels use them, see c/lanes/lanes.h; members contiguous in rows.
 
-    All are of one variant, which gives the sizes. Everything is zero at first.
-
-    Attributes
-    ----------
-    parameters
-        (M / 8, N_PARAMETERS, 8).
-    states, inputs
-        (N_STATES, M) and (N_INPUTS, M).
-    running
-        (M), 0 or -1.
-    side
-        (M), sign of det J, 0 where not known yet.
-    failure, reached, failed_after
-        (M), see `Failure`; the state there (N_STATES, M), and the time since the begin of the step [s].
-    error
-        (M), largest estimate of the error of a step so far.
-    proposed, internal_steps
-        (M), size of the next internal step [s], 0 before the first; number of internal steps so far.
-    reference
-        The argument of the library's functions.
+    All are of one variant, which gives the sizes. Everything is zero at first: `running` (M) is 0 or -1, `side` (M) the
+    sign of det J, 0 where not known yet; `failure` (M), see `Failure`, with the state `reached` there (N_STATES, M) and
+    the time `failed_after` the begin of the step [s]; `error` (M) the largest estimate of a step's error so far;
+    `proposed` (M) the size of the next internal step [s], 0 before the first.
     """
 
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
@@ -85,6 +69,7 @@ class LaneArrays:
         self.side, self.failed_after, self.error, self.proposed, self.internal_steps = (np.zeros(m) for _ in range(5))
         stride = self.states.strides[0] // self.states.itemsize
         pointers = (getattr(self, name).ctypes.data for name in _ARRAYS)
+        # the argument of the library's functions
         self.reference = ctypes.pointer(_CBatch(self.blocks, stride, *pointers))
 
     def padded(self, values: NDArray[np.float64]) -> FloatArray:
@@ -115,18 +100,12 @@ class CompiledLanes:
 
     Members that do not run, or fail, stay exactly as they were; functions return the number of those that fail. Poses
     are checked, and errors estimated, as in c/lanes/lanes.h.
-
-    Attributes
-    ----------
-    features
-        The processor features it was compiled for: equal texts mean equal bits.
-    loop_run
-        The function of c/loop, if it is there.
     """
 
     def __init__(self, library: LanesLibrary) -> None:
-        self.features = library.features
+        self.features = library.features  # of the processor that it was compiled for: equal texts mean equal bits
         self.library = ctypes.CDLL(str(library.path))
+        # the function of c/loop, if it is there
         self.loop_run: Callable[..., int] | None = getattr(self.library, "loop_run", None)
         if self.loop_run is not None:
             self.loop_run.restype = ctypes.c_int64
@@ -151,15 +130,6 @@ class Stepping(NamedTuple):
 
 class LanesPlant(Plant):
     """N platforms as a `Plant` of shape (N,), each in its own start state at time 0.
-
-    Parameters
-    ----------
-    substeps
-        RK4 steps per plant step; None for error-controlled steps, each member's own.
-    tolerance
-        Tolerance of error-controlled steps, relative, and absolute in SI units.
-    kernel
-        The machine code that steps them; without it that of the plants alone.
 
     Attributes
     ----------
@@ -187,9 +157,9 @@ class LanesPlant(Plant):
         platforms: Sequence[Platform],
         starts: Sequence[State],
         *,
-        substeps: int | None = None,
-        tolerance: float = DEFAULT_TOLERANCE,
-        kernel: CompiledLanes | None = None,
+        substeps: int | None = None,  # RK4 steps per plant step; None for error-controlled steps, each member's own
+        tolerance: float = DEFAULT_TOLERANCE,  # of error-controlled steps, relative, and absolute in SI units
+        kernel: CompiledLanes | None = None,  # the machine code that steps them; by default that of the plants alone
     ) -> None:
         if not platforms or len(platforms) != len(starts):
             raise PlantError(

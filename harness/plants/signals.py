@@ -13,14 +13,14 @@ from gough_stewart.model import interface
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
 SIZE = interface.size_of(VARIABLES)
+# What is known of a reference.
+REFERENCES = (*VARIABLES, interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 # The legs' lengths and velocities, the last of them; of elastic legs also at the motors' side, from this column on.
 LEGS = slice(12, SIZE)
 MOTORS = "motor_position[1]"
 Side = Literal["leg", "motor"]
 AT_MOTORS = {"leg_length": "motor_position", "leg_velocity": "motor_velocity"}
 N_LEGS = interface.BY_NAME["leg_length"].size
-if interface.RESULTS[: len(NAMES)] != VARIABLES:
-    raise AssertionError("signals have to be the first results of the interface")
 
 
 def positions(names: Iterable[str]) -> NDArray[np.intp]:
@@ -35,11 +35,11 @@ def positions(names: Iterable[str]) -> NDArray[np.intp]:
     if not names:
         raise ControllerError(f"no signals; expected one or more of {', '.join(NAMES)}")
     places = []
-    everything = interface.unpack(VARIABLES, np.arange(SIZE))
+    place_of = interface.unpack(VARIABLES, np.arange(SIZE))
     for name in names:
-        if name not in everything:
+        if name not in place_of:
             raise ControllerError(f"no signal '{name}'{interface.nearest(name, NAMES)}")
-        places.append(everything[name])
+        places.append(place_of[name])
     return np.concatenate(places)
 
 

@@ -86,12 +86,9 @@ def _deviations(file: UnitFile, kind: FmiType) -> Iterator[tuple[str, float]]:
         del inputs["time"], start["time"]
         references = np.concatenate(list(expected.values()), axis=1)
         # of bristles less than 1, as in absolute tolerances
-        scale = np.concatenate(
-            [
-                np.full(values.shape[1], max(interface.BY_NAME[name].nominal / NOMINAL, np.abs(values).max()))
-                for name, values in expected.items()
-            ]
-        )
+        scales = {name: interface.BY_NAME[name].nominal / NOMINAL for name in expected}
+        largest = [max(scales[name], np.abs(values).max()) for name, values in expected.items()]
+        scale = np.repeat(largest, [values.shape[1] for values in expected.values()])
         deviation = 0.0
         with FmuInstance(file, kind) as unit:
             unit.write_by_name({name: values[0] for name, values in (inputs | start).items()})

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.control.component import Parameter, Stepped
-from gough_stewart.harness.control.drive import Drive, ForceLimits, linear_drives
+from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.export.stepped import none_as, traced_component
@@ -102,24 +102,6 @@ def test_a_step_leaves_what_it_was_given(component: type[Stepped]) -> None:
         after = [np.array(each) for each in (*states, *inputs, *(part for part in c if part is not None))]
         for one, other in zip(before, after, strict=True):
             assert one.tobytes() == other.tobytes()
-
-
-def test_small_signals_of_a_drive_are_its_lag() -> None:
-    """Expected: the state of the step's equations at each step, for inputs that are held and no rate limit.
-
-    Of the matrices by the closed form of one pole, x⁺ = e^(−h/τ) x + (1 − e^(−h/τ)) u.
-    """
-    lag, h = 0.004, PERIOD
-    system = linear_drives(lag, 6)
-    assert system.dt == 0
-    decay = np.exp(np.diag(system.A) * h)[:, None]
-    gain = np.diag(system.B)[:, None] * (decay - 1) / np.diag(system.A)[:, None]
-    c = Drive.prepare({"rate_limit": np.array([INF]), "lag": np.array([lag])}, h)
-    x, states = np.zeros((6, 1)), Drive.start(c, (np.zeros((6, 1)),))
-    for (u,) in signals_of(Drive):
-        x = decay * x + gain * u[:, :1]
-        states, _ = Drive.step(c, states, (u[:, :1],))
-        assert system.C @ states[1] + system.D @ u[:, :1] == pytest.approx(x, abs=1e-12)
 
 
 def test_parameters_have_the_units_and_bounds_of_their_tables() -> None:

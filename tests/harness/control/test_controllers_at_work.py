@@ -315,10 +315,12 @@ def test_warnings_of_a_users_arithmetic_are_seen_in_a_run_and_not_in_an_ensemble
     assert found.members["outcome"].to_list() == ["completed"] * 2
 
 
-def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory() -> None:
+@pytest.mark.parametrize("plant", ["model", "fmu3"])
+def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory(plant: Any) -> None:
     """Expected: of every sample its own readings, reference and time, and a memory that has counted from zero.
 
-    Its inputs are in another order than the signals, the memory is a matrix, and no two gains are alike.
+    In the loop of machine code, and in the one around a unit. Its inputs are in another order than the signals, the
+    memory is a matrix, and no two gains are alike.
     """
     names = ("memory", "reference_leg_length", "time", "leg_velocity", "leg_length")
     memory, wanted, time = casadi.SX.sym("m", 2, 3), casadi.SX.sym("r", 6), casadi.SX.sym("t")
@@ -334,7 +336,7 @@ def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory() -> No
         ["memory_next", "actuator_force"],
     )
     settings = {"loop.duration": 0.06, "loop.sample_time": 2e-3, "loop.plant_step": 1e-3, "loop.delay": 1}
-    record = gs.run("circle", settings, controller=function)
+    record = gs.run("circle", settings, controller=function, plant=plant)
     rows = slice(0, -1, 2)
     samples = np.arange(len(record["time"][rows]))[:, None]
     error = record["reference.leg_length"][rows] - record["measured.leg_length"][rows]
@@ -343,17 +345,3 @@ def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory() -> No
     found = (record["controller.force"] - record["controller.feedforward"])[rows]
     assert len(samples) == 30
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)
-
-
-@pytest.mark.parametrize("plant", ["model", "fmu3"])
-def test_a_casadi_function_without_memory_is_its_formula(plant: str) -> None:
-    """Expected: of the record's errors, in the loop of machine code and in the one around a unit."""
-    wanted, length = casadi.SX.sym("r", 6), casadi.SX.sym("l", 6)
-    stiffness = 100.0 * np.arange(3.0, 9)
-    names = ["leg_length", "reference_leg_length"]
-    record = run_of(
-        casadi.Function("law", [length, wanted], [stiffness * (wanted - length)], names, ["actuator_force"]), plant
-    )
-    known = at_samples(record, "controller.feedforward") + at_samples(record, "controller.injection")
-    error = at_samples(record, "reference.leg_length") - at_samples(record, "measured.leg_length")
-    assert at_samples(record, "controller.force") - known == pytest.approx(stiffness * error, rel=1e-9, abs=1e-9)

@@ -96,29 +96,6 @@ def test_a_ramp_slower_than_the_rate_limit_cuts_nothing(delay: int) -> None:
     assert not held_back[:, 2:].any()
 
 
-def test_the_rate_limit_holds_at_every_plant_step() -> None:
-    """Expected: ramps of 100 N/s to the commands, their means over steps of 1 ms; the flag until they are reached."""
-    loop = loop_of(0.05, 0.01, 0.001, actuators=Actuators(rate_limit=100.0), start_force=START)
-    run = run_with(constant(), loop)
-    way, sign = np.abs(FORCES - START), np.sign(FORCES - START)
-    edges = np.minimum(0.1 * np.arange(51)[:, None], way)
-    # whole steps on the ramp, the last of them in part
-    inside = way / 0.1 - np.arange(50)[:, None]
-    mean = np.where(inside < 1, way - 0.05 * np.clip(inside, 0, 1) ** 2, (edges[1:] + edges[:-1]) / 2)
-    assert run.inputs[:-1, :6] == pytest.approx(START + sign * mean, abs=1e-12)
-    assert (run.rate_limited[:-1] == (edges[1:] < way - 1e-9)).all()
-
-
-def test_the_lag_acts_by_its_mean_over_each_step() -> None:
-    """Expected: f(t) = F + (f₀ − F) e^(−t/τ), averaged over [t, t+h]; no flag."""
-    tau, h = 0.02, 0.001
-    run = run_with(constant(), loop_of(0.1, 0.01, h, actuators=Actuators(lag=tau), start_force=START))
-    t = run.time[:-1, None]
-    mean = FORCES + (START - FORCES) * tau / h * np.exp(-t / tau) * (1 - np.exp(-h / tau))
-    assert run.inputs[:-1, :6] == pytest.approx(mean, abs=1e-12)
-    assert not run.rate_limited.any()
-
-
 @pytest.mark.parametrize("lag", [0.0, 4e-3])
 @pytest.mark.parametrize("rate_limit", [None, 130.0])
 def test_rate_limit_and_lag_act_by_their_mean_over_a_step(rate_limit: float | None, lag: float) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError, PlantError
+from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
@@ -137,10 +137,3 @@ def test_a_tolerance_that_no_step_can_hold_is_refused(key: str, value: float) ->
     """Expected: the key and the value, before anything runs."""
     with pytest.raises(ExperimentError, match=f"{key}: is {value:g}".replace("e-09", "e-0?9")):
         gs.ensemble("heave_tolerances", {key: value}, members=2, workers=1)
-
-
-def test_a_plant_refuses_it_likewise() -> None:
-    """Expected: the bounds."""
-    batch = batch_of("pd", {}, VARIED, 2)
-    with pytest.raises(PlantError, match="tolerance is 0; expected 1e-13 to"):
-        batch.in_parallel(Stepping(tolerance=0))

@@ -15,6 +15,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.loop import libraries
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.lanes import Stepping
+from tests.harness.loop.test_compiled_loop import assert_same
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
 NAMES = ("memory", "time", "reference_acceleration", "reference_leg_length", "leg_velocity", "leg_length", "position")
@@ -73,27 +74,13 @@ def run_of(controller: Any, members: int, **tables: Any) -> Run:
         return simulate(running.plant, running.law_from, running.loop)
 
 
-def assert_same(ours: Run, theirs: Run, tolerance: float, members: int) -> None:
-    """Rows, samples and ends of members."""
-    assert ours.outcomes[:members] == theirs.outcomes[:members]
-    assert ours.used == theirs.used
-    for name in ("results", "inputs", "measured", "command", "force_limited", "rate_limited"):
-        own, other = (np.asarray(getattr(run, name))[:, :members] for run in (ours, theirs))
-        assert own.shape == other.shape, name
-        if own.dtype == bool:
-            assert np.array_equal(own, other), name
-        else:
-            scale = np.abs(other).max(axis=(0, 1))
-            assert (np.abs(own - other).max(axis=(0, 1)) <= tolerance * scale).all(), name
-
-
 @pytest.mark.parametrize("members", [1, 11])
 def test_a_users_law_in_an_ensemble_gives_the_rows_of_numpys_loop(members: int) -> None:
     """Expected: those of a class that calls the same function at each sample, to 1e-11 of scale; drives have a lag."""
     ours, theirs = run_of(law_of, members), run_of(Law, members)
     assert ours.host.startswith("compiled, ")
     assert theirs.host == "Python"
-    assert_same(ours, theirs, 1e-11, members)
+    assert_same(ours, theirs, members, 1e-11)
     if members > 1:
         assert ours.force_limited.any()
         assert not ours.force_limited.all()
@@ -104,7 +91,7 @@ def test_members_bits_do_not_depend_on_the_others() -> None:
     """Expected: of one, five and eleven members the first ones have the same bits, with gains of their own."""
     whole = run_of(law_of, 11)
     for members in (1, 5):
-        assert_same(run_of(law_of, members), whole, 0.0, members)
+        assert_same(run_of(law_of, members), whole, members, 0.0)
 
 
 def test_single_runs_and_members_of_ensembles_use_machine_code() -> None:

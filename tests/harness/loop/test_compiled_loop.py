@@ -105,13 +105,12 @@ def run_of(batch: Batch, stepping: Stepping = STEPPING) -> Run:
 
 
 def assert_same(ours: Run, theirs: Run, members: int, tolerance: float) -> None:
-    """Rows and samples of members, of which one run may have copies of the last one."""
-    assert (ours.used, ours.outcomes) == (theirs.used, theirs.outcomes[:members])
+    """Rows and samples of members, of which runs may have copies of the last one."""
+    assert (ours.used, ours.outcomes[:members]) == (theirs.used, theirs.outcomes[:members])
     for each in fields(Run):
         if each.name in ("outcomes", "used", "host", "time", "sample_of_row"):
             continue
-        own, other = (np.asarray(getattr(run, each.name)) for run in (ours, theirs))
-        other = other[:, :members]
+        own, other = (np.asarray(getattr(run, each.name))[:, :members] for run in (ours, theirs))
         if each.name == "measured":  # of the signals that controllers use
             own, other = (values[..., positions(ours.used)] for values in (own, other))
         assert own.shape == other.shape, each.name

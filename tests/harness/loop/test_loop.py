@@ -163,8 +163,3 @@ def test_what_a_law_does_to_its_sample_changes_nothing() -> None:
     loop = loop_of(0.1)
     careful = run_with(constant(), loop)
     assert run_with(careless, loop).results == pytest.approx(careful.results, abs=0)
-
-
-def test_a_change_between_two_rows_is_refused() -> None:
-    with pytest.raises(ControllerError, match=r"a change at 0.105 s.*multiple of the plant_step of 0.002 s"):
-        run_with(constant(), loop_of(changes=(Change(0.105),)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +13,11 @@ from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
-from gough_stewart.harness.errors import ControllerError, PlantError
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.timing import Seeds, Timing
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
@@ -34,6 +35,8 @@ from tests.support.members import (
     member_of,
     side_by_side,
 )
+
+NO_JACOBIANS = np.zeros((0, 6, 6))
 
 
 def failing(sample: Sample) -> FloatArray:
@@ -76,37 +79,28 @@ def ending_members() -> list[Member]:
     ]
 
 
-def test_with_everything_on_members_are_single_runs_of_theirs() -> None:
-    """Expected: a loop of one member alone, to the bit; functions, whose arithmetic is the same in both."""
-    some = [member_of(k, law_of_member(k), FEATURES) for k in range(7)]
+def featured_members() -> list[Member]:
+    """With everything on."""
+    return [member_of(k, law_of_member(k), FEATURES) for k in range(7)]
+
+
+@pytest.mark.parametrize(("members_of", "ends"), [(featured_members, 1), (ending_members, 6), (late_members, 4)])
+def test_members_are_single_runs_of_theirs(members_of: Callable[[], list[Member]], ends: int) -> None:
+    """Expected: outcome, words and rows of a loop of one member alone, to the bit; they end at so many times."""
+    some = members_of()
     many = side_by_side(some)
-    for k, each in enumerate(some):
-        assert_same(many, k, alone(each))
+    for k, member in enumerate(some):
+        single = alone(member)
+        assert_same(many, k, single)
+        assert many.outcomes[k] == single.outcome
+    assert len({outcome.time for outcome in many.outcomes}) >= ends
 
 
 def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
-    """Expected: outcome, words and rows of single runs, to the last bit."""
-    some = ending_members()
-    many = side_by_side(some)
-    for k, each in enumerate(some):
-        single = alone(each)
-        assert_same(many, k, single)
-        assert many.outcomes[k] == single.outcome
-    statuses = [outcome.status for outcome in many.outcomes]
+    outcomes = side_by_side(ending_members()).outcomes
+    statuses = [outcome.status for outcome in outcomes]
     assert statuses == ["completed", "diverged", "stopped", "stopped", "diverged", "diverged", "completed"]
-    assert len({outcome.time for outcome in many.outcomes}) == 6
-    assert "failed at time 0.1 s with RuntimeError: no more" in str(many.outcomes[3].cause)
-
-
-def test_members_whose_samples_are_late_end_as_they_do_alone() -> None:
-    """Expected: outcome, words and rows of single runs; some end while others have yet to be sampled."""
-    some = late_members()
-    many = side_by_side(some)
-    for k, each in enumerate(some):
-        single = alone(each)
-        assert_same(many, k, single)
-        assert many.outcomes[k] == single.outcome
-    assert len({outcome.time for outcome in many.outcomes}) > 3
+    assert "failed at time 0.1 s with RuntimeError: no more" in str(outcomes[3].cause)
 
 
 def test_members_that_have_ended_stand_still() -> None:
@@ -119,6 +113,16 @@ def test_members_that_have_ended_stand_still() -> None:
         last = round(outcome.time / 0.002) + (k == 3)
         after = many.results[last:, k, :24]
         assert (after == after[0]).all()
+
+
+def observed(some: list[Member], plant: ManyMasses, observer: Observer, *progress: Any, **options: Any) -> Any:
+    """The outcomes of members, whose rows go to an observer."""
+    law_from = laws_of([member.controller for member in some], T, NO_JACOBIANS)
+    return observe(plant, law_from, loop_of_members([member.loop for member in some]), observer, *progress, **options)
+
+
+def plant_of(some: list[Member]) -> ManyMasses:
+    return ManyMasses([member.platform_mass for member in some], [member.fails_at for member in some])
 
 
 class Counting(Observer):
@@ -137,10 +141,8 @@ def test_rows_count_up_to_the_row_of_the_outcome() -> None:
     some = ending_members()
     for who in (range(7), range(1, 6)):
         chosen = [some[k] for k in who]
-        counting = Counting(len(chosen))
-        plant = ManyMasses([each.platform_mass for each in chosen], [each.fails_at for each in chosen])
-        law_from = laws_of([each.controller for each in chosen], T, np.zeros((0, 6, 6)))
-        outcomes = observe(plant, law_from, loop_of_members([each.loop for each in chosen]), counting)
+        counting, plant = Counting(len(chosen)), plant_of(chosen)
+        outcomes = observed(chosen, plant, counting)
         assert counting.rows.tolist() == [len(alone(each).time) for each in chosen]
         assert counting.all == counting.rows.max()
         if len(chosen) == 7:  # with nobody left nothing is frozen
@@ -162,14 +164,11 @@ def test_a_limited_force_stays_so_in_the_rows_until_the_next_sample_of_its_membe
     features = ["jitter", "force_limit", "feedforward", "delays"]
     some = [member_of(k, law_of_member(k), features) for k in range(4)]
     many = Flags()
-    law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
-    observe(
-        ManyMasses([each.platform_mass for each in some]), law_from, loop_of_members([each.loop for each in some]), many
-    )
+    observed(some, plant_of(some), many)
     assert (np.array(many.rows) != many.rows[0]).any(axis=0).sum() > 3  # it changes
     for k, each in enumerate(some):
         single = Flags()
-        observe(Masses(each.platform_mass), law_of(each.controller, T, np.zeros((0, 6, 6))), each.loop, single)
+        observe(Masses(each.platform_mass), law_of(each.controller, T, NO_JACOBIANS), each.loop, single)
         assert len(single.rows) == len(many.rows) == 151
         np.testing.assert_array_equal(np.array(many.rows)[:, :, k], np.array(single.rows)[:, :, 0])
 
@@ -209,16 +208,14 @@ def test_ctrl_c_ends_those_that_still_run() -> None:
             raise KeyboardInterrupt
 
     some = ending_members()
-    plant = ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some])
-    law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
-    outcomes = observe(plant, law_from, loop_of_members([each.loop for each in some]), Counting(7), interrupt)
+    outcomes = observed(some, plant_of(some), Counting(7), interrupt)
     assert [outcome.status == "interrupted" for outcome in outcomes] == [True, *[False] * 5, True]
 
 
 def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the interrupt itself, at a step in the middle of the run."""
     some = ending_members()
-    plant = ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some])
+    plant = plant_of(some)
     do_step = plant.do_step
 
     def interrupted(time: float, step: float) -> None:
@@ -227,29 +224,19 @@ def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch
         do_step(time, step)
 
     monkeypatch.setattr(plant, "do_step", interrupted)
-    law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
-    loop = loop_of_members([each.loop for each in some])
     with pytest.raises(KeyboardInterrupt):
-        observe(plant, law_from, loop, Counting(7), keeps_interrupted=False)
+        observed(some, plant, Counting(7), keeps_interrupted=False)
 
 
-def test_jitter_of_a_member_is_that_of_its_seed_alone() -> None:
-    """Expected: rows of samples as of a single run with the member's jitter and seed."""
-    seeds = tuple(SeedSequence(9).spawn(3))
-    jitter = np.array([0.004, 0.0, 0.009])
-    rows = Timing(1.0, T, 0.001, jitter, seeds).rows_of_samples
-    for k in range(3):
-        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), seeds[k]).rows_of_samples)
-    assert len(np.unique(rows[:, 2] % 10)) == 10
-
-
-@pytest.mark.parametrize("seed", [9, SeedSequence(9, spawn_key=(3,))])
-def test_with_one_seed_for_all_members_are_late_in_proportion_to_their_jitter(seed: int | SeedSequence) -> None:
-    """Expected: rows of samples as of a single run with the same seed and the member's jitter."""
+@pytest.mark.parametrize("seed", [9, SeedSequence(9, spawn_key=(3,)), tuple(SeedSequence(9).spawn(3))])
+def test_members_are_late_by_their_jitter_and_seed_alone(seed: Seeds) -> None:
+    """Expected: rows of samples as of a single run with the member's jitter, and its seed or that of all."""
     jitter = np.array([0.004, 0.0, 0.009])
     rows = Timing(1.0, T, 0.001, jitter, seed).rows_of_samples
     for k in range(3):
-        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), seed).rows_of_samples)
+        own = seed[k] if isinstance(seed, tuple) else seed
+        np.testing.assert_array_equal(rows[:, k], Timing(1.0, T, 0.001, float(jitter[k]), own).rows_of_samples)
+    assert len(np.unique(rows[:, 2] % 10)) == 10
     late = rows - 10 * np.arange(100)[:, None]
     assert late.max(axis=0).tolist() == [4, 0, 9]
     assert late.min() == 0
@@ -258,13 +245,13 @@ def test_with_one_seed_for_all_members_are_late_in_proportion_to_their_jitter(se
 def test_controllers_that_cannot_be_together_are_refused() -> None:
     pd_only, pid_too = (LinearController(sampled(pid(gains_of_member(0, integral)), T)) for integral in (False, True))
     with pytest.raises(ControllerError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):
-        laws_of([pid_too, pd_only], T, np.zeros((0, 6, 6)))
+        laws_of([pid_too, pd_only], T, NO_JACOBIANS)
     with pytest.raises(ControllerError, match="different structure, a function; linear"):
-        laws_of([pid_too, constant()], T, np.zeros((0, 6, 6)))
+        laws_of([pid_too, constant()], T, NO_JACOBIANS)
     with pytest.raises(ControllerError, match=r"mine.fmu is an FMU.*linear controller or a function"):
-        laws_of([UnitController("mine.fmu")], T, np.zeros((0, 6, 6)))  # type: ignore[arg-type]
+        laws_of([UnitController("mine.fmu")], T, NO_JACOBIANS)  # type: ignore[arg-type]
     with pytest.raises(ControllerError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
-        laws_of([pd_only, pd_only], 0.02, np.zeros((0, 6, 6)))
+        laws_of([pd_only, pd_only], 0.02, NO_JACOBIANS)
 
 
 def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:
@@ -272,11 +259,6 @@ def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:
     for plant in (ManyMasses([1.0, 1.0, 1.0]), Masses()):
         with pytest.raises(ControllerError, match=r"a loop of shape \(2,\) with a plant of shape \("):
             observe(plant, None, loop, Counting(2))
-
-
-def test_a_plant_of_one_refuses_what_some_members_do() -> None:
-    with pytest.raises(PlantError, match="Masses is a plant of one platform"):
-        Masses().freeze(np.array([True]))
 
 
 def test_features_name_what_the_tests_of_members_turn_on() -> None:

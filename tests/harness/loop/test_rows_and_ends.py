@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.loop.loop import Limits, changes_of_members
+from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.rows import BLOCK_SIZE, Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.model.errors import StepError
@@ -168,7 +168,3 @@ def test_blocks_follow_each_other_and_bring_the_row_before(members: int) -> None
     forces = np.concatenate([part[1][1:, :, -1] for part in blocks.parts])
     np.testing.assert_array_equal(forces, np.tile(FORCES, (n, 1)))
     assert (np.concatenate(blocks.counting) == np.repeat(counts, members)).all()
-
-
-def test_no_changes_of_any_member_are_none() -> None:
-    assert changes_of_members([(), (), ()], loop_of().timing) == ()

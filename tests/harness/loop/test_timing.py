@@ -15,9 +15,7 @@ from tests.support.loops import FORCES, loop_of, reference, run_with
 @pytest.mark.parametrize(
     ("clocks", "match"),
     [
-        ((1.0, 0.01, 0.003), r"plant_step 0.003 s does not divide sample_time 0.01 s.*0.00333"),
         ((1.0, 0.01, 0.02), "does not divide sample_time .*for instance a plant_step of 0.01 s"),
-        ((1.005, 0.02, 0.02), r"plant_step 0.02 s does not divide duration 1.005 s \(50.25 times\)"),
         ((0.004, 0.02, 0.01), "does not divide duration"),
         ((-1.0, 0.01, 0.01), "duration is -1.0"),
         ((1.0, float("nan"), 0.01), "sample_time is nan"),

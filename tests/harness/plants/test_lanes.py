@@ -456,6 +456,7 @@ WRONG: list[tuple[list[gs.Platform], int, dict[str, Any], str]] = [
     ([], 0, {}, "^0 platforms and 0 starts; expected at least one platform, and a start for each$"),
     ([UNEVEN] * 2, 1, {}, "^2 platforms and 1 starts; expected at least one platform"),
     *(([UNEVEN], 1, {"substeps": k}, f"^substeps is {k}; expected a whole number from 1 to") for k in (0, 1025, 2.0)),
+    ([UNEVEN], 1, {"tolerance": 0}, "^tolerance is 0; expected 1e-13 to"),
     ([UNEVEN, UNEVEN, STICKING], 3, {}, "leg_friction_model: gives platform 2 other states: it has friction that st"),
     ([STICKING, STICKING, GIVING], 3, {}, "leg_stiffness: gives platform 2 other states: it has friction that stick"),
     ([STICKING], 1, {"substeps": 8}, "with friction that sticks and rigid legs has no steps of a fixed"),
