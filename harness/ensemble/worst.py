@@ -52,13 +52,7 @@ class Worst(NamedTuple):
 
 
 def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
-    """Run the nominal machine and the worst members again, and write their records.
-
-    Raises
-    ------
-    OSError
-        They cannot be written.
-    """
+    """Run the nominal machine and the worst members again, and write their records."""
     number = found.metadata["experiment"]["ensemble"]["worst"]
     members = worst_members(found.members, worst_by(found), number)
     shutil.rmtree(folder / WORST, ignore_errors=True)  # those of an older run

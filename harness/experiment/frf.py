@@ -242,13 +242,7 @@ def frf(
 
 
 def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
-    """Notes on whether the experiment's controller is that of the run.
-
-    Raises
-    ------
-    ControllerError
-        It is not, or executes code, and nobody has asked for it.
-    """
+    """Notes on whether the experiment's controller is that of the run."""
     notes, code = [], own.controller.code
     if "controller" in record.metadata.get("replaced", []):
         if not is_given:
