@@ -55,7 +55,10 @@ def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> 
 
 def _histogram(found: EnsembleData, name: str) -> Chart:
     metric, values = metric_of(name), counted(found.members, name)
-    inside = _without_outliers(values)
+    # without the few that would hide how all others are distributed
+    low, high = np.quantile(values, (0.005, 0.995))
+    width = high - low
+    inside = values[(values >= low - 2 * width) & (values <= high + 2 * width)] if width > 0 else values
     low, high = float(inside.min()), float(inside.max())
     ends = (low, high) if high > low else (low - 0.5, high + 0.5)
     counts, edges = np.histogram(inside, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
@@ -63,21 +66,13 @@ def _histogram(found: EnsembleData, name: str) -> Chart:
     if outside := len(values) - len(inside):
         ends_of_all = metric.quantity.telling(float(values.max())).range_text(values.min(), values.max())
         note = f"{metric.text}: {count(outside, 'member')} outside, {ends_of_all} in all."
-    marks = tuple(
-        Mark(float(np.quantile(values, level)), f"{100 * level:g} %", "vertical", "median")
-        for level in (0.05, 0.5, 0.95)
-    )
+    levels = (0.05, 0.5, 0.95)
+    at = np.quantile(values, levels).tolist()
+    marks = tuple(Mark(x, f"{100 * level:g} %", "vertical", "median") for x, level in zip(at, levels, strict=True))
     series = Series("members", NUMBER, counts, "neutral")
     axis = Axis(metric.text, metric.quantity, edges)
     return Chart(metric.text, axis, (series,), "histogram", y=Axis("members"), marks=marks, note=note,
                  group="distribution")  # fmt: skip
-
-
-def _without_outliers(values: FloatArray) -> FloatArray:
-    """The values without the few that would hide how all others are distributed."""
-    low, high = np.quantile(values, (0.005, 0.995))
-    width = high - low
-    return values[(values >= low - 2 * width) & (values <= high + 2 * width)] if width > 0 else values
 
 
 def _band(found: EnsembleData, name: str) -> Chart:
@@ -91,23 +86,10 @@ def _band(found: EnsembleData, name: str) -> Chart:
     )
     of_first = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
     # of others, each time has fewer members than the first
-    note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{of_first}".strip()
-    axis = Axis(words, quantity)
-    time = time_axis(part["time"].to_numpy())
-    return Chart(
-        words,
-        time,
-        series,
-        y=axis,
-        note=note,
-        group="bands",
-        samples=_samples(found.samples, name, found.members.height),
-    )
-
-
-def _ends_early(members: polars.DataFrame) -> bool:
-    """Whether some members end before others."""
-    return bool(left_out(members)) or members[ENDED].n_unique() > 1
+    ends_early = left_out(found.members) or found.members[ENDED].n_unique() > 1
+    note = f"{'Of the members still running.' if ends_early else ''}{of_first}".strip()
+    time, samples = time_axis(part["time"].to_numpy()), _samples(found.samples, name, found.members.height)
+    return Chart(words, time, series, y=Axis(words, quantity), note=note, group="bands", samples=samples)
 
 
 def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | None:

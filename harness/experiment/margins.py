@@ -543,7 +543,22 @@ def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
                explanation="of all modes of the closed loop", doubt=doubt),
     )  # fmt: skip
     believed = () if analysis.believed is None else _numbers_of_margins(analysis.believed, "believed ", doubt)
-    return (*of_machine, *believed, *_structural_numbers(analysis.structure))
+    structure = analysis.structure
+    if structure is None or not structure.modes:
+        return (*of_machine, *believed)
+    first = structure.modes[0]
+    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
+    return (
+        *of_machine,
+        *believed,
+        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
+               explanation="of the platform on its legs, with motors that are free"),
+        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
+        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
+               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
+        Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
+               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
+    )  # fmt: skip
 
 
 def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Number, ...]:
@@ -580,23 +595,6 @@ def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Numbe
         Number(f"{loop}.{path}", f"{whose}{name}", value, quantity, explanation=explanation, doubt=doubt)
         for path, (name, value, quantity, explanation) in rows.items()
     )
-
-
-def _structural_numbers(structure: LoopStructure | None) -> tuple[Number, ...]:
-    """Of legs that give."""
-    if structure is None or not structure.modes:
-        return ()
-    first = structure.modes[0]
-    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
-    return (
-        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
-               explanation="of the platform on its legs, with motors that are free"),
-        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
-        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
-               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
-        Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
-               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
-    )  # fmt: skip
 
 
 def _margin_tables(analysis: LoopMargins) -> tuple[Table, ...]:
