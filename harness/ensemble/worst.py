@@ -51,16 +51,16 @@ class Worst(NamedTuple):
         return replace(report, sections=sections, files=(*report.files, *beside))
 
 
-def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
+def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
     """Run the nominal machine and the worst members again, and write their records."""
-    number = found.metadata["experiment"]["ensemble"]["worst"]
-    members = worst_members(found.members, worst_by(found), number)
+    number = ensemble.metadata["experiment"]["ensemble"]["worst"]
+    members = worst_members(ensemble.members, worst_by(ensemble), number)
     shutil.rmtree(folder / WORST, ignore_errors=True)  # those of an older run
     if not members:
         return Worst({}, None, "")
     links, names = {}, ["nominal machine", *(f"member {member}" for member in members)]
     folders = [f"{WORST}/nominal", *(f"{WORST}/member-{member}" for member in members)]
-    records = records_of(plan_from(found.metadata["plan"]), [None, *members])
+    records = records_of(plan_from(ensemble.metadata["plan"]), [None, *members])
     page = ""
     if pages:
         from gough_stewart.harness.report.page import PAGE
@@ -78,12 +78,12 @@ def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
     return Worst(links, _beside_nominal(records[0], records[1], members[0], page, links[members[0]]), page)
 
 
-def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", own: str = "") -> Section:
+def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", own_page: str = "") -> Section:
     """What a member does otherwise than the nominal machine: metrics, signals over each other, and differences.
 
     Parameters
     ----------
-    page, own
+    page, own_page
         Addresses of a page of both, and of the member alone, which stands in for it; "" for none.
     """
     charts: list[Chart] = []
@@ -104,7 +104,7 @@ def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "",
             y = Axis("difference", quantity)
             charts.append(Chart(f"{title}, difference", time_axis(common), series, y=y, group="beside"))
     return Section(
-        f"Worst member, {member}, beside the nominal machine", (_table(nominal, worst, member, page, own), *charts)
+        f"Worst member, {member}, beside the nominal machine", (_table(nominal, worst, member, page, own_page), *charts)
     )
 
 
@@ -118,7 +118,7 @@ def _curve(record: Record, name: str, kind: str) -> tuple[FloatArray, FloatArray
     return part["time"], np.asarray(curve)
 
 
-def _table(nominal: Record, worst: Record, member: int, page: str, own: str) -> Table:
+def _table(nominal: Record, worst: Record, member: int, page: str, own_page: str) -> Table:
     measured = [metrics(record) for record in (nominal, worst)]
     flat = [flattened(of_record) for of_record in measured]
     shown = [path for path in _METRICS if any(of_record.get(path) is not None for of_record in flat)]
@@ -131,6 +131,6 @@ def _table(nominal: Record, worst: Record, member: int, page: str, own: str) -> 
         for name, of_record, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True)
     ]
     columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
-    links = ("", page or own) if page or own else ()
+    links = ("", page or own_page) if page or own_page else ()
     note = f"On the page, member {member} leads to both machines in 3-D." if page else ""
     return Table("", columns, tuple(rows), links=links, note=note)

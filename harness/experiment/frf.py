@@ -241,9 +241,9 @@ def frf(
     )
 
 
-def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
+def _doubts_of_controller(record: Record, experiment_of_run: Experiment, is_given: bool) -> list[str]:
     """Notes on whether the experiment's controller is that of the run."""
-    notes, code = [], own.controller.code
+    notes, code = [], experiment_of_run.controller.code
     if "controller" in record.metadata.get("replaced", []):
         if not is_given:
             raise ControllerError(
@@ -255,7 +255,7 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
             f"it would execute {', '.join(code)}, which the record names; if you trust this file, give the run's "
             "experiment: --experiment FILE.toml, or frf(…, experiment=…)"
         )
-    then, now = record.metadata.get("files", {}), digests(own) if code else {}
+    then, now = record.metadata.get("files", {}), digests(experiment_of_run) if code else {}
     executed = [name for name in now if name in code or name.endswith(".py")]
     changed = [name for name in executed if name in then and then[name] != now[name]]
     if changed:

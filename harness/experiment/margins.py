@@ -443,10 +443,10 @@ def robustness_of(experiment: Experiment) -> Robustness | None:
     return Robustness(of_loop.disk.alpha, of_loop.disk.frequency, of_loop.disk.gain, of_loop.doubt)
 
 
-def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
+def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **replaced: Any) -> StateSpace:
     """L(z) of an experiment's loop around a plant, its platform or a machine, with a controller for its platform.
 
-    In the first pose of the reference, or with `other` arguments of `loop_transfer`, `sample_time` among them.
+    In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, (position, orientation) = prepared.loop, _pose(prepared)
     usual = {
@@ -457,7 +457,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
         "position": position,
         "orientation": orientation,
     }
-    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | other)
+    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | replaced)
 
 
 def _pose(prepared: Prepared) -> tuple[FloatArray, FloatArray]:
@@ -471,9 +471,9 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
     machine, sample_time = prepared.machine, prepared.loop.timing.sample_time
     delay, lag, late = prepared.loop.actuators.delay, prepared.loop.actuators.lag, prepared.loop.worst_delay
 
-    def is_stable_with(plant: Platform = machine, law: LinearController = controller, **other: Any) -> bool:
+    def is_stable_with(plant: Platform = machine, law: LinearController = controller, **replaced: Any) -> bool:
         try:
-            return is_stable(transfer_of(prepared, plant, law, **other))
+            return is_stable(transfer_of(prepared, plant, law, **replaced))
         except ControllerError:  # too many states
             return False
 

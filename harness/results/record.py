@@ -57,19 +57,19 @@ _SIZES = {
 }
 
 
-class _Part(BaseModel):
+class _KnownKeys(BaseModel):
     """Types of known keys; other keys are allowed."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
 
-class _Outcome(_Part):
+class _Outcome(_KnownKeys):
     status: str
     time: float
     cause: str | None = None
 
 
-class _Experiment(_Part):
+class _Experiment(_KnownKeys):
     description: str = ""
     reference: _Table | None = None
     controller: _Table | None = None
@@ -82,7 +82,7 @@ class _Experiment(_Part):
     disturbance: list[_Table] | None = None
 
 
-class _Metadata(_Part):
+class _Metadata(_KnownKeys):
     title: str = ""
     plant: str | None = None
     rows: int | None = None
