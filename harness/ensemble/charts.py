@@ -121,10 +121,8 @@ def _dependence(ensemble: EnsembleData, by: str, name: str) -> Chart:
     completed = (ensemble.members[OUTCOME] == "completed").to_numpy()
     x, y = ensemble.values(name), np.where(completed, ensemble.values(by), np.nan)
     series = Series("members", metric.quantity, y, "actual", members=ensemble.members[MEMBER].to_numpy().astype(float))
-    axis = Axis(name, quantity_of_input(name), x)
-    return Chart(
-        f"{metric.text} by {name}", axis, (series,), "points", y=Axis(metric.text, metric.quantity), group="dependence"
-    )
+    axes = Axis(name, quantity_of_input(name), x), Axis(metric.text, metric.quantity)
+    return Chart(f"{metric.text} by {name}", axes[0], (series,), "points", y=axes[1], group="dependence")
 
 
 def _bars(known: Sensitivity) -> Chart:

@@ -235,16 +235,9 @@ def ensemble_verdict(ensemble: EnsembleData, by: str, known: Sensitivity | None 
         else:
             words = f"have a {metric.text} of at most {at_most(quantity, value)}"
         parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
-        carried.append(
-            Number(
-                "",
-                f"{metric.text}, {percent(level)} of members below",
-                value,
-                metric.quantity,
-                *ends,
-                explanation="interval of the quantile between order statistics, 95 % confidence",
-            )
-        )
+        name = f"{metric.text}, {percent(level)} of members below"
+        method = "interval of the quantile between order statistics, 95 % confidence"
+        carried.append(Number("", name, value, metric.quantity, *ends, explanation=method))
     if known is not None and known.order and known.explains:
         parts.append(_cause(known))
     outside = list(ensemble.metadata.get("outside", ()))

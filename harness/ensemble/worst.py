@@ -81,10 +81,7 @@ def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False) -> Wor
 def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", own_page: str = "") -> Section:
     """What a member does otherwise than the nominal machine: metrics, signals over each other, and differences.
 
-    Parameters
-    ----------
-    page, own_page
-        Addresses of a page of both, and of the member alone, which stands in for it; "" for none.
+    `page` is the address of a page of both, `own_page` that of the member alone, which stands in for it; "" for none.
     """
     charts: list[Chart] = []
     for title, name, quantity, kind in _SIGNALS:
@@ -122,14 +119,10 @@ def _table(nominal: Record, worst: Record, member: int, page: str, own_page: str
     measured = [metrics(record) for record in (nominal, worst)]
     flat = [flattened(of_record) for of_record in measured]
     shown = [path for path in _METRICS if any(of_record.get(path) is not None for of_record in flat)]
-    rows: list[tuple[Cell, ...]] = [
-        (
-            name,
-            outcome_text(of_record["outcome"]),
-            *(Value(values.get(path), metric_of(path).quantity) for path in shown),
-        )
-        for name, of_record, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True)
-    ]
+    rows: list[tuple[Cell, ...]] = []
+    for name, of_record, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True):
+        numbers = (Value(values.get(path), metric_of(path).quantity) for path in shown)
+        rows.append((name, outcome_text(of_record["outcome"]), *numbers))
     columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
     links = ("", page or own_page) if page or own_page else ()
     note = f"On the page, member {member} leads to both machines in 3-D." if page else ""

@@ -313,35 +313,18 @@ def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
     seen = result.measured
     size, is_known = np.abs(seen.S), loop_is_known(seen)
     peak = int(size.argmax())
-    within = None
+    largest, radius, within = float(size[peak]), float(seen.radius[peak]), None
     if result.predicted is not None:
         within = float((np.abs(seen.S - 1 / (1 + result.predicted)) <= seen.radius).mean())
     return (
-        Number(
-            "S.peak",
-            "largest |S|",
-            float(size[peak]),
-            _PLAIN,
-            float(size[peak] - seen.radius[peak]),
-            float(size[peak] + seen.radius[peak]),
-            explanation="the largest amplification of a disturbance, with its 95 % confidence",
-        ),
+        Number("S.peak", "largest |S|", largest, _PLAIN, largest - radius, largest + radius,
+               explanation="the largest amplification of a disturbance, with its 95 % confidence"),
         Number("L.crossover", "crossover of L", _crossover(result, is_known), FREQUENCY, explanation="where |L| is 1"),
-        Number(
-            "L.known",
-            "frequencies at which L is known",
-            float(is_known.mean()),
-            SHARE,
-            explanation="where the 95 % confidence of L leaves 0 out",
-        ),
-        Number(
-            "agreement",
-            "agreement of S with the linear model",
-            within,
-            SHARE,
-            explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if the "
-            "model were exact and friction linear",
-        ),
+        Number("L.known", "frequencies at which L is known", float(is_known.mean()), SHARE,
+               explanation="where the 95 % confidence of L leaves 0 out"),
+        Number("agreement", "agreement of S with the linear model", within, SHARE,
+               explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if "
+               "the model were exact and friction linear"),
         Number("coherence", "least coherence", float(seen.coherence.min()), _COHERENCE,
                explanation="share of the force that the injection explains, of S and T"),
     )  # fmt: skip
