@@ -34,28 +34,31 @@ _MOST_BARS, _BINS = 15, 40
 _MOST_FIRST = 4
 
 
-def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> list[Section]:
+def ensemble_charts(ensemble: EnsembleData, by: str, known: Sensitivity | None) -> list[Section]:
     """Distributions, bands over time, dependence on what varies, and sensitivity."""
-    names = [by, *(name for name in usual_metrics(found.members) if name != by)]
-    histograms = [_histogram(found, name) for name in names if len(counted(found.members, name)) > 1]
+    names = [by, *(name for name in usual_metrics(ensemble.members) if name != by)]
+    histograms = [_histogram(ensemble, name) for name in names if len(counted(ensemble.members, name)) > 1]
     sections = [Section("Distribution", tuple(histograms))] if histograms else []
-    signals = list(dict.fromkeys(found.bands["signal"].to_list()))
+    signals = list(dict.fromkeys(ensemble.bands["signal"].to_list()))
     signals.sort(key=lambda name: not name.startswith("error."))
     if signals:
-        sections.append(Section("Over time", tuple(_band(found, name) for name in signals)))
-    inputs = [known.inputs[k] for k in known.order] if known is not None else list(found.varied)
-    shown = [name for name in inputs if name in found.varied and len(finite(found.values(name)))][:_MOST_BARS]
+        sections.append(Section("Over time", tuple(_band(ensemble, name) for name in signals)))
+    inputs = [known.inputs[k] for k in known.order] if known is not None else list(ensemble.varied)
+    shown = [name for name in inputs if name in ensemble.varied and len(finite(ensemble.values(name)))][:_MOST_BARS]
     if shown:
-        charts = [replace(_dependence(found, by, name), detail=k >= _MOST_FIRST) for k, name in enumerate(shown)]
+        charts = [replace(_dependence(ensemble, by, name), detail=k >= _MOST_FIRST) for k, name in enumerate(shown)]
         sections.append(Section("Dependence", tuple(charts)))
     if known is not None:
         sections.append(Section("Sensitivity", (_bars(known),)))
     return sections
 
 
-def _histogram(found: EnsembleData, name: str) -> Chart:
-    metric, values = metric_of(name), counted(found.members, name)
-    inside = _without_outliers(values)
+def _histogram(ensemble: EnsembleData, name: str) -> Chart:
+    metric, values = metric_of(name), counted(ensemble.members, name)
+    # without the few that would hide how all others are distributed
+    low, high = np.quantile(values, (0.005, 0.995))
+    width = high - low
+    inside = values[(values >= low - 2 * width) & (values <= high + 2 * width)] if width > 0 else values
     low, high = float(inside.min()), float(inside.max())
     ends = (low, high) if high > low else (low - 0.5, high + 0.5)
     counts, edges = np.histogram(inside, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
@@ -63,25 +66,17 @@ def _histogram(found: EnsembleData, name: str) -> Chart:
     if outside := len(values) - len(inside):
         ends_of_all = metric.quantity.telling(float(values.max())).range_text(values.min(), values.max())
         note = f"{metric.text}: {count(outside, 'member')} outside, {ends_of_all} in all."
-    marks = tuple(
-        Mark(float(np.quantile(values, level)), f"{100 * level:g} %", "vertical", "median")
-        for level in (0.05, 0.5, 0.95)
-    )
+    levels = (0.05, 0.5, 0.95)
+    at = np.quantile(values, levels).tolist()
+    marks = tuple(Mark(x, f"{100 * level:g} %", "vertical", "median") for x, level in zip(at, levels, strict=True))
     series = Series("members", NUMBER, counts, "neutral")
     axis = Axis(metric.text, metric.quantity, edges)
     return Chart(metric.text, axis, (series,), "histogram", y=Axis("members"), marks=marks, note=note,
                  group="distribution")  # fmt: skip
 
 
-def _without_outliers(values: FloatArray) -> FloatArray:
-    """The values without the few that would hide how all others are distributed."""
-    low, high = np.quantile(values, (0.005, 0.995))
-    width = high - low
-    return values[(values >= low - 2 * width) & (values <= high + 2 * width)] if width > 0 else values
-
-
-def _band(found: EnsembleData, name: str) -> Chart:
-    part, (words, quantity) = found.bands.filter(polars.col("signal") == name), named_signal(name)
+def _band(ensemble: EnsembleData, name: str) -> Chart:
+    part, (words, quantity) = ensemble.bands.filter(polars.col("signal") == name), named_signal(name)
     values = {level: part[level].fill_null(np.nan).to_numpy() for level in ("lowest", *QUANTILES, "highest")}
     series = (
         Series("lowest to highest", quantity, values["q50"], "band", low=values["lowest"], high=values["highest"]),
@@ -89,34 +84,22 @@ def _band(found: EnsembleData, name: str) -> Chart:
         Series("25 to 75 %", quantity, values["q50"], "band", low=values["q25"], high=values["q75"]),
         Series("median", quantity, values["q50"], "median"),
     )
-    of_first = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
+    is_large = ensemble.members.height > MOST_MEMBERS
+    of_first = f" Quantiles are of the first {MOST_MEMBERS:,} members." if is_large else ""
     # of others, each time has fewer members than the first
-    note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{of_first}".strip()
-    axis = Axis(words, quantity)
-    time = time_axis(part["time"].to_numpy())
-    return Chart(
-        words,
-        time,
-        series,
-        y=axis,
-        note=note,
-        group="bands",
-        samples=_samples(found.samples, name, found.members.height),
-    )
+    ends_early = left_out(ensemble.members) or ensemble.members[ENDED].n_unique() > 1
+    note = f"{'Of the members still running.' if ends_early else ''}{of_first}".strip()
+    time, samples = time_axis(part["time"].to_numpy()), _samples(ensemble.samples, name, ensemble.members.height)
+    return Chart(words, time, series, y=Axis(words, quantity), note=note, group="bands", samples=samples)
 
 
-def _ends_early(members: polars.DataFrame) -> bool:
-    """Whether some members end before others."""
-    return bool(left_out(members)) or members[ENDED].n_unique() > 1
-
-
-def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | None:
+def _samples(frame: polars.DataFrame | None, name: str, total: int) -> Samples | None:
     """The signal of the first members, from which the page draws the bands of those that are marked."""
     if frame is None or name not in frame.columns or not frame.height:
         return None
     members = frame[MEMBER].unique(maintain_order=True).to_numpy()
     values = frame[name].fill_null(np.nan).to_numpy().reshape(len(members), -1)
-    return Samples(members, frame["time"].to_numpy()[: values.shape[1]], values, of)
+    return Samples(members, frame["time"].to_numpy()[: values.shape[1]], values, total)
 
 
 def with_samples(report: Report, frame: polars.DataFrame) -> Report:
@@ -133,15 +116,13 @@ def with_samples(report: Report, frame: polars.DataFrame) -> Report:
     return replace(report, sections=sections)
 
 
-def _dependence(found: EnsembleData, by: str, name: str) -> Chart:
+def _dependence(ensemble: EnsembleData, by: str, name: str) -> Chart:
     metric = metric_of(by)
-    completed = (found.members[OUTCOME] == "completed").to_numpy()
-    x, y = found.values(name), np.where(completed, found.values(by), np.nan)
-    series = Series("members", metric.quantity, y, "actual", members=found.members[MEMBER].to_numpy().astype(float))
-    axis = Axis(name, quantity_of_input(name), x)
-    return Chart(
-        f"{metric.text} by {name}", axis, (series,), "points", y=Axis(metric.text, metric.quantity), group="dependence"
-    )
+    completed = (ensemble.members[OUTCOME] == "completed").to_numpy()
+    x, y = ensemble.values(name), np.where(completed, ensemble.values(by), np.nan)
+    series = Series("members", metric.quantity, y, "actual", members=ensemble.members[MEMBER].to_numpy().astype(float))
+    axes = Axis(name, quantity_of_input(name), x), Axis(metric.text, metric.quantity)
+    return Chart(f"{metric.text} by {name}", axes[0], (series,), "points", y=axes[1], group="dependence")
 
 
 def _bars(known: Sensitivity) -> Chart:

@@ -152,11 +152,6 @@ def check_memory(batch: Batch, run: Reduced, again: Callable[[Batch], Reduced]) 
         Of all members.
     again
         Runs others.
-
-    Raises
-    ------
-    SharedMemoryError
-        It gives others.
     """
     controller = shared_by_members(batch.setups[0].controller)
     if controller is None:
@@ -217,13 +212,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
 
 def check_names(plan: EnsemblePlan) -> None:
-    """Refuse unknown bands and metrics before anything runs.
-
-    Raises
-    ------
-    ExperimentError
-        An unknown name in `signals` or `worst_by`; suggests the nearest.
-    """
+    """Refuse unknown bands and metrics before anything runs."""
     members = plan.prepared
     where, choice = plan.where, members.choice
     try:
@@ -363,13 +352,7 @@ class ChunkFiles:
         self.folder = folder / FOLDER
 
     def write(self, first: int, chunk: ChunkBytes) -> None:
-        """Write a chunk completely or not at all.
-
-        Raises
-        ------
-        OSError
-            It cannot be written; partial files are ignored.
-        """
+        """Write a chunk completely or not at all."""
         self.folder.mkdir(parents=True, exist_ok=True)
         write_whole(self.rows(first), chunk.rows)
         write_whole(self.rows(first).with_suffix(".npz"), chunk.bands)

@@ -52,13 +52,7 @@ class Comparison:
 
 
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
-    """Compare two ensembles of the same members (common random numbers), using members that completed in both.
-
-    Raises
-    ------
-    RecordError
-        Their members are not the same: another number of them, or other drawn values.
-    """
+    """Compare two ensembles of the same members (common random numbers), using members that completed in both."""
     joined = a.members.select(MEMBER).join(b.members, on=MEMBER, maintain_order="left")
     if not a.members.height == b.members.height == joined.height:
         raise RecordError(
@@ -95,16 +89,16 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
     )
 
 
-def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
+def comparison_tables(result: Comparison, names: Sequence[str]) -> list[Table]:
     """Numbers of completed members, then the differences of these metrics with their confidence."""
-    a, b = (ensemble_run.members[OUTCOME] == "completed" for ensemble_run in (found.a, found.b))
+    a, b = (ensemble_run.members[OUTCOME] == "completed" for ensemble_run in (result.a, result.b))
     in_both = int((a & b).sum())
     ended = Table(
-        f"{found.a.members.height:,} members{_named(*found.names)}",
+        f"{result.a.members.height:,} members{_named(*result.names)}",
         (Column(""), Column("completed in B"), Column("not")),
         (("completed in A", in_both, int((a & ~b).sum())), ("not", int((~a & b).sum()), int((~a & ~b).sum()))),
     )
-    table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
+    table = {row["metric"]: row for row in result.differences.iter_rows(named=True)}
     low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
     gap, share = Column("B − A"), Column("less in B", SHARE, "share of the members in which B has the smaller value")
     heads: dict[str, tuple[Column, ...]] = {
@@ -153,35 +147,37 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
     return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
 
 
-def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
+def comparison_report(result: Comparison, *, charts: bool = True) -> Report:
     """How the second experiment differs from the first, member by member, in one metric and then in all."""
-    (first, second), gaps, by = found.names, found.gaps, worst_by(found.a)
+    (first, second), gaps, by = result.names, result.gaps, worst_by(result.a)
     sensitivity = sensitivity_if_known(gaps, by)
-    sections = [Section("Differences", tuple(comparison_tables(found, usual_metrics(found.a.members))))]
-    named, members = f"{second} − {first}", count(found.a.members.height, "member")
-    settings = differing({"experiment": ensemble_run.metadata.get("experiment")} for ensemble_run in (found.a, found.b))
+    sections = [Section("Differences", tuple(comparison_tables(result, usual_metrics(result.a.members))))]
+    named, members = f"{second} − {first}", count(result.a.members.height, "member")
+    settings = differing(
+        {"experiment": ensemble_run.metadata.get("experiment")} for ensemble_run in (result.a, result.b)
+    )
     if charts:
         for section in ensemble_charts(gaps, by, sensitivity):
             parts = (replace(p, title=f"{p.title}: {named}") for p in section.parts if isinstance(p, Chart))
             sections.append(Section(section.title, tuple(parts)))
-        all_metrics = comparison_tables(found, found.a.metrics)[1:]
+        all_metrics = comparison_tables(result, result.a.metrics)[1:]
         sections.append(Section("All metrics", tuple(all_metrics), detail=True))
     return fine(
         Report(
-            f"{found.a.title}: {named}",
-            _verdict(found, by),
+            f"{result.a.title}: {named}",
+            _verdict(result, by),
             tuple(sections),
             study="ensemble --compare",
             settings=settings,
-            runs=found.names,
+            runs=result.names,
             lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
             numbers=(
-                *ensemble_numbers(found.b),
-                *(replace(number, path=f"first.{number.path}") for number in ensemble_numbers(found.a)),
+                *ensemble_numbers(result.b),
+                *(replace(number, path=f"first.{number.path}") for number in ensemble_numbers(result.a)),
                 *(replace(number, path=f"difference.{number.path}") for number in ensemble_numbers(gaps)),
             ),
         ),
-        fineness_in(found.a),
+        fineness_in(result.a),
     )
 
 
@@ -190,12 +186,12 @@ def _named(first: str, second: str) -> str:
     return "" if (first, second) == ("A", "B") else f"; A is {first}, B is {second}"
 
 
-def _verdict(found: Comparison, by: str) -> Verdict:
-    (first, second), metric = found.names, metric_of(by)
-    row = next((candidate for candidate in found.differences.iter_rows(named=True) if candidate["metric"] == by), None)
+def _verdict(result: Comparison, by: str) -> Verdict:
+    (first, second), metric = result.names, metric_of(by)
+    row = next((candidate for candidate in result.differences.iter_rows(named=True) if candidate["metric"] == by), None)
     if row is None or not row["pairs"]:
         return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
-    signed = replace(fine(metric.quantity, fineness_in(found.a)), digits=3)
+    signed = replace(fine(metric.quantity, fineness_in(result.a)), digits=3)
     ends = signed.range_text(row["median_low"], row["median_high"])
     change = f"median of {second} − {first}"
     side = "less" if row["median"] < 0 else "more"

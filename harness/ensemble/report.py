@@ -71,7 +71,7 @@ _MOST_INPUTS = 8
 _MOST_NAMED = 3
 # Inputs that a table of members has as columns.
 _MOST_COLUMNS = 5
-_THREE = Quantity("", "", digits=3)
+_THREE, _FOUR = Quantity("", "", digits=3), replace(SHARE, digits=4)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,18 +133,18 @@ def read_ensemble(folder: Path | str) -> Ensemble:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
-def worst_by(found: EnsembleData) -> str:
+def worst_by(ensemble: EnsembleData) -> str:
     """The metric that ranks the worst members: the experiment's, or that of tracking."""
-    experiment = found.metadata.get("experiment") or {}
+    experiment = ensemble.metadata.get("experiment") or {}
     by = (experiment.get("ensemble") or {}).get("worst_by")
     if by is not None:
-        return metric_name(found.members, by)
+        return metric_name(ensemble.members, by)
     first = [_FINAL] if (experiment.get("reference") or {}).get("type") == "step" else []
-    return next(name for name in (*first, _PEAK, _OTHERWISE, *found.metrics) if name in found.metrics)
+    return next(name for name in (*first, _PEAK, _OTHERWISE, *ensemble.metrics) if name in ensemble.metrics)
 
 
 def ensemble_report(
-    found: EnsembleData,
+    ensemble: EnsembleData,
     by: str,
     known: Sensitivity | None = None,
     worst: Sequence[int] | Mapping[int, str] = (),
@@ -164,67 +164,68 @@ def ensemble_report(
     charts
         Also bands over time, histograms and dependence.
     """
-    members = found.members
+    members = ensemble.members
     tables: list[Table] = [quantile_table(members, usual_metrics(members))]
     if failures(members):
         tables.append(failure_table(members, pages=worst if isinstance(worst, Mapping) else None))
     if known is not None:
         tables.append(sensitivity_table(known))
     if worst:
-        inputs = found.varied if known is None else [known.inputs[k] for k in known.order]
+        inputs = ensemble.varied if known is None else [known.inputs[k] for k in known.order]
+        numeric = [name for name in inputs if name in ensemble.varied]
         pages = worst if isinstance(worst, Mapping) else {}
-        tables.append(worst_table(found, list(worst), by, pages, [name for name in inputs if name in found.varied]))
+        tables.append(worst_table(ensemble, list(worst), by, pages, numeric))
     sections = [Section("Members", tuple(tables))]
     if charts:
-        sections += ensemble_charts(found, by, known)
-        all_metrics = [name for name in found.metrics if len(counted(members, name))]
+        sections += ensemble_charts(ensemble, by, known)
+        all_metrics = [name for name in ensemble.metrics if len(counted(members, name))]
         sections.append(Section("All metrics", (quantile_table(members, all_metrics),), detail=True))
-    seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
+    seed = f", seed {ensemble.metadata['seed']}" if "seed" in ensemble.metadata else ""
     return fine(
         Report(
-            found.title,
-            ensemble_verdict(found, by, known),
+            ensemble.title,
+            ensemble_verdict(ensemble, by, known),
             tuple(sections),
             study="ensemble",
-            lead=f"{count(members.height, 'member')} {_DRAWN[found.metadata.get('sampling', 'random')]}{seed}",
-            numbers=ensemble_numbers(found),
-            settings=settings_of(found.metadata.get("settings") or {}),
-            notes=_notes(found),
+            lead=f"{count(members.height, 'member')} {_DRAWN[ensemble.metadata.get('sampling', 'random')]}{seed}",
+            numbers=ensemble_numbers(ensemble),
+            settings=settings_of(ensemble.metadata.get("settings") or {}),
+            notes=_notes(ensemble),
         ),
-        fineness_in(found),
+        fineness_in(ensemble),
     )
 
 
-def fineness_in(found: EnsembleData) -> float:
+def fineness_in(ensemble: EnsembleData) -> float:
     """How finely numbers of its machines are told; those of an older version have none."""
-    return float(found.metadata.get("fineness", 1.0))
+    return float(ensemble.metadata.get("fineness", 1.0))
 
 
-def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = None) -> Verdict:
+def ensemble_verdict(ensemble: EnsembleData, by: str, known: Sensitivity | None = None) -> Verdict:
     """How many machines complete their runs, how well most of them do, and what makes them differ."""
-    members, n = found.members, found.members.height
+    members, n = ensemble.members, ensemble.members.height
     sound = int(np.count_nonzero(works(members)))
-    low, high = share_interval(sound / found.block, n / found.block)
+    low, high = share_interval(sound / ensemble.block, n / ensemble.block)
     grows = bool(kinds_of_oscillation(members)[data.GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
     # digits so that neither end is rounded to what it is not
     first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
     interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
     parts: list[str | None] = [
-        *map(str, faults_of(found.metadata)),
+        *map(str, faults_of(ensemble.metadata)),
         f"{sound:,} of {count(n, 'machine')} {how} ({interval})",
     ]
-    share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
-    carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
+    method = METHOD.format("members" if ensemble.block == 1 else "points of the design")
+    carried = [Number("", "machines that complete", sound / n, _FOUR, low, high, explanation=method)]
     values = counted(members, by)
     if len(values) > 1:
         metric = metric_of(by)
         is_lower = metric.better == "larger"
         level = 1 - SHARE_TOLD if is_lower else SHARE_TOLD
         value = float(np.quantile(values, level))
-        ends = quantile_interval(values, level, independent=found.independent(are_counted(members, by)))
+        ends = quantile_interval(values, level, independent=ensemble.independent(are_counted(members, by)))
         told = f"{percent(SHARE_TOLD)} of them"
-        quantity = fine(metric.quantity, fineness_in(found))
+        quantity = fine(metric.quantity, fineness_in(ensemble))
         if is_lower:
             words = f"have a {metric.text} of at least {at_least(quantity, value)}"
         elif by == _PEAK:
@@ -234,19 +235,12 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         else:
             words = f"have a {metric.text} of at most {at_most(quantity, value)}"
         parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
-        carried.append(
-            Number(
-                "",
-                f"{metric.text}, {percent(level)} of members below",
-                value,
-                metric.quantity,
-                *ends,
-                explanation="interval of the quantile between order statistics, 95 % confidence",
-            )
-        )
+        name = f"{metric.text}, {percent(level)} of members below"
+        method = "interval of the quantile between order statistics, 95 % confidence"
+        carried.append(Number("", name, value, metric.quantity, *ends, explanation=method))
     if known is not None and known.order and known.explains:
         parts.append(_cause(known))
-    outside = list(found.metadata.get("outside", ()))
+    outside = list(ensemble.metadata.get("outside", ()))
     status: Status = "bad" if not sound else "good" if sound == n and not outside else "marginal"
     return Verdict(sentence([*outside[:1], *parts]), status, tuple(carried))
 
@@ -278,17 +272,17 @@ def _cause(known: Sensitivity) -> str | None:
     return f"{listed([*names, *unnamed])} matter alike ({listed(told)})"
 
 
-def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
+def ensemble_numbers(ensemble: EnsembleData) -> tuple[Number, ...]:
     """All metrics with a value for each member, NaN of those that did not complete; 95 % stay below the value.
 
     Of a metric that is better if larger, 95 % stay above.
     """
-    completed = (found.members[data.OUTCOME] == "completed").to_numpy()
+    completed = (ensemble.members[data.OUTCOME] == "completed").to_numpy()
     told = []
-    for name in found.metrics:
-        values = found.values(name)
+    for name in ensemble.metrics:
+        values = ensemble.values(name)
         of_members = values if name.startswith(data.MARGINS) else np.where(completed, values, np.nan)
-        told.append(number_of_members(name, of_members, found.block))
+        told.append(number_of_members(name, of_members, ensemble.block))
     return tuple(told)
 
 
@@ -383,14 +377,14 @@ def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
 
 
 def worst_table(
-    found: EnsembleData,
+    ensemble: EnsembleData,
     worst: Sequence[int],
     by: str,
     pages: Mapping[int, str] | None = None,
     inputs: Sequence[str] | None = None,
 ) -> Table:
     """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
-    metric, all_inputs = metric_of(by), found.varied if inputs is None else inputs
+    metric, all_inputs = metric_of(by), ensemble.varied if inputs is None else inputs
     inputs = all_inputs[:_MOST_COLUMNS]
     columns = (
         Column("member"),
@@ -398,14 +392,14 @@ def worst_table(
         Column(metric.text, metric.quantity),
         *(Column(name, quantity_of_input(name)) for name in inputs),
     )
-    merit = found.values(by)
+    merit = ensemble.values(by)
     rows: list[tuple[Cell, ...]] = []
-    row_of = {int(member): k for k, member in enumerate(found.members[data.MEMBER].to_list())}
-    drawn = [numbers(found.members, f"{data.VARIED}{name}") for name in inputs]
+    row_of = {int(member): k for k, member in enumerate(ensemble.members[data.MEMBER].to_list())}
+    drawn = [numbers(ensemble.members, f"{data.VARIED}{name}") for name in inputs]
     for member in worst:
         k = row_of[member]
         rows.append(
-            (member, str(found.members[data.OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn))
+            (member, str(ensemble.members[data.OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn))
         )
     links = tuple((pages or {}).get(member, "") for member in worst)
     return Table(
@@ -421,18 +415,18 @@ def worst_table(
     )
 
 
-def _notes(found: EnsembleData) -> tuple[Note, ...]:
-    warnings = [f"{text}; of factors, write {{ factor = … }}" for text in found.metadata.get("outside", ())]
-    warnings += [oscillation_warning(found.members), judgement_warning(found.members)]
-    if found.metadata.get("substeps") is not None and "tolerance" in found.metadata:
-        warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
-    notes, n = [Note(text, "warning") for text in warnings if text], found.members.height
-    combinations = found.metadata.get("combinations", 1)
+def _notes(ensemble: EnsembleData) -> tuple[Note, ...]:
+    warnings = [f"{text}; of factors, write {{ factor = … }}" for text in ensemble.metadata.get("outside", ())]
+    warnings += [oscillation_warning(ensemble.members), judgement_warning(ensemble.members)]
+    if ensemble.metadata.get("substeps") is not None and "tolerance" in ensemble.metadata:
+        warnings.append(integration_warning(ensemble.members, float(ensemble.metadata["tolerance"])))
+    notes, n = [Note(text, "warning") for text in warnings if text], ensemble.members.height
+    combinations = ensemble.metadata.get("combinations", 1)
     if n % combinations:
         remark = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
         notes.append(Note(f"{remark}: choose a multiple for shares and quantiles of the whole grids", "warning"))
-    text = _CONFIDENCE.get(found.metadata.get("sampling", "random"), "")
+    text = _CONFIDENCE.get(ensemble.metadata.get("sampling", "random"), "")
     if text:
-        text = text.format(points=f"{n // found.block:,}", members=f"{n:,}", block=found.block)
+        text = text.format(points=f"{n // ensemble.block:,}", members=f"{n:,}", block=ensemble.block)
         notes.append(Note(f"Confidence intervals are {text}"))
     return tuple(notes)

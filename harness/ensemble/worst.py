@@ -51,22 +51,16 @@ class Worst(NamedTuple):
         return replace(report, sections=sections, files=(*report.files, *beside))
 
 
-def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
-    """Run the nominal machine and the worst members again, and write their records.
-
-    Raises
-    ------
-    OSError
-        They cannot be written.
-    """
-    number = found.metadata["experiment"]["ensemble"]["worst"]
-    members = worst_members(found.members, worst_by(found), number)
+def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
+    """Run the nominal machine and the worst members again, and write their records."""
+    number = ensemble.metadata["experiment"]["ensemble"]["worst"]
+    members = worst_members(ensemble.members, worst_by(ensemble), number)
     shutil.rmtree(folder / WORST, ignore_errors=True)  # those of an older run
     if not members:
         return Worst({}, None, "")
     links, names = {}, ["nominal machine", *(f"member {member}" for member in members)]
     folders = [f"{WORST}/nominal", *(f"{WORST}/member-{member}" for member in members)]
-    records = records_of(plan_from(found.metadata["plan"]), [None, *members])
+    records = records_of(plan_from(ensemble.metadata["plan"]), [None, *members])
     page = ""
     if pages:
         from gough_stewart.harness.report.page import PAGE
@@ -84,13 +78,10 @@ def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
     return Worst(links, _beside_nominal(records[0], records[1], members[0], page, links[members[0]]), page)
 
 
-def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", own: str = "") -> Section:
+def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", own_page: str = "") -> Section:
     """What a member does otherwise than the nominal machine: metrics, signals over each other, and differences.
 
-    Parameters
-    ----------
-    page, own
-        Addresses of a page of both, and of the member alone, which stands in for it; "" for none.
+    `page` is the address of a page of both, `own_page` that of the member alone, which stands in for it; "" for none.
     """
     charts: list[Chart] = []
     for title, name, quantity, kind in _SIGNALS:
@@ -110,7 +101,7 @@ def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "",
             y = Axis("difference", quantity)
             charts.append(Chart(f"{title}, difference", time_axis(common), series, y=y, group="beside"))
     return Section(
-        f"Worst member, {member}, beside the nominal machine", (_table(nominal, worst, member, page, own), *charts)
+        f"Worst member, {member}, beside the nominal machine", (_table(nominal, worst, member, page, own_page), *charts)
     )
 
 
@@ -124,19 +115,15 @@ def _curve(record: Record, name: str, kind: str) -> tuple[FloatArray, FloatArray
     return part["time"], np.asarray(curve)
 
 
-def _table(nominal: Record, worst: Record, member: int, page: str, own: str) -> Table:
+def _table(nominal: Record, worst: Record, member: int, page: str, own_page: str) -> Table:
     measured = [metrics(record) for record in (nominal, worst)]
     flat = [flattened(of_record) for of_record in measured]
     shown = [path for path in _METRICS if any(of_record.get(path) is not None for of_record in flat)]
-    rows: list[tuple[Cell, ...]] = [
-        (
-            name,
-            outcome_text(of_record["outcome"]),
-            *(Value(values.get(path), metric_of(path).quantity) for path in shown),
-        )
-        for name, of_record, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True)
-    ]
+    rows: list[tuple[Cell, ...]] = []
+    for name, of_record, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True):
+        numbers = (Value(values.get(path), metric_of(path).quantity) for path in shown)
+        rows.append((name, outcome_text(of_record["outcome"]), *numbers))
     columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
-    links = ("", page or own) if page or own else ()
+    links = ("", page or own_page) if page or own_page else ()
     note = f"On the page, member {member} leads to both machines in 3-D." if page else ""
     return Table("", columns, tuple(rows), links=links, note=note)

@@ -241,15 +241,9 @@ def frf(
     )
 
 
-def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
-    """Notes on whether the experiment's controller is that of the run.
-
-    Raises
-    ------
-    ControllerError
-        It is not, or executes code, and nobody has asked for it.
-    """
-    notes, code = [], own.controller.code
+def _doubts_of_controller(record: Record, experiment_of_run: Experiment, is_given: bool) -> list[str]:
+    """Notes on whether the experiment's controller is that of the run."""
+    notes, code = [], experiment_of_run.controller.code
     if "controller" in record.metadata.get("replaced", []):
         if not is_given:
             raise ControllerError(
@@ -261,7 +255,7 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
             f"it would execute {', '.join(code)}, which the record names; if you trust this file, give the run's "
             "experiment: --experiment FILE.toml, or frf(…, experiment=…)"
         )
-    then, now = record.metadata.get("files", {}), digests(own) if code else {}
+    then, now = record.metadata.get("files", {}), digests(experiment_of_run) if code else {}
     executed = [name for name in now if name in code or name.endswith(".py")]
     changed = [name for name in executed if name in then and then[name] != now[name]]
     if changed:
@@ -319,35 +313,18 @@ def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
     seen = result.measured
     size, is_known = np.abs(seen.S), loop_is_known(seen)
     peak = int(size.argmax())
-    within = None
+    largest, radius, within = float(size[peak]), float(seen.radius[peak]), None
     if result.predicted is not None:
         within = float((np.abs(seen.S - 1 / (1 + result.predicted)) <= seen.radius).mean())
     return (
-        Number(
-            "S.peak",
-            "largest |S|",
-            float(size[peak]),
-            _PLAIN,
-            float(size[peak] - seen.radius[peak]),
-            float(size[peak] + seen.radius[peak]),
-            explanation="the largest amplification of a disturbance, with its 95 % confidence",
-        ),
+        Number("S.peak", "largest |S|", largest, _PLAIN, largest - radius, largest + radius,
+               explanation="the largest amplification of a disturbance, with its 95 % confidence"),
         Number("L.crossover", "crossover of L", _crossover(result, is_known), FREQUENCY, explanation="where |L| is 1"),
-        Number(
-            "L.known",
-            "frequencies at which L is known",
-            float(is_known.mean()),
-            SHARE,
-            explanation="where the 95 % confidence of L leaves 0 out",
-        ),
-        Number(
-            "agreement",
-            "agreement of S with the linear model",
-            within,
-            SHARE,
-            explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if the "
-            "model were exact and friction linear",
-        ),
+        Number("L.known", "frequencies at which L is known", float(is_known.mean()), SHARE,
+               explanation="where the 95 % confidence of L leaves 0 out"),
+        Number("agreement", "agreement of S with the linear model", within, SHARE,
+               explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if "
+               "the model were exact and friction linear"),
         Number("coherence", "least coherence", float(seen.coherence.min()), _COHERENCE,
                explanation="share of the force that the injection explains, of S and T"),
     )  # fmt: skip

@@ -382,11 +382,6 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
 
     Lifted: x⁺ = M x over the least common multiple of both clocks; the root of M's largest |eigenvalue| for as many
     samples as there are.
-
-    Raises
-    ------
-    ControllerError
-        Too many states.
     """
     loop, timing, reading_time, where = (
         prepared.loop,
@@ -448,10 +443,10 @@ def robustness_of(experiment: Experiment) -> Robustness | None:
     return Robustness(of_loop.disk.alpha, of_loop.disk.frequency, of_loop.disk.gain, of_loop.doubt)
 
 
-def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
+def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **replaced: Any) -> StateSpace:
     """L(z) of an experiment's loop around a plant, its platform or a machine, with a controller for its platform.
 
-    In the first pose of the reference, or with `other` arguments of `loop_transfer`, `sample_time` among them.
+    In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, (position, orientation) = prepared.loop, _pose(prepared)
     usual = {
@@ -462,7 +457,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
         "position": position,
         "orientation": orientation,
     }
-    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | other)
+    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | replaced)
 
 
 def _pose(prepared: Prepared) -> tuple[FloatArray, FloatArray]:
@@ -476,9 +471,9 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
     machine, sample_time = prepared.machine, prepared.loop.timing.sample_time
     delay, lag, late = prepared.loop.actuators.delay, prepared.loop.actuators.lag, prepared.loop.worst_delay
 
-    def is_stable_with(plant: Platform = machine, law: LinearController = controller, **other: Any) -> bool:
+    def is_stable_with(plant: Platform = machine, law: LinearController = controller, **replaced: Any) -> bool:
         try:
-            return is_stable(transfer_of(prepared, plant, law, **other))
+            return is_stable(transfer_of(prepared, plant, law, **replaced))
         except ControllerError:  # too many states
             return False
 
@@ -548,7 +543,22 @@ def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
                explanation="of all modes of the closed loop", doubt=doubt),
     )  # fmt: skip
     believed = () if analysis.believed is None else _numbers_of_margins(analysis.believed, "believed ", doubt)
-    return (*of_machine, *believed, *_structural_numbers(analysis.structure))
+    structure = analysis.structure
+    if structure is None or not structure.modes:
+        return (*of_machine, *believed)
+    first = structure.modes[0]
+    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
+    return (
+        *of_machine,
+        *believed,
+        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
+               explanation="of the platform on its legs, with motors that are free"),
+        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
+        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
+               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
+        Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
+               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
+    )  # fmt: skip
 
 
 def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Number, ...]:
@@ -585,23 +595,6 @@ def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Numbe
         Number(f"{loop}.{path}", f"{whose}{name}", value, quantity, explanation=explanation, doubt=doubt)
         for path, (name, value, quantity, explanation) in rows.items()
     )
-
-
-def _structural_numbers(structure: LoopStructure | None) -> tuple[Number, ...]:
-    """Of legs that give."""
-    if structure is None or not structure.modes:
-        return ()
-    first = structure.modes[0]
-    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
-    return (
-        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
-               explanation="of the platform on its legs, with motors that are free"),
-        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
-        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
-               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
-        Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
-               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
-    )  # fmt: skip
 
 
 def _margin_tables(analysis: LoopMargins) -> tuple[Table, ...]:

@@ -589,7 +589,32 @@ class Preparation:
         elif isinstance(controller, UnitController):
             forces = np.zeros_like(forces)
 
-        turned, forces = self._turned(tables, platform, planned, controller, forces)
+        # changes of the loop's settings at their samples, and the feedforward with them
+        turned = list[Change]()
+        choices = sorted((change for change in tables["change"] if change.has_settings), key=lambda change: change.at)
+        with part_of(where, "change"):
+            if choices and (self.controller is not None or not isinstance(controller, LinearController | None)):
+                raise ControllerError("settings of the loop change, which only those of linear controllers can")
+            forces = forces.copy() if choices else forces
+            law_choice, sensors, delay, force_limit = choice, tables["sensors"], loop.delay, drives.force_limit
+            for change in choices:
+                sample = -(-timing.row(change.at, "a change") // timing.steps_a_sample)
+                new = {name: getattr(change, name) for name in ("noise", "quantisation")}
+                sensors = sensors.model_copy(update={name: size for name, size in new.items() if size is not None})
+                law_choice, force_limit = change.controller or law_choice, change.force_limit or force_limit
+                delay = delay if change.delay is None else change.delay
+                law = self._controller(law_choice, platform)
+                if _structure(law) != _structure(controller):
+                    raise ControllerError(
+                        f"controller at {change.at:g} s has the structure {_structure(law)}; expected that of the "
+                        f"experiment's, {_structure(controller)}"
+                    )
+                most = limited_platform(platform, force_limit).actuator_force_max
+                actuators = Actuators(most, drives.rate_limit, drives.lag, delay)
+                settings = LoopSettings(getattr(law, "system", None), Sensors(**dict(sensors)), actuators)
+                turned.append(Change(sample * timing.sample_time, settings=settings))
+                ahead = self._feedforward(law_choice.feedforward, delay, platform, planned)
+                forces[sample:] = law_choice.planned(ahead)[sample:]
 
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
@@ -606,50 +631,9 @@ class Preparation:
             injection=once(self._injection, tables["injection"], platform, planned, injection),
             actuators=Actuators(limited.actuator_force_max, drives.rate_limit, drives.lag, loop.delay),
             limits=Limits(stroke, self.experiment.limits.stroke, bound),
-            turned=turned,
+            turned=tuple(change for change in turned if change.time < timing.duration),
             gains=MappingProxyType(choice.design(platform, timing.sample_time).parameters),
         )
-
-    def _turned(
-        self,
-        tables: Mapping[str, Any],
-        platform: Platform,
-        planned: Planned | None,
-        controller: Controller | None,
-        forces: FloatArray,
-    ) -> tuple[tuple[Change, ...], FloatArray]:
-        """Changes of the loop's settings at their samples, and the feedforward (m, 6) [N] with them."""
-        choice, drives, loop, sensors = (tables[name] for name in ("controller", "actuators", "loop", "sensors"))
-        choices = sorted((c for c in tables["change"] if c.has_settings), key=lambda change: change.at)
-        turned, forces, timing = list[Change](), forces.copy() if choices else forces, self._timing
-        with part_of(self._where, "change"):
-            if choices and (self.controller is not None or not isinstance(controller, LinearController | None)):
-                raise ControllerError("settings of the loop change, which only those of linear controllers can")
-            for change in choices:
-                sample = -(-timing.row(change.at, "a change") // timing.steps_a_sample)
-                new = {name: getattr(change, name) for name in ("noise", "quantisation")}
-                sensors = sensors.model_copy(update={name: size for name, size in new.items() if size is not None})
-                choice = change.controller or choice
-                delay = loop.delay if change.delay is None else change.delay
-                loop = loop.model_copy(update={"delay": delay})
-                drives = drives.model_copy(update={"force_limit": change.force_limit or drives.force_limit})
-                law = self._controller(choice, platform)
-                if _structure(law) != _structure(controller):
-                    raise ControllerError(
-                        f"controller at {change.at:g} s has the structure {_structure(law)}; expected that of the "
-                        f"experiment's, {_structure(controller)}"
-                    )
-                limit = limited_platform(platform, drives.force_limit).actuator_force_max
-                settings = LoopSettings(
-                    getattr(law, "system", None),
-                    Sensors(**dict(sensors)),
-                    Actuators(limit, drives.rate_limit, drives.lag, delay),
-                )
-                turned.append(Change(sample * timing.sample_time, settings=settings))
-                forces[sample:] = choice.planned(self._feedforward(choice.feedforward, delay, platform, planned))[
-                    sample:
-                ]
-        return tuple(change for change in turned if change.time < timing.duration), forces
 
     @cached_property
     def _timing(self) -> Timing:
@@ -787,13 +771,7 @@ def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> P
 
 
 def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
-    """The nominal model, and the machine.
-
-    Raises
-    ------
-    ExperimentError
-        An invalid one.
-    """
+    """The nominal model, and the machine."""
     _, nominal, base = Preparation(experiment)._believed({})
     parameters = experiment.plant.parameters
     with part_of(experiment.where, "plant"):
@@ -808,13 +786,7 @@ def limited_platform(platform: Platform, force_limit: float | str) -> Platform:
 
 
 def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
-    """The clocks of a run, with their jitter.
-
-    Raises
-    ------
-    ExperimentError
-        Clocks that do not fit each other, or a delay as long as the run.
-    """
+    """The clocks of a run, with their jitter."""
     with part_of(experiment.where, "loop"):
         step = loop.plant_step or loop.sample_time
         timing = Timing(loop.duration, loop.sample_time, step, loop.jitter, experiment.sensors.seed)
@@ -829,13 +801,7 @@ def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
 def reference_motion(
     experiment: Experiment, choice: ReferenceChoice, limited: Platform, timing: Timing
 ) -> tuple[Reference, Motion]:
-    """The reference, and its motion at every row, whether or not the platform can follow it.
-
-    Raises
-    ------
-    ExperimentError
-        An invalid one, or one that is faster than the samples can tell.
-    """
+    """The reference, and its motion at every row, whether or not the platform can follow it."""
     with part_of(experiment.where, "reference"):
         reference = choice.about(limited, experiment.folder)
         if not choice.highest_frequency < 0.5 / timing.sample_time:

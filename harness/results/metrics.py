@@ -97,12 +97,13 @@ def metrics(record: RecordData) -> Metrics:
     reference = np.hstack([finite[name] for name in poses]) if all(name in finite for name in poses) else None
     parts = dict[str, Any]()
     if n:
+        time, planned = record["time"], record.metadata.get("duration") or 0.0
         folds = metric_folds(
             finite["time"],
             reference,
             finite.metadata["platform"],
             lambda name: column_of_drives(finite, name) in finite,
-            is_whole=n == record.table.height and not _ended_early(record),
+            is_whole=n == record.table.height and bool(time[-1] - time[0] >= planned * (1 - 1e-9)),
         )
         columns = dict[str, NDArray[Any]]()
         for name in dict.fromkeys(name for fold in folds for name in fold.needs):
@@ -131,12 +132,6 @@ def metrics(record: RecordData) -> Metrics:
         parts["stroke"].setdefault("exceeded", None)
     names = ("duration", "tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
     return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
-
-
-def _ended_early(record: RecordData) -> bool:
-    """Whether its rows do not reach the end that the run was to have."""
-    time, planned = record["time"], record.metadata.get("duration") or 0.0
-    return bool(time[-1] - time[0] < planned * (1 - 1e-9))
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:

@@ -57,19 +57,19 @@ _SIZES = {
 }
 
 
-class _Part(BaseModel):
+class _KnownKeys(BaseModel):
     """Types of known keys; other keys are allowed."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
 
-class _Outcome(_Part):
+class _Outcome(_KnownKeys):
     status: str
     time: float
     cause: str | None = None
 
 
-class _Experiment(_Part):
+class _Experiment(_KnownKeys):
     description: str = ""
     reference: _Table | None = None
     controller: _Table | None = None
@@ -82,7 +82,7 @@ class _Experiment(_Part):
     disturbance: list[_Table] | None = None
 
 
-class _Metadata(_Part):
+class _Metadata(_KnownKeys):
     title: str = ""
     plant: str | None = None
     rows: int | None = None
@@ -257,13 +257,7 @@ def machine_of(record: Record) -> Platform:
 
 
 def platform_of(record: Record, key: str = "platform") -> Platform:
-    """The nominal platform of a run, which its controller was designed for, or another one of the metadata.
-
-    Raises
-    ------
-    RecordError
-        The metadata have no platform.
-    """
+    """The nominal platform of a run, which its controller was designed for, or another one of the metadata."""
     try:
         return Platform(**record.metadata[key])
     except (KeyError, TypeError) as error:
@@ -297,13 +291,7 @@ def _some(names: list[str]) -> str:
 
 
 def _check_metadata(metadata: Any) -> None:
-    """Refuse metadata with a value of another type than `gough-stewart run` writes.
-
-    Raises
-    ------
-    RecordError
-        Names the key and the expected type.
-    """
+    """Refuse metadata with a value of another type than `gough-stewart run` writes."""
     if not isinstance(metadata, dict):
         raise RecordError("has no metadata of a run")
     try:
@@ -317,13 +305,7 @@ def _check_metadata(metadata: Any) -> None:
 
 
 def _check_table(table: polars.DataFrame, rows: int | None) -> None:
-    """Refuse a table that cannot be a whole run with this number of rows (None: unknown).
-
-    Raises
-    ------
-    RecordError
-        A column or row is missing or wrong; the message names it.
-    """
+    """Refuse a table that cannot be a whole run with this number of rows (None: unknown)."""
     if "time" not in table.columns:
         raise RecordError("has no column 'time'; expected one with the times of the rows")
     if not table.height:

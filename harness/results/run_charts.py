@@ -363,26 +363,20 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
 def limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
     """When a limit of the drives acts on any leg, or a leg exceeds what the machine allows."""
     time = record["time"]
-    flags: dict[str, tuple[str, Role]] = {
+    is_beyond = {name: share > 1 for name, share in shares_of_limits(record, machine.as_dict()).items()}
+    is_beyond |= {name: record[f"flag.{name}"].astype(bool) for name in FLAGS if f"flag.{name}" in record}
+    shown_limits: dict[str, tuple[str, Role]] = {
         "force_limited": ("force at its limit", "bad"),
         "rate_limited": ("force rate at its limit", "neutral"),
         "stroke_exceeded": ("beyond the stroke", "marginal"),
-    }
-    beyond: dict[str, tuple[str, Role]] = {
         "leg_velocity_max": ("leg speed beyond its limit", "published"),
         "actuator_power_max": ("power beyond its limit", "measured"),
     }
-    strips = [
-        strip_of(text, time, record[f"flag.{name}"].astype(bool).any(axis=1), role)
-        for name, (text, role) in flags.items()
-        if f"flag.{name}" in record
-    ]
-    shares = shares_of_limits(record, machine.as_dict())
-    strips += [
-        strip_of(text, time, (shares[name] > 1).any(axis=1), role)
-        for name, (text, role) in beyond.items()
-        if name in shares
-    ]
+    strips = (
+        strip_of(text, time, is_beyond[name].any(axis=1), role)
+        for name, (text, role) in shown_limits.items()
+        if name in is_beyond
+    )
     return tuple(strip for strip in strips if strip is not None)
 
 

@@ -59,7 +59,7 @@ class Robustness(NamedTuple):
         return 20 * math.log10(self.gain[1]) if math.isfinite(self.gain[1]) and self.gain[1] > 0 else math.inf
 
 
-class _Part(NamedTuple):
+class _VerdictPart(NamedTuple):
     """A part of the verdict, whether it is a reason to worry, and its number."""
 
     text: str
@@ -92,12 +92,14 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
                 f"{step['axis']} has not settled to 2 % within {about(TIME, outcome['time'] - step['at'])} of its step"
             )
         )
-        parts.append(_Part(text, late is not None, Number(path, "settling time", duration, TIME)))
+        parts.append(_VerdictPart(text, late is not None, Number(path, "settling time", duration, TIME)))
     if robustness is not None:
         number = Number("margins.disk", "disk margin", robustness.alpha, NUMBER)
         size = at_least(DECIBEL, robustness.decibels) if math.isfinite(robustness.decibels) else "any gain"
-        parts.append(_Part(f"{size} to the disk margin", robustness.alpha < _FRAIL, number))
-    parts = parts or [_Part(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")]
+        parts.append(_VerdictPart(f"{size} to the disk margin", robustness.alpha < _FRAIL, number))
+    parts = parts or [
+        _VerdictPart(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")
+    ]
     oscillation = Oscillation(**outcome["oscillation"]) if outcome.get("oscillation") else None
     if oscillation is not None:
         size = at_most(fine(LENGTH, fineness), oscillation.amplitude)
@@ -105,7 +107,7 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
         motion = f"leg {oscillation.leg} oscillates by {size}{rate}"
         if oscillation.is_growing:
             motion = f"unstable: the error of leg {oscillation.leg} grows to {size}{rate}"
-        parts.insert(0, _Part(f"{motion} although nothing acts on the loop", True))
+        parts.insert(0, _VerdictPart(f"{motion} although nothing acts on the loop", True))
     numbers = tuple(part.number for part in parts if part.number is not None)
     is_beyond = any(number.margin is not None and number.margin < 0 for number in numbers)
     status: Status = "good" if measured["tracking"] else "told"
@@ -128,7 +130,7 @@ def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = Non
     return tuple(numbers)
 
 
-def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_Part]:
+def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_VerdictPart]:
     """How far the platform is from its reference; of a run without one, how far it goes."""
     tracking, length = measured["tracking"] or {}, fine(LENGTH, fineness)
     if "position" not in tracking:
@@ -136,7 +138,7 @@ def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) 
             return []
         position = record["position"]
         distance = float(np.linalg.norm(position - position[0], axis=1).max())
-        return [_Part(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
+        return [_VerdictPart(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
     # of a jump, the error is the step itself at first: what is left at the end counts
     kind, text = (
         ("norm_final", "ends within {} of its reference after the step")
@@ -147,13 +149,13 @@ def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) 
     metric = metric_of(f"tracking.position.{kind}")
     number = Number(metric.path, metric.text, position, metric.quantity)
     if position is None:
-        return [_Part("its error at the end is not known", True, number)]
+        return [_VerdictPart("its error at the end is not known", True, number)]
     size = at_most(length, position)
     # an angle matters by what it moves at the joints
     lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
     if orientation is not None and orientation * lever > _SMALL * position:
         size += f" and {at_most(fine(ANGLE, fineness), orientation)}"
-    return [_Part(text.format(size), number=number)]
+    return [_VerdictPart(text.format(size), number=number)]
 
 
 def _jumps(record: RecordData, measured: Mapping[str, Any]) -> bool:
@@ -167,7 +169,7 @@ def _jumps(record: RecordData, measured: Mapping[str, Any]) -> bool:
     return False
 
 
-def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_Part]:
+def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_VerdictPart]:
     """The limit of which the legs use most; the forces if no limit is stated; what was saturated or left its stroke."""
     if not measured["force"]:
         return []
@@ -194,22 +196,26 @@ def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) ->
             text = f"forces {percent(share)} of what the drives have"
         else:
             text = f"leg {leg} uses {percent(share)} of its {_LIMITED[limit.name]}"
-        parts.append(_Part(text, share > _NEAR, number))
+        parts.append(_VerdictPart(text, share > _NEAR, number))
     else:
         peak = max(force for force in measured["force"]["peak"] if force is not None)
         number = Number("force.peak", "peak force", peak, FORCE)
-        parts.append(_Part(f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known", number=number))
+        parts.append(
+            _VerdictPart(f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known", number=number)
+        )
     for name, text in (
         ("force_limited", "forces at the drives' limit"),
         ("rate_limited", "forces at the drives' rate limit"),
     ):
         share = (saturation.get(name) or {}).get("any")
         if share:
-            parts.append(_Part(f"{text} for {percent(share)} of the time", True))
+            parts.append(_VerdictPart(f"{text} for {percent(share)} of the time", True))
     margin = (measured["stroke"] or {}).get("margin")
     if margin is not None and margin < 0:
         number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)
-        parts.append(_Part(f"a leg is {at_most(fine(LENGTH, fineness), -margin)} beyond its stroke", True, number))
+        parts.append(
+            _VerdictPart(f"a leg is {at_most(fine(LENGTH, fineness), -margin)} beyond its stroke", True, number)
+        )
     return parts
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import polars
 import pytest
 from rich.console import Console
-from scipy.stats import sobol_indices
 
 from gough_stewart.harness.ensemble.charts import FIGURES
 from gough_stewart.harness.ensemble.compare import compare, comparison_report
 from gough_stewart.harness.ensemble.data import integration_warning
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, ensemble_verdict, sensitivity_table
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, ensemble_verdict
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
@@ -94,18 +93,6 @@ def test_all_members_count_in_the_regression_and_what_does_not_is_named() -> Non
     np.testing.assert_allclose(halves.main, joint, atol=0.02)
 
 
-def test_inputs_without_a_coefficient_are_named() -> None:
-    """Expected: the one that is the same for all members that completed; members that did not are counted."""
-    x = normal(300)
-    x[:290, 3] = 0.5
-    found = sensitivity(ensemble_of(x, ["completed"] * 290 + ["diverged"] * 10), PEAK)
-    assert (found.used, found.left_out, found.without) == (290, 10, (INPUTS[3],))
-    assert found.inputs == INPUTS[:3]
-    assert "left out: 10 not completed or without a value" in found.remark
-    assert f"the same for all of these members: {INPUTS[3]}" in found.remark
-    assert "left out: 10 " in sensitivity_table(found).note
-
-
 def test_a_confidence_that_is_not_known_is_none() -> None:
     """Expected: of an input that differs in one member of 40, resamples without it have no coefficient, others do."""
     x = normal(40)
@@ -157,38 +144,6 @@ def test_sobol_indices_are_those_of_the_closed_form() -> None:
     np.testing.assert_allclose(product.total, [1, 1, 0, 0], atol=0.1)
 
 
-def test_sobol_indices_and_their_confidence_agree_with_scipy() -> None:
-    """Expected: `scipy.stats.sobol_indices` of the same members, and its bootstrap, up to the noise of resampling."""
-    n, known = 1024, np.flatnonzero(SLOPES)  # of an input without influence, SciPy has no interval
-    A, B = normal(2 * n).reshape(2, n, len(INPUTS))
-    rows = [A, *(np.where(np.arange(len(INPUTS)) == k, B, A) for k in range(len(INPUTS))), B]
-    ensemble = ensemble_of(np.stack(rows, axis=1).reshape(-1, len(INPUTS)), sampling="saltelli")
-    found = sensitivity(ensemble, PEAK)
-    y = ensemble.values(PEAK).reshape(n, -1).T
-    expected = sobol_indices(func={"f_A": y[:1], "f_AB": y[1 + known, None], "f_B": y[-1:]}, n=n)
-    interval = expected.bootstrap(confidence_level=0.95, n_resamples=999)
-    assert found.total is not None
-    assert found.total_confidence is not None
-    for index, half, same, bounds, noise in (
-        (found.main, found.main_confidence, expected.first_order, interval.first_order, 5e-3),  # another mean
-        (found.total, found.total_confidence, expected.total_order, interval.total_order, 1e-12),
-    ):
-        np.testing.assert_allclose(index[known], np.ravel(same), atol=noise)
-        low, high = bounds.confidence_interval
-        np.testing.assert_allclose(half[known], np.ravel(high - low) / 2, rtol=0.25)
-
-
-def test_a_point_of_which_a_member_failed_is_left_out_whole() -> None:
-    """Expected: the indices of the others; six members are missing, those of a point of four inputs."""
-    design = SamplingDesign("saltelli", 5, 6 * 512, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
-    x = np.sqrt(12) * (design.points(0, design.members) - 0.5)
-    outcome = ["completed"] * len(x)
-    outcome[6 * 100 + 3] = "diverged"
-    found = sensitivity(ensemble_of(x, outcome, sampling="saltelli"), PEAK)
-    assert (found.used, found.left_out) == (6 * 511, 6)
-    np.testing.assert_allclose(found.main, SLOPES**2 / (SLOPES @ SLOPES), atol=0.05)
-
-
 def test_what_cannot_be_said_is_refused_with_the_reason() -> None:
     """Expected: the message names the metric, and what is missing."""
     ensemble = ensemble_of(normal(40))
@@ -219,19 +174,6 @@ def test_tables_are_whole_in_eighty_columns() -> None:
         assert not [
             line for line in cut if "diverged" not in line and "impossible" not in line and "stopped" not in line
         ]
-
-
-def test_the_page_links_its_worst_members_and_is_the_same_each_time() -> None:
-    """Expected: a link where there is a page, none where there is none; nothing of the network."""
-    ensemble = failing()
-    found = sensitivity(ensemble, PEAK)
-    pages = {17: "worst/member-17/report.html", 5: ""}
-    page = page_of(ensemble_report(ensemble, PEAK, found, pages)).decode()
-    assert '<a href="worst/member-17/report.html">17</a>' in page
-    assert 'data-member="5"' in page
-    assert page.count("<a href=") == 1
-    assert "default-src 'none'" in page
-    assert page == page_of(ensemble_report(ensemble, PEAK, found, pages)).decode()
 
 
 def test_charts_leave_out_what_is_not_there() -> None:

@@ -282,20 +282,6 @@ def test_names_that_are_not_there_are_refused_before_anything_runs(what: str, tm
     assert list(tmp_path.iterdir()) == []
 
 
-def test_margins_are_those_of_each_members_machine() -> None:
-    """Expected: `gs.margins` of an experiment that believes in the member's mass, with the gains as they are."""
-    still = {"loop.duration": 0.02, "reference": {"type": "hold"}}
-    table = {"margins": True, "members": 1, "platform_mass": {"choice": [1300, 1400]}}
-    found = gs.ensemble(gs.load_experiment("heave_step", {**still, "ensemble": table}), workers=1).members
-    gains = gs.PD(bandwidth=2, damping_ratio=0.8).gains(gs.load_preset("motion_base"))
-    controller = gs.PD(
-        proportional_gain=gains.proportional, derivative_gain=gains.derivative, derivative_on="measurement"
-    )
-    by_hand = {**still, "platform.parameters.platform_mass": found["varied.platform_mass"][0], "controller": controller}
-    assert found["margins.disk"][0] == pytest.approx(gs.margins("heave_step", by_hand).disk.alpha, rel=1e-6)
-    assert found["margins.stable"][0] == 1.0
-
-
 def test_a_member_without_margins_is_a_row_with_its_cause() -> None:
     """Expected: 60 samples of delay are 360 states and 18 more, above 300; the other members have their margins.
 

@@ -140,37 +140,30 @@ def test_the_page_of_a_large_ensemble_has_every_member(large: Ensemble) -> None:
     assert not re.search("Quantiles are without|first 10,000|Not completed", small)
 
 
-def test_a_page_without_seed_and_of_another_design_says_so() -> None:
-    """Expected: the name of the design in words, no seed; that intervals are as if members were independent."""
-    found = ensemble_of(normal(30), sampling="latin_hypercube")
+EVENLY = "as if members were drawn independently; the members of {} cover the ranges more evenly"
+DESIGNS = {
+    "random": ("drawn at random", ""),
+    "latin_hypercube": ("of a Latin hypercube", EVENLY.format("a Latin hypercube")),
+    "sobol": ("of a Sobol sequence", EVENLY.format("a Sobol sequence")),
+    "saltelli": (
+        "of Saltelli's design",
+        "of 5 points, not of 30 members: the 6 members of a point of Saltelli's design share their numbers",
+    ),
+}
+
+
+@pytest.mark.parametrize("sampling", DESIGNS)
+def test_the_design_and_what_it_means_for_confidence_are_told(sampling: str) -> None:
+    """Expected: no note on independent members; of Sobol points what may make the intervals too narrow; no seed."""
+    found = ensemble_of(normal(30), sampling=sampling)
     bare = Ensemble(found.members, found.bands, {k: v for k, v in found.metadata.items() if k != "seed"})
-    said = words_of(page_of(ensemble_report(bare, PEAK)))
-    assert "30 members of a Latin hypercube" in said
-    assert "seed" not in said
-    assert "the members of a Latin hypercube cover the ranges more evenly" in said
-
-
-@pytest.mark.parametrize(
-    ("sampling", "told"),
-    [
-        ("random", None),
-        (
-            "sobol",
-            "as if members were drawn independently; the members of a Sobol sequence cover the ranges more evenly",
-        ),
-        (
-            "saltelli",
-            "of 5 points, not of 30 members: the 6 members of a point of Saltelli's design share their numbers",
-        ),
-    ],
-)
-def test_the_note_on_confidence_is_that_of_the_design(sampling: str, told: str | None) -> None:
-    """Expected: nothing of independent members; of Sobol points what may make the intervals too narrow."""
-    notes = [note.text for note in ensemble_report(ensemble_of(normal(30), sampling=sampling), PEAK).notes]
-    assert len(notes) == (told is not None)
-    if told is not None:
-        assert told in notes[0]
-        assert "product of two of many inputs they may be too narrow" in notes[0]
+    report, (drawn, told) = ensemble_report(bare, PEAK), DESIGNS[sampling]
+    assert report.lead == f"30 members {drawn}"
+    notes = [note.text for note in report.notes]
+    assert len(notes) == bool(told)
+    assert told in "".join(notes)
+    is_sobol = sampling in ("sobol", "saltelli")
+    assert ("product of two of many inputs they may be too narrow" in "".join(notes)) == is_sobol
 
 
 @pytest.mark.parametrize(("members", "are_even"), [(6, True), (12, True), (14, False), (4, False)])

@@ -38,14 +38,6 @@ def experiment(stated: dict[str, float] = WIDE, folder: Path = Path(), **tables:
     return gs.Experiment(**(values | tables)).from_file("sway.toml", folder)
 
 
-def test_the_force_limit_is_that_of_the_actuators() -> None:
-    """Expected: the force share counted of 500 N, where the platform states 640 N; none without a limit."""
-    of_platform, of_file = (gs.check(experiment(actuators={"force_limit": f})).shares for f in ("platform", "0.5 kN"))
-    assert np.allclose(of_file.of["actuator_force_max"], of_platform.of["actuator_force_max"] * 640 / 500, rtol=1e-12)
-    assert np.allclose(of_file.of["stroke"], of_platform.of["stroke"], rtol=1e-12)
-    assert "actuator_force_max" not in gs.check(experiment(actuators={"force_limit": "none"})).shares.of
-
-
 FITS: dict[str, tuple[dict[str, float], Literal["time", "amplitude"]]] = {
     "slower for the velocity": ({"leg_velocity_max": 0.7}, "time"),
     "smaller for the velocity": ({"leg_velocity_max": 0.7}, "amplitude"),

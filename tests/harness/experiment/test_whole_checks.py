@@ -334,27 +334,6 @@ def test_the_text_names_the_largest_of_everything(said: Said) -> None:
     assert 0.1 < small < 1
 
 
-@pytest.mark.parametrize("fit", ["time", "amplitude"])
-def test_the_factor_is_that_at_which_the_largest_share_is_one(said: Said, fit: str) -> None:
-    """Expected: 99.9 % of the change is too little, the whole of it enough, on the rows of the slower run."""
-    fitted = said.found.fitted("time" if fit == "time" else "amplitude")
-    assert fitted.within
-    assert fitted.shares.largest.share == pytest.approx(1, abs=1e-5)
-    reference = fitted.experiment.reference
-    assert reference is not None
-    if fit == "time":
-        assert reference.time_scale == pytest.approx(said.values["time_factor"], rel=1e-3)
-        assert fitted.experiment.loop.duration == pytest.approx(STEPS * H * reference.time_scale, abs=H)
-        nearly = {
-            "reference.time_scale": 0.999 * reference.time_scale,
-            "loop.duration": fitted.experiment.loop.duration,
-        }
-    else:
-        assert reference.amplitude_scale == pytest.approx(said.values["amplitude_factor"], rel=1e-6)
-        nearly = {"reference.amplitude_scale": reference.amplitude_scale / 0.999}
-    assert not gs.check(said.experiment, nearly).within
-
-
 def test_limits_that_are_not_stated_are_named(said: Said) -> None:
     """Expected: in the words of the table, in the order of the list in the documentation."""
     parameters = {"leg_acceleration_max": 50.0, "leg_velocity_max": 9.0, "joint_angle_max": 0.9}

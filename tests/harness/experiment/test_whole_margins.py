@@ -281,9 +281,6 @@ def test_charts_have_the_loops_of_the_legs(said: Said) -> None:
         loop = leg_loop(everything, k)
         assert gain.series[k].leg == k + 1
         np.testing.assert_allclose(gain.series[k].values, np.abs(loop), rtol=1e-4)
-        angles = phase.series[k].values
-        seen = np.isfinite(angles)
-        np.testing.assert_allclose(np.exp(1j * angles[seen]), (loop / np.abs(loop))[seen], atol=1e-4)
     ups, downs = ([leg[name] for leg in said.values["margins"]["legs"]] for name in ("gain_up", "gain_down"))
     spans = [(span.low, span.high) for span in gain.spans]
     assert spans == [pytest.approx(ends) for ends in [(1 / min(ups), 1), (1, 1 / max(downs))]]
@@ -294,7 +291,6 @@ def test_charts_have_the_loops_of_the_legs(said: Said) -> None:
     np.testing.assert_allclose(np.asarray(sigma.series[0].low), singular[:, -1], rtol=1e-4)
     assert [chart.x.scale for chart in (gain, phase, sigma, step)] == ["log", "log", "log", "linear"]
     assert [chart.y_title for chart in (gain, phase)] == ["gain of L [1]", "phase of L [deg]"]
-    assert step.series[2].values[-1] == pytest.approx(1.0, abs=0.05)
 
 
 def test_the_phase_is_continuous_and_has_gaps_where_the_gain_is_negligible(said: Said) -> None:
