@@ -285,11 +285,9 @@ def _means_something(key: str, value: Any) -> bool:
 def _varied(experiment: Experiment) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Keys of `[ensemble]` as written, each with its path; a bare name is of the machine."""
     assert experiment.ensemble is not None
-    for key in experiment.ensemble.varied:
+    together = (key for inputs in experiment.ensemble.covariance for key in inputs.of)
+    for key in (*experiment.ensemble.varied, *together):
         yield key, tuple(key.split(".")) if "." in key else ("plant", key)
-    for together in experiment.ensemble.covariance:
-        for key in together.of:
-            yield key, tuple(key.split(".")) if "." in key else ("plant", key)
 
 
 # --- the report -----------------------------------------------------------------------------------------

@@ -125,11 +125,6 @@ def _needs_motion(functions: Traced) -> bool:
     return any(_uses(f, "motion") for f in (functions.law, functions.start, functions.expected))
 
 
-def _n_states(functions: Traced) -> int:
-    law = functions.law
-    return 0 if law is None or "next" not in law.name_out() else int(law.numel_out("next"))
-
-
 def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
     """The values at home of several signals, one after the other."""
     return np.concatenate([np.zeros(0), *(home.of(v.name, v.size) for v in variables)])
@@ -147,6 +142,8 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
     is_table = isinstance(reference, Piecewise) and (has_feedforward or has_motion)
     reading = (carried.steps_a_reading or 0) if functions.sensors is not None else 0
     common = int(np.lcm(carried.steps_a_sample, max(1, reading)))
+    legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
+    low, high = designed.ranges.leg_length
     safe = 0 if designed.faults.safe_force == "zero" else 1 if has_feedforward or has_constant else 2
     switches = {
         "HAS_LAW": law is not None,
@@ -166,21 +163,15 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
         "STEPS_A_READING": reading,
         "STEPS_OF_TURN": common * max(1, 2**23 // common),
         "SEES_ZEROS": designed.zeros_are_no_measurement,
-        "ZERO_IS_A_REFERENCE": not designed.reference_inputs or _zero_is_a_reference(designed),
+        # also where the legs are in their range in a pose of zeros
+        "ZERO_IS_A_REFERENCE": not designed.reference_inputs or bool(((legs >= low) & (legs <= high)).all()),
         "N_MEASURED": interface.size_of(designed.measured),
-        "N_STATES": _n_states(functions),
+        "N_STATES": law.numel_out("next") if law is not None and "next" in law.name_out() else 0,
         "N_COEFFICIENTS": 0 if functions.coefficients is None else functions.coefficients.numel_out(0),
         "N_WATCHED": interface.size_of(designed.watched),
         **{"SAFE_ZERO": 0, "SAFE_FEEDFORWARD": 1, "SAFE_START": 2, "SAFE_FORCE": safe},
     }
     return {name: int(value) for name, value in switches.items()}
-
-
-def _zero_is_a_reference(designed: Designed) -> bool:
-    """Whether a reference of zeros can be one: a pose in which the legs are in their range."""
-    legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
-    low, high = designed.ranges.leg_length
-    return bool(((legs >= low) & (legs <= high)).all())
 
 
 def _numbers(designed: Designed, home: Home) -> ConstantTables:

@@ -16,7 +16,7 @@ from gough_stewart.harness.report.chart import Chart, Series
 from gough_stewart.harness.report.document import Part, Report
 from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.quantities import Quantity
-from gough_stewart.harness.report.scene import Scene
+from gough_stewart.harness.report.scene import COLUMNS, Scene
 
 VERSION = 1
 # Points of a line, and frames of a scene, that other programs are given.
@@ -108,8 +108,7 @@ def _frames(scene: Scene) -> Scene:
     if n <= FRAMES:
         return scene
     kept = np.unique(np.linspace(0, n - 1, FRAMES).astype(int))
-    names = ("time", "pose", "leg_length", "orientation", "reference", "actuator_force", "external_force", "nearness")
-    arrays = {name: array[kept] for name in names if (array := getattr(scene, name)) is not None}
+    arrays = {name: array[kept] for name in ("time", *COLUMNS) if (array := getattr(scene, name)) is not None}
     flags = tuple(
         replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept))) for flag in scene.flags
     )
