@@ -14,13 +14,7 @@ from gough_stewart.harness.control.laws import Controller, LinearController, Spa
 from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.own_law import traced_function
-from gough_stewart.harness.control.pid import (
-    ChannelGains,
-    DerivativeOn,
-    Gains,
-    channel_matrices,
-    channels_of,
-)
+from gough_stewart.harness.control.pid import ChannelGains, DerivativeOn, Gains, channel_matrices, channels_of
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at, matrices_of
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
@@ -73,13 +67,7 @@ class PidLaw:
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
         channel = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
         settings = [
-            setting(
-                "proportional_gain",
-                units[0],
-                "> 0",
-                f"proportional gain {channel}",
-                channels.proportional,
-            )
+            setting("proportional_gain", units[0], "> 0", f"proportional gain {channel}", channels.proportional)
         ]
         if differentiate.any():
             sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
@@ -204,11 +192,7 @@ class MatrixLaw:
         integrating = integrating_modes(A) if len(A) else A
         start = rest(A, integrators(integrating), B) if len(A) else B
         return Linear(
-            StateSpace(A, B, C, D, 1.0),
-            self.controller.kinds,
-            start,
-            integrating,
-            casadi.SX.sym("coefficients", 0),
+            StateSpace(A, B, C, D, 1.0), self.controller.kinds, start, integrating, casadi.SX.sym("coefficients", 0)
         )
 
 

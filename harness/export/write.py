@@ -258,10 +258,7 @@ _ARGUMENTS = {
     "coefficients_of_drives": ("parameters", "drives"),
     "coefficients_of_sensors": ("parameters", "sensors"),
     "force_limits": ("force_limits_coefficients", "command", "allowed", "force_limited"),
-    "drives": (
-        *("drives_coefficients", "drives_states", "target"),
-        *("drives_next", "actuator_force", "rate_limited"),
-    ),
+    "drives": (*("drives_coefficients", "drives_states", "target"), *("drives_next", "actuator_force", "rate_limited")),
     "sensors": ("sensors_coefficients", "true", "reading"),
 }
 _WITH_STATES = {

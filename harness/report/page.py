@@ -15,15 +15,7 @@ from markupsafe import Markup
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section
 from gough_stewart.harness.report.glossary import explained, with_terms
-from gough_stewart.harness.report.offline import (
-    TEMPLATES,
-    asset,
-    bokeh,
-    bokeh_licence,
-    document,
-    three,
-    three_licence,
-)
+from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, bokeh_licence, document, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
 from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data, surface_data
 from gough_stewart.harness.report.palette import (

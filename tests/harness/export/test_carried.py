@@ -182,11 +182,7 @@ def test_signals_have_quantisers_of_their_own() -> None:
     law = casadi.Function("law", list(s.values()), [out], list(s), ["actuator_force"])
     steps = {"leg_length": 0.004, "orientation": 0.03}
     experiment = made(
-        {
-            "controller": {"type": "open_loop"},
-            "actuators": {"force_limit": "none"},
-            "sensors": {"quantisation": steps},
-        }
+        {"controller": {"type": "open_loop"}, "actuators": {"force_limit": "none"}, "sensors": {"quantisation": steps}}
     )
     code = Exported(designed(experiment, law, parts=("sensors",)))
     rng = np.random.default_rng(5)

@@ -250,10 +250,7 @@ def test_a_motion_that_branches_is_refused() -> None:
     [
         (control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6))), "continuous time; expected discrete"),
         (control.ss([[0.5]], np.ones((1, 5)), np.ones((6, 1)), np.zeros((6, 5)), 0.0015), "has 5 inputs and 6 outputs"),
-        (
-            control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), 0.001),
-            "the loop's 0.0015 s",
-        ),
+        (control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), 0.001), "the loop's 0.0015 s"),
         (control.ss([], [], [], np.diag([1, 2, np.nan, 3, 4, 5]), 0.0015), "D has elements that are not finite"),
     ],
 )

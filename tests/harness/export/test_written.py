@@ -30,11 +30,7 @@ PLATFORM = [
     *((f"leg_{part}_com", 1, "m") for part in ("lower", "upper")),
     *((f"leg_{part}_inertia", 1, "kg.m2") for part in ("lower", "upper")),
     *(("leg_viscous_friction", 1, "N.s/m"), ("leg_coulomb_friction", 1, "N")),
-    *(
-        ("leg_friction_velocity", 1, "m/s"),
-        ("gravity", 3, "m/s2"),
-        ("leg_armature", 1, "kg"),
-    ),
+    *(("leg_friction_velocity", 1, "m/s"), ("gravity", 3, "m/s2"), ("leg_armature", 1, "kg")),
     *((f"leg_{kind}_friction_factor", 6, "1") for kind in ("viscous", "coulomb")),
 ]
 
