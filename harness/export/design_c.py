@@ -36,10 +36,10 @@ def design_header() -> str:
     states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
     tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)
     names = ", ".join(f"design_{law.name()}" for law in laws)
-    one = np.ones(1)
+    ones = np.ones(1)
     sizes = {"MOST_ELEMENTS_OF_CHANNEL": max(law.numel_out(0) for law in laws)}
     for name, component in (("SENSOR", Sensor), ("LIMIT", ForceLimits)):
-        sizes[f"{name}_COEFFICIENTS"] = len(component.prepare(dict.fromkeys(component.keys, one), one))
+        sizes[f"{name}_COEFFICIENTS"] = len(component.prepare(dict.fromkeys(component.keys, ones), ones))
     signature = "const double[], const double[], const double[], double[]"
     return "\n".join(
         [

@@ -128,9 +128,9 @@ class PidLaw:
         start = integrating = system.B
         if traced.nstates:
             # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
-            one = np.diag(np.array(alone, dtype=float))
-            integrating = symbols.solve(np.eye(traced.nstates) - system.A + one, one)
-            start = rest(system.A, one, system.B, symbols.solve)
+            unit = np.diag(np.array(alone, dtype=float))
+            integrating = symbols.solve(np.eye(traced.nstates) - system.A + unit, unit)
+            start = rest(system.A, unit, system.B, symbols.solve)
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
 

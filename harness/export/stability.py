@@ -102,13 +102,13 @@ def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ())
         return (LoopAround("with the unit in the run", 1, None, has_drives=True, own_lag=lag),)
     if lag is not None:
         return (LoopAround("with the FMU", 1, whole, has_drives=True, own_lag=lag),)
-    both = (
+    loops_of_unit = (
         LoopAround("with the FMU", 1, None, has_drives=True),
         LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False, carries_sensors=has_sensors),
     )
     clocks = bool(experiment.loop.jitter or (experiment.sensors.sample_time and not has_sensors))
-    loops = {(*around.delay_and_lag(experiment), clocks and around.has_drives) for around in both}
-    return both if len(loops) > 1 else both[:1]
+    loops = {(*around.delay_and_lag(experiment), clocks and around.has_drives) for around in loops_of_unit}
+    return loops_of_unit if len(loops) > 1 else loops_of_unit[:1]
 
 
 class Case(NamedTuple):
@@ -344,7 +344,7 @@ class _Judge:
         known: list[tuple[Case, Margins]] = []
         if margins and not self._unstable:
             candidates = [(m.case, loops.margins(m.machine, m.case.loop)) for m in self._extremes]
-            known = [(case, found) for case, found in candidates if found is not None]
+            known = [(case, known_margins) for case, known_margins in candidates if known_margins is not None]
         return LoopStability(
             surroundings=self._around,
             nominal=nominal,

@@ -326,9 +326,9 @@ def _depends_on_differences(law: Law, n: int) -> bool:
     """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
     if not isinstance(law, MatrixLaw) or law.space == "task":
         return True
-    linear, one = law.linear, np.eye(n)
-    both = np.concatenate(inputs_of(linear.kinds, one, one, np.zeros((N_LEGS, n))))
-    forced = [np.asarray(block, dtype=float) @ both for block in (linear.system.B, linear.system.D)]
+    linear, unit = law.linear, np.eye(n)
+    inputs = np.concatenate(inputs_of(linear.kinds, unit, unit, np.zeros((N_LEGS, n))))
+    forced = [np.asarray(block, dtype=float) @ inputs for block in (linear.system.B, linear.system.D)]
     return not any(np.abs(block).max(initial=0.0) > 0 for block in forced)
 
 

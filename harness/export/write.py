@@ -82,7 +82,7 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
     design = "\n".join(["", *(f"#define {name} {value}" for name, value in switches.items()), *tables.lines, ""])
     parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions, of_single)}
     operations = operations_of(functions)
-    source = re.sub(r'^#include "(\w+\.c)"\n', lambda found: parts[found[1]], parts["controller.c"], flags=re.M)
+    source = re.sub(r'^#include "(\w+\.c)"\n', lambda include: parts[include[1]], parts["controller.c"], flags=re.M)
     work = f"at most {sum(operations.values())} floating-point operations, of them " + ", ".join(
         f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE
     )
@@ -424,11 +424,11 @@ def function_of_time(function: casadi.Function) -> str:
 
 
 def _operation(kind: int, a: _Value, b: _Value, name: str) -> _Value:
-    either, both = a.is_moment or b.is_moment, a.is_moment and b.is_moment
+    either, all_moments = a.is_moment or b.is_moment, a.is_moment and b.is_moment
     if kind == casadi.OP_IF_ELSE_ZERO and b.is_moment:
         return _Value(f"IS_TRUE({a.single}) ? {b.moment} : CONSTANT(0.0)")
     form = _SUMS.get(kind) if either else None
-    form = form or (_PRODUCTS.get(kind) if both else None)
+    form = form or (_PRODUCTS.get(kind) if all_moments else None)
     is_moment = form is not None
     form = form or (_OF_MOMENTS.get(kind) if either else None) or _OF_NUMBERS.get(kind)
     if form is None:

@@ -51,10 +51,10 @@ def from_json(text: str | bytes) -> Report:
     """
     data = json.loads(text)
     if not isinstance(data, dict) or data.get("version") != VERSION:
-        found = data.get("version") if isinstance(data, dict) else type(data).__name__
+        version = data.get("version") if isinstance(data, dict) else type(data).__name__
         command = data.get("study") or "…" if isinstance(data, dict) else "…"
         raise ValueError(
-            f"version: {found}; expected a report of version {VERSION}, as `gough-stewart {command} --report` writes"
+            f"version: {version}; expected a report of version {VERSION}, as `gough-stewart {command} --report` writes"
         )
     del data["version"]
     for note in data.get("notes", ()):

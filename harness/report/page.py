@@ -107,9 +107,9 @@ def page_of(report: Report) -> bytes:
     )
     solid = _SCENE_SCRIPTS if scenes else _SURFACE_SCRIPTS if surfaces else ()
     maps = _MAP_SCRIPTS if surfaces or any(chart.kind == "heat" for chart in charts) else ()
-    own = "\n".join(asset(name) for name in (*_SCRIPTS, *maps, *solid, *_CHART_SCRIPTS))
+    drawing = "\n".join(asset(name) for name in (*_SCRIPTS, *maps, *solid, *_CHART_SCRIPTS))
     # the scene first, so that it appears while the library of the charts is still loading
-    scripts = [*([three()] if is_solid else []), own, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
+    scripts = [*([three()] if is_solid else []), drawing, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
     return document(report.title, body, colours() + "".join(map(asset, _STYLES)), data, scripts)
 
 
@@ -126,11 +126,11 @@ def palette_of(theme: Theme) -> dict[str, Any]:
 
 def colours() -> str:
     """The colours of roles as custom properties, for light and dark, and for high contrast."""
-    both = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
+    themes = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
     six = "".join(f"--six-{k}: light-dark({colour_of_six(k, 'light')}, {colour_of_six(k, 'dark')}); " for k in range(6))
     strong = "".join(f"--{role}: {colour_of(role, 'contrast')}; " for role in ROLES)
     strong += "".join(f"--six-{k}: {colour_of_six(k, 'contrast')}; " for k in range(6))
-    return f":root {{ {both}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
+    return f":root {{ {themes}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
 
 
 def to_html(report: Report) -> str:
