@@ -96,7 +96,6 @@ def _holds(host: Host, carried: Carried) -> str:
 
 
 def _inside(experiment: Experiment, carried: Carried) -> list[str]:
-    """What is carried of the machine, and when."""
     texts, step = [], experiment.loop.sample_time / carried.steps_a_sample
     if carried.drives:
         texts.append(

@@ -236,8 +236,6 @@ def stability_of(
 
 
 class _Member(NamedTuple):
-    """The loop of a member."""
-
     case: Case
     machine: Platform
     damping_ratio: float  # of its least damped mode
@@ -245,8 +243,6 @@ class _Member(NamedTuple):
 
 
 class _Loops:
-    """Linear loops around the controller of an experiment."""
-
     def __init__(self, prepared: Prepared, controller: LinearController) -> None:
         self._prepared, self._controller, self.loop = prepared, controller, prepared.loop
         self.machine, self.sample_time = prepared.machine, prepared.loop.timing.sample_time
@@ -361,7 +357,6 @@ class _Judge:
         )
 
     def _remedy(self) -> str:
-        """What would make an unstable loop stable."""
         loops, delay = self._loops, self._delay
         gains = remedy_of(loops.transfer(loops.machine, self._at))
         if self._at.delay == delay or loops.case("", loops.machine, self._at._replace(delay=delay)).size >= 1:

@@ -96,7 +96,6 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
 
 
 def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -> str:
-    """What the example measures, and where its reference is."""
     lines = ["/* in single precision, relative to home */"]
     lines.append("#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))")
     for name, values, at_home in (
@@ -111,7 +110,6 @@ def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -
 
 
 def _named(head: str, text: str, prefix: str) -> str:
-    """A text of the runtime with the names of a controller."""
     text = text.replace('"controller.h"', f'"{prefix}.h"')
     return head + re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
 
@@ -134,7 +132,6 @@ def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
 
 
 def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
-    """The macros that choose the parts of the runtime."""
     carried, law, reference = designed.carried, functions.law, designed.reference
     has_feedforward = functions.feedforward is not None
     has_motion = reference is not None and _needs_motion(functions)

@@ -122,7 +122,6 @@ def _panels(chart: Chart) -> list[Panel]:
 
 
 def _extent(series: Sequence[Series]) -> float:
-    """The span of all their values, as shown."""
     values = np.concatenate([drawable(line.quantity.factor * line.values) for line in series])
     finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else 0.0

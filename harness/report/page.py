@@ -154,7 +154,6 @@ def _differences(report: Report) -> Table | None:
 
 
 def _kept(charts: Sequence[Chart]) -> str:
-    """Which rows the charts have."""
     curves = [chart for chart in charts if chart.kind in ("line", "step")]
     rows = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
     if rows > MOST_ROWS:
@@ -194,7 +193,6 @@ def _titles(hidden: Sequence[_Drawn]) -> str:
 
 
 def _sides(table: Table) -> list[bool]:
-    """Which columns are at the right."""
     texts = [table.texts(k) for k in range(len(table.rows))]
     columns = range(len(table.columns))
     return [k > 0 and is_at_right([row[k] for row in table.rows], [row[k] for row in texts]) for k in columns]
