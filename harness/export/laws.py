@@ -134,11 +134,6 @@ class PidLaw:
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
 
-    @property
-    def coefficients(self) -> casadi.Function | None:
-        """Settings -> coefficients."""
-        return self.linear.coefficients
-
 
 @dataclass(frozen=True)
 class MatrixLaw:
@@ -183,7 +178,6 @@ class MatrixLaw:
         return self.controller.space
 
     settings: ClassVar[tuple[Setting, ...]] = ()  # the design is fixed
-    coefficients: ClassVar[None] = None
 
     @cached_property
     def linear(self) -> Linear:

@@ -77,8 +77,9 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
     ahead = designed.feedforward != "none" and designed.reference_inputs
     path = path_of(designed.reference)
     start, step = (None, None) if law is None else _law(designed, law, home)
+    equations = law.linear if isinstance(law, PidLaw | MatrixLaw) else law
     return Traced(
-        None if law is None else law.coefficients,
+        None if equations is None else equations.coefficients,
         None if path is None else path_function(path, home),
         None if designed.reference is None else motion_function(designed.reference, home),
         _extrapolation(home) if ahead else None,
