@@ -24,7 +24,7 @@ def cells_of(table: Table) -> dict[str, tuple[str, ...]]:
 
 
 def rows_of(records: list[Record]) -> dict[str, tuple[str, ...]]:
-    return cells_of(side_by_side(records, [metrics(record) for record in records], "abc"))
+    return cells_of(side_by_side(records, [metrics(record) for record in records], "abc"[: len(records)]))
 
 
 def charts_of(report: Report, section: str) -> dict[str, Chart]:
