@@ -76,14 +76,8 @@ class Ranges(NamedTuple):
         return Range(-width / T, width / T)
 
     def joined(self, variables: Iterable[Variable]) -> Range:
-        """The ranges of several signals, one after the other."""
-        ranges = [self.of(variable) for variable in variables]
-        empty = [np.zeros(0)]
-        return (
-            Range(*(np.concatenate([*parts, *empty]) for parts in zip(*ranges, strict=True)))
-            if ranges
-            else Range(*2 * empty)
-        )
+        """The ranges of one signal or more, one after the other."""
+        return Range(*map(np.concatenate, zip(*map(self.of, variables), strict=True)))
 
 
 def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) -> Ranges:

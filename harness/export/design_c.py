@@ -4,7 +4,6 @@ All are traced from the functions that design in Python; a page turns gains with
 """
 
 from functools import cache
-from typing import Any
 
 import casadi
 import numpy as np
@@ -31,15 +30,16 @@ from gough_stewart.harness.plants.signals import N_LEGS
 @cache
 def design_header() -> str:
     """`design.h`."""
-    laws = [law_function(f"law_{k}", each) for k, each in enumerate(VARIANTS)]
+    laws = [law_function(f"law_{k}", variant) for k, variant in enumerate(VARIANTS)]
     functions = [_gains(), _times(), _prepared(ForceLimits, "limits"), _prepared(Sensor, "sensor"), *laws]
-    texts = [in_lanes(each, "static void design_", exact=True) for each in functions]
-    states = ", ".join(f"{{{1 + each.integrates}, {2 * each.has_notch}}}" for each in VARIANTS)
-    tustin = ", ".join(str(int(each.discretisation == "tustin")) for each in VARIANTS)
-    names = ", ".join(f"design_{each.name()}" for each in laws)
-    most = max(each.numel_out(0) for each in laws)
-    sensor, limits = (len(_kind(each)._fields) for each in (Sensor, ForceLimits))
-    sizes = {"MOST_ELEMENTS_OF_CHANNEL": most, "SENSOR_COEFFICIENTS": sensor, "LIMIT_COEFFICIENTS": limits}
+    texts = [in_lanes(function, "static void design_", exact=True) for function in functions]
+    states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
+    tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)
+    names = ", ".join(f"design_{law.name()}" for law in laws)
+    ones = np.ones(1)
+    sizes = {"MOST_ELEMENTS_OF_CHANNEL": max(law.numel_out(0) for law in laws)}
+    for name, component in (("SENSOR", Sensor), ("LIMIT", ForceLimits)):
+        sizes[f"{name}_COEFFICIENTS"] = len(component.prepare(dict.fromkeys(component.keys, ones), ones))
     signature = "const double[], const double[], const double[], double[]"
     return "\n".join(
         [
@@ -56,43 +56,40 @@ def design_header() -> str:
 def law_function(name: str, variant: TurnableLaw) -> casadi.Function:
     """`values` (kp, kd, ki, Tf, Tt) of a channel, `notch` (3), `sample_time` -> [C D; A B] of it, row by row."""
     values, notch, T = (casadi.SX.sym(key, n) for key, n in (("values", 5), ("notch", len(Notch.keys)), ("period", 1)))
-    of = symbols.elements(values)
+    gains = symbols.elements(values)
     actions = [np.array([True]), np.array([variant.integrates])]
-    continuous = channel_matrices(ChannelGains(*[*(of[k : k + 1] for k in range(5)), *actions]), variant.derivative_on)
+    continuous = channel_matrices(
+        ChannelGains(*[*(gains[k : k + 1] for k in range(5)), *actions]), variant.derivative_on
+    )
     period = symbols.elements(T)
     channel = matrices_at(continuous, period, variant.discretisation, symbols.solve)
     notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]
     s = with_links(channel, notches if variant.has_notch else [], period, symbols.solve)
     whole = np.concatenate([np.concatenate([s.C, s.D], axis=1), np.concatenate([s.A, s.B], axis=1)])
-    found = casadi.cse(casadi.densify(symbols.column(whole)))
-    return casadi.Function(name, [values, notch, T], [found], ["values", "notch", "period"], ["matrices"])
+    matrices = casadi.cse(casadi.densify(symbols.column(whole)))
+    return casadi.Function(name, [values, notch, T], [matrices], ["values", "notch", "period"], ["matrices"])
 
 
 def _gains() -> casadi.Function:
-    m, given = casadi.SX.sym("masses", N_LEGS), [casadi.SX.sym(n) for n in ("bandwidth", "damping", "integral_time")]
-    found = gains_of_masses(symbols.elements(m), *(symbols.elements(each) for each in given))
     names = ["masses", "bandwidth", "damping", "integral_time"]
-    return casadi.Function("gains", [m, *given], [symbols.column(np.concatenate(found))], names, ["gains"])
+    inputs = [casadi.SX.sym(name, size) for name, size in zip(names, (N_LEGS, 1, 1, 1), strict=True)]
+    gains = symbols.column(np.concatenate(gains_of_masses(*map(symbols.elements, inputs))))
+    return casadi.Function("gains", inputs, [gains], names, ["gains"])
 
 
 def _times() -> casadi.Function:
-    given = [casadi.SX.sym(name, N_LEGS) for name in ("kp", "kd", "ki")]
-    kp, kd, ki = map(symbols.elements, given)
-    found = symbols.column(np.concatenate([filter_time_of(kp, kd), tracking_time_of(kp, kd, ki)]))
-    return casadi.Function("times", given, [found], ["kp", "kd", "ki"], ["times"])
-
-
-def _kind(component: type[Stepped]) -> Any:
-    one = np.ones(1)
-    return type(component.prepare(dict.fromkeys(component.keys, one), one))
+    names = ["kp", "kd", "ki"]
+    inputs = [casadi.SX.sym(name, N_LEGS) for name in names]
+    kp, kd, ki = map(symbols.elements, inputs)
+    times = symbols.column(np.concatenate([filter_time_of(kp, kd), tracking_time_of(kp, kd, ki)]))
+    return casadi.Function("times", inputs, [times], names, ["times"])
 
 
 def _prepared(component: type[Stepped], name: str) -> casadi.Function:
     """The values of a component's keys, and its period -> its coefficients."""
-    given = {key: casadi.SX.sym(key) for key in component.keys}
-    period = casadi.SX.sym("period")
-    values = {key: symbols.elements(each) for key, each in given.items()}
-    found = symbols.column(np.concatenate(component.prepare(values, symbols.elements(period))))
-    return casadi.Function(
-        name, [*given.values(), period], [casadi.densify(found)], [*given, "period"], ["coefficients"]
-    )
+    names = [*component.keys, "period"]
+    inputs = [casadi.SX.sym(key) for key in names]
+    *values, period = map(symbols.elements, inputs)
+    prepared = component.prepare(dict(zip(component.keys, values, strict=True)), period)
+    coefficients = casadi.densify(symbols.column(np.concatenate(prepared)))
+    return casadi.Function(name, inputs, [coefficients], names, ["coefficients"])

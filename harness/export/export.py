@@ -169,7 +169,7 @@ def export(
     refused = refusal(chosen, judged.items())
     if refused is not None and not anyway:
         raise refused
-    notes = {host: notes_of(chosen, host, found, law.carried) for host, found in judged.items()}
+    notes = {host: notes_of(chosen, host, report_of_host, law.carried) for host, report_of_host in judged.items()}
     duration, late = chosen.loop.duration, output_delay_of(chosen)
     if "c" in hosts:
         report("C")

@@ -23,11 +23,7 @@ from gough_stewart.model.process.progress import StepProgress
 
 
 def component_of(
-    designed: Designed,
-    name: str = "controller",
-    stop_time: float = 1.0,
-    *,
-    output_delay: int = 1,
+    designed: Designed, name: str = "controller", stop_time: float = 1.0, *, output_delay: int = 1
 ) -> UnitComponent:
     """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
     # the notes are in the unit's page: they do not change the meaning of its saved states

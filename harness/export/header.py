@@ -259,7 +259,6 @@ def _ordinal(n: int) -> str:
 
 
 def _ranges(variables: Iterable[Variable], ranges: Ranges) -> str:
-    """Of signals, in words."""
     texts = []
     for v in variables:
         low, high = ranges.of(v)

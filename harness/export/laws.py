@@ -14,13 +14,7 @@ from gough_stewart.harness.control.laws import Controller, LinearController, Spa
 from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.own_law import traced_function
-from gough_stewart.harness.control.pid import (
-    ChannelGains,
-    DerivativeOn,
-    Gains,
-    channel_matrices,
-    channels_of,
-)
+from gough_stewart.harness.control.pid import ChannelGains, DerivativeOn, Gains, channel_matrices, channels_of
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at, matrices_of
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
@@ -73,13 +67,7 @@ class PidLaw:
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
         channel = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
         settings = [
-            setting(
-                "proportional_gain",
-                units[0],
-                "> 0",
-                f"proportional gain {channel}",
-                channels.proportional,
-            )
+            setting("proportional_gain", units[0], "> 0", f"proportional gain {channel}", channels.proportional)
         ]
         if differentiate.any():
             sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
@@ -140,16 +128,11 @@ class PidLaw:
         start = integrating = system.B
         if traced.nstates:
             # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
-            one = np.diag(np.array(alone, dtype=float))
-            integrating = symbols.solve(np.eye(traced.nstates) - system.A + one, one)
-            start = rest(system.A, one, system.B, symbols.solve)
+            unit = np.diag(np.array(alone, dtype=float))
+            integrating = symbols.solve(np.eye(traced.nstates) - system.A + unit, unit)
+            start = rest(system.A, unit, system.B, symbols.solve)
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
-
-    @property
-    def coefficients(self) -> casadi.Function | None:
-        """Settings -> coefficients."""
-        return self.linear.coefficients
 
 
 @dataclass(frozen=True)
@@ -195,7 +178,6 @@ class MatrixLaw:
         return self.controller.space
 
     settings: ClassVar[tuple[Setting, ...]] = ()  # the design is fixed
-    coefficients: ClassVar[None] = None
 
     @cached_property
     def linear(self) -> Linear:
@@ -204,11 +186,7 @@ class MatrixLaw:
         integrating = integrating_modes(A) if len(A) else A
         start = rest(A, integrators(integrating), B) if len(A) else B
         return Linear(
-            StateSpace(A, B, C, D, 1.0),
-            self.controller.kinds,
-            start,
-            integrating,
-            casadi.SX.sym("coefficients", 0),
+            StateSpace(A, B, C, D, 1.0), self.controller.kinds, start, integrating, casadi.SX.sym("coefficients", 0)
         )
 
 

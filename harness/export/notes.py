@@ -37,13 +37,13 @@ class Notes:
     warnings: tuple[str, ...]  # for its maker
 
 
-def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried: Carried = NOTHING) -> Notes:
+def notes_of(experiment: Experiment, host: Host, judged: StabilityReport, carried: Carried = NOTHING) -> Notes:
     """The notes of a form of an experiment, as judged, with what it carries of the machine."""
     missing = [] if host == "run" else left_out(experiment, host, carried.parts)
     inside = [
         *_inside(experiment, carried),
         f"Delay: {_delay(experiment, host, carried)}",
-        *_stability(found, carried),
+        *_stability(judged, carried),
         f"Left out: {', '.join(missing)}." if missing else "Nothing of the experiment is left out.",
     ]
     warnings = []
@@ -54,15 +54,15 @@ def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried
             f"the {_NAMES[host]} is one sample late, where the experiment has no delay: a unit outputs the forces of a "
             "sample at the next one"
         )
-    if found.reason and found.reason != NO_FEEDBACK:
-        warnings.append(f"the stability of the loop of the {_NAMES[host]} is not judged: {found.reason}")
-    warnings += [f"{'run' if host == 'run' else 'exported'} anyway: {complaint(loop)}" for loop in found.unstable]
+    if judged.reason and judged.reason != NO_FEEDBACK:
+        warnings.append(f"the stability of the loop of the {_NAMES[host]} is not judged: {judged.reason}")
+    warnings += [f"{'run' if host == 'run' else 'exported'} anyway: {complaint(loop)}" for loop in judged.unstable]
     return Notes(tuple(inside), tuple(warnings))
 
 
 def refusal(experiment: Experiment, judged: Iterable[tuple[Host, StabilityReport]]) -> UnstableLoopError | None:
     """The error for forms of which one loop or more is unstable."""
-    loops = [(host, loop) for host, found in judged for loop in found.unstable]
+    loops = [(host, loop) for host, report in judged for loop in report.unstable]
     if not loops:
         return None
     texts = [complaint(loop) for _, loop in loops]
@@ -96,7 +96,6 @@ def _holds(host: Host, carried: Carried) -> str:
 
 
 def _inside(experiment: Experiment, carried: Carried) -> list[str]:
-    """What is carried of the machine, and when."""
     texts, step = [], experiment.loop.sample_time / carried.steps_a_sample
     if carried.drives:
         texts.append(
@@ -141,12 +140,12 @@ def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
     )
 
 
-def _stability(found: StabilityReport, carried: Carried) -> list[str]:
-    if not found.loops:
-        return [f"Stability: not judged, since {found.reason}."]
+def _stability(judged: StabilityReport, carried: Carried) -> list[str]:
+    if not judged.loops:
+        return [f"Stability: not judged, since {judged.reason}."]
     return [
-        *(_verdict(loop) for loop in found.loops),
-        *dict.fromkeys(text for loop in found.loops for text in _margins(loop)),
+        *(_verdict(loop) for loop in judged.loops),
+        *dict.fromkeys(text for loop in judged.loops for text in _margins(loop)),
         "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. "
         + (
             "The lag of the drives was part of it, quantisation was not."
@@ -285,11 +284,9 @@ def _means_something(key: str, value: Any) -> bool:
 def _varied(experiment: Experiment) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Keys of `[ensemble]` as written, each with its path; a bare name is of the machine."""
     assert experiment.ensemble is not None
-    for key in experiment.ensemble.varied:
+    together = (key for inputs in experiment.ensemble.covariance for key in inputs.of)
+    for key in (*experiment.ensemble.varied, *together):
         yield key, tuple(key.split(".")) if "." in key else ("plant", key)
-    for together in experiment.ensemble.covariance:
-        for key in together.of:
-            yield key, tuple(key.split(".")) if "." in key else ("plant", key)
 
 
 # --- the report -----------------------------------------------------------------------------------------

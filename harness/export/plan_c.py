@@ -10,21 +10,20 @@ from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.machine import N_MOTION, keys_of, motion_variants
-from gough_stewart.harness.export.trace import solve_by_orthogonal
+from gough_stewart.harness.export.trace import feedforward_of, motion_in, solve_by_orthogonal, vector_of
 from gough_stewart.harness.loop.libraries import traced
-from gough_stewart.harness.motion.motion import Motion, coordinates_of, extrapolated, motion_of
+from gough_stewart.harness.motion.limits.reach import legs_of
+from gough_stewart.harness.motion.motion import coordinates_of, extrapolated, motion_of
 from gough_stewart.harness.motion.references import AboutPose
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.state import State
 
 
 def plan_header() -> str:
     """`plan.h`: the motions by kind, and what follows from a motion."""
     functions = [_motion(name, choice) for name, choice in motion_variants()]
-    texts = [in_lanes(each, "static void plan_", exact=True) for each in (*functions, *_along())]
-    names = ", ".join(["0", "0", *(f"plan_{each.name()}" for each in functions)])
+    texts = [in_lanes(function, "static void plan_", exact=True) for function in (*functions, *_along())]
+    names = ", ".join(["0", "0", *(f"plan_{function.name()}" for function in functions)])
     by_hand, size, _ = traced(Smoothing, "smoothing", 3)
     return (
         f"#define N_SMOOTHING {size}\n{by_hand}"
@@ -41,7 +40,7 @@ def _motion(name: str, choice: AboutPose) -> casadi.Function:
     fields: dict[str, Any] = {**dict(zip(keys, values, strict=True)), "plane": getattr(choice, "plane", None)}
     with_symbols = type(choice).model_construct(**{"fade_in": 0.0, **fields})
     motion = with_symbols(symbols.elements(time))
-    return casadi.Function(name, [c, time], casadi.cse([_vector(motion)]), ["coefficients", "time"], ["motion"])
+    return casadi.Function(name, [c, time], casadi.cse([vector_of(motion)]), ["coefficients", "time"], ["motion"])
 
 
 def _along() -> Iterator[casadi.Function]:
@@ -51,42 +50,25 @@ def _along() -> Iterator[casadi.Function]:
     ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
     by_name = {v.name: p[a:b] for v, a, b in zip(interface.PLATFORM_PARAMETERS, ends, ends[1:], strict=False)}
     parameters: Any = symbols.parameters_of(by_name)
-    at = Motion(*np.split(symbols.row(vector), 6, axis=-1))
+    at = motion_in(vector)
 
     def function(name: str, **outputs: Any) -> casadi.Function:
-        found = casadi.cse([casadi.densify(symbols.column(each)) for each in outputs.values()])
-        return casadi.Function(name, [vector, p], found, ["motion", "platform"], [*outputs])
+        results = casadi.cse([casadi.densify(symbols.column(array)) for array in outputs.values()])
+        return casadi.Function(name, [vector, p], results, ["motion", "platform"], [*outputs])
 
-    legs = legs_of_symbols(parameters, at)
+    legs: Any = legs_of(parameters, at)
     yield function("signals", reference=np.concatenate([*at[:4], *legs, *at[4:]], axis=-1))
     J = leg_jacobian(parameters, at.position, at.orientation)
     transposed = np.swapaxes(J, -1, -2)
     rows = [solve_by_orthogonal(transposed, np.eye(6)[k : k + 1].astype(object)) for k in range(6)]
     yield function("maps", jacobian=J, inverse=np.concatenate(rows, axis=0))
-    yield function(
-        "gravity", force=static_leg_forces(parameters, at.position, at.orientation, solve=solve_by_orthogonal)
-    )
-    state, acceleration = State(*at[:4]), Acceleration(*at[4:])
-    yield function(
-        "computed_torque", force=inverse_dynamics(parameters, state, acceleration, solve=solve_by_orthogonal)
-    )
+    for kind in ("gravity", "computed_torque"):
+        yield function(kind, force=symbols.elements(feedforward_of(kind, parameters, at)))
     ahead = casadi.SX.sym("ahead")
-    later = _vector(extrapolated(at, symbols.row(ahead)))
+    later = vector_of(extrapolated(at, symbols.row(ahead)))
     yield casadi.Function("extrapolated", [vector, ahead], [later], ["motion", "ahead"], ["later"])
     parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
     coordinates = casadi.vertcat(*map(symbols.column, coordinates_of(at)))
     yield casadi.Function("coordinates", [vector], [casadi.densify(coordinates)], ["motion"], ["coordinates"])
-    of_pose = _vector(motion_of(*map(symbols.row, parts.values())))
+    of_pose = vector_of(motion_of(*map(symbols.row, parts.values())))
     yield casadi.Function("motion_of_pose", [*parts.values()], [of_pose], [*parts], ["motion"])
-
-
-def legs_of_symbols(parameters: Any, at: Motion) -> tuple[Any, Any]:
-    """Leg lengths and velocities (1, 6), by the function that plans them in Python."""
-    from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
-
-    legs = leg_geometry(parameters, at.position, at.orientation)
-    return legs.length, rates_of_legs(legs, State(*at[:4])).length_rate
-
-
-def _vector(motion: Motion) -> casadi.SX:
-    return casadi.densify(symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1)))

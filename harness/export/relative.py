@@ -69,11 +69,11 @@ def _change_of_rotation(orientation: FloatArray, change: casadi.SX) -> casadi.SX
     return dz @ (y0 + dy) @ (x0 + dx) + z0 @ dy @ (x0 + dx) + z0 @ y0 @ dx
 
 
-def _about(axis: int, c: Any, s: Any, one: float) -> casadi.SX:
+def _about(axis: int, c: Any, s: Any, unit: float) -> casadi.SX:
     """A rotation about an axis from the cosine and sine of its angle."""
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = casadi.SX(3, 3)
-    matrix[axis, axis] = one
+    matrix[axis, axis] = unit
     matrix[first, first] = matrix[second, second] = c
     matrix[second, first], matrix[first, second] = s, -casadi.SX(s)
     return casadi.sparsify(matrix)

@@ -52,7 +52,7 @@ def setting_of(parameter: Parameter, value: ArrayLike, more: str = "") -> Settin
     # at least a thousandth, written so that it holds for float and for double
     condition = "!(value > 0) || value * 1000 >= 1" if is_limit else parameter.condition
     named = {"value": f"parameters->{name}", "sample_time": "parameters->sample_time"}
-    condition = re.sub(r"\b(value|sample_time)\b", lambda found: named[found[0]], condition)
+    condition = re.sub(r"\b(value|sample_time)\b", lambda word: named[word[0]], condition)
     return setting(
         *(name, unit, parameter.bound, parameter.description + more, value),
         conditions=(condition,) if condition else (),

@@ -153,7 +153,6 @@ def _parameters(unit: UnitComponent) -> Values:
 
 
 def _fill(parameter_set: etree._Element, values: Values) -> None:
-    """Add parameters and their units to a set."""
     parameters = etree.SubElement(parameter_set, f"{{{_SSV}}}Parameters")
     for name, (value, unit) in values.items():
         parameter = etree.SubElement(parameters, f"{{{_SSV}}}Parameter", name=name)

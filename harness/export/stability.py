@@ -102,13 +102,13 @@ def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ())
         return (LoopAround("with the unit in the run", 1, None, has_drives=True, own_lag=lag),)
     if lag is not None:
         return (LoopAround("with the FMU", 1, whole, has_drives=True, own_lag=lag),)
-    both = (
+    loops_of_unit = (
         LoopAround("with the FMU", 1, None, has_drives=True),
         LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False, carries_sensors=has_sensors),
     )
     clocks = bool(experiment.loop.jitter or (experiment.sensors.sample_time and not has_sensors))
-    loops = {(*around.delay_and_lag(experiment), clocks and around.has_drives) for around in both}
-    return both if len(loops) > 1 else both[:1]
+    loops = {(*around.delay_and_lag(experiment), clocks and around.has_drives) for around in loops_of_unit}
+    return loops_of_unit if len(loops) > 1 else loops_of_unit[:1]
 
 
 class Case(NamedTuple):
@@ -236,8 +236,6 @@ def stability_of(
 
 
 class _Member(NamedTuple):
-    """The loop of a member."""
-
     case: Case
     machine: Platform
     damping_ratio: float  # of its least damped mode
@@ -245,8 +243,6 @@ class _Member(NamedTuple):
 
 
 class _Loops:
-    """Linear loops around the controller of an experiment."""
-
     def __init__(self, prepared: Prepared, controller: LinearController) -> None:
         self._prepared, self._controller, self.loop = prepared, controller, prepared.loop
         self.machine, self.sample_time = prepared.machine, prepared.loop.timing.sample_time
@@ -344,7 +340,7 @@ class _Judge:
         known: list[tuple[Case, Margins]] = []
         if margins and not self._unstable:
             candidates = [(m.case, loops.margins(m.machine, m.case.loop)) for m in self._extremes]
-            known = [(case, found) for case, found in candidates if found is not None]
+            known = [(case, known_margins) for case, known_margins in candidates if known_margins is not None]
         return LoopStability(
             surroundings=self._around,
             nominal=nominal,
@@ -361,7 +357,6 @@ class _Judge:
         )
 
     def _remedy(self) -> str:
-        """What would make an unstable loop stable."""
         loops, delay = self._loops, self._delay
         gains = remedy_of(loops.transfer(loops.machine, self._at))
         if self._at.delay == delay or loops.case("", loops.machine, self._at._replace(delay=delay)).size >= 1:

@@ -5,12 +5,14 @@ Each takes those of the following vectors that it needs, by name:
     time; motion (18) at it; coefficients; states x; measured; excess (6); the platform's parameters
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
 
 from gough_stewart.harness.control.component import Stepped
+from gough_stewart.harness.control.controllers import Feedforward
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.sensor import Sensor
@@ -19,7 +21,6 @@ from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed
 from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
 from gough_stewart.harness.export.relative import Home, change_of_lengths
-from gough_stewart.harness.export.stepped import TracedComponent, none_as, traced_component
 from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
@@ -27,12 +28,22 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.operations import greater, where
+from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array
 
 N_MOTION = 18
+
+
+class TracedComponent(NamedTuple):
+    """Functions of a component `name`, whose vectors are `name_coefficients`, `name_states` and `name_next`."""
+
+    coefficients: casadi.Function  # settings -> coefficients
+    step: casadi.Function  # coefficients, states, inputs -> next states, outputs
+    n_states: int
 
 
 class Traced(NamedTuple):
@@ -66,8 +77,9 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
     ahead = designed.feedforward != "none" and designed.reference_inputs
     path = path_of(designed.reference)
     start, step = (None, None) if law is None else _law(designed, law, home)
+    equations = law.linear if isinstance(law, PidLaw | MatrixLaw) else law
     return Traced(
-        None if law is None else law.coefficients,
+        None if equations is None else equations.coefficients,
         None if path is None else path_function(path, home),
         None if designed.reference is None else motion_function(designed.reference, home),
         _extrapolation(home) if ahead else None,
@@ -108,6 +120,69 @@ def _components(
     return limits, drives, sensors
 
 
+def traced_component(
+    component: type[Stepped],
+    name: str,
+    values: Mapping[str, Array],
+    period: Array,
+    settings: symbols.Symbols,
+    inputs: Mapping[str, int],
+    left_out: tuple[str, ...] = (),
+    wanted: tuple[str, ...] | None = None,
+) -> TracedComponent:
+    """A component's equations, as a run of N members executes them, for one member, whose sizes are fixed.
+
+    Parameters
+    ----------
+    values
+        Of its keys, as expressions of the settings, (1,) or (size, 1).
+    period
+        Time between its steps, likewise (1,).
+    settings
+        Symbols of the exported parameters, by name.
+    inputs
+        The sizes of its inputs; one of 0 is absent.
+    left_out
+        Coefficients of parts that are left out.
+    wanted
+        Outputs; by default all.
+    """
+    prepared = component.prepare(values, period)._replace(**dict.fromkeys(left_out))
+    parts = {key: np.asarray(part) for key, part in prepared._asdict().items() if part is not None}
+    c = casadi.SX.sym(f"{name}_coefficients", sum(part.size for part in parts.values()))
+    vectors = {key: casadi.SX.sym(key, size) for key, size in inputs.items()}
+    columns = tuple(symbols.elements(v)[:, None] if v.numel() else None for v in vectors.values())
+    coefficients = prepared._replace(**dict(zip(parts, _shaped_as(parts.values(), c), strict=True)))
+    at_rest = component.start(coefficients, columns)
+    x = casadi.SX.sym(f"{name}_states", sum(state.size for state in at_rest))
+    following, outputs = component.step(coefficients, tuple(_shaped_as(at_rest, x)), columns)
+    by_name = dict(zip(component.outputs, outputs, strict=True))
+    results = {f"{name}_next": _joined(following)} if x.numel() else {}
+    results |= {key: symbols.column(by_name[key]) for key in (wanted or component.outputs)}
+    return TracedComponent(
+        symbols.function(f"coefficients_of_{name}", settings, {name: _joined(parts.values())}),
+        symbols.function(name, {f"{name}_coefficients": c, f"{name}_states": x, **vectors}, results),
+        int(x.numel()),
+    )
+
+
+def none_as(value: float, setting: casadi.SX) -> Array:
+    """A setting (1,) in which 0 means that there is none, with this value in its place."""
+    elements = symbols.elements(setting)
+    return where(greater(elements, 0.0), elements, value)
+
+
+def _joined(arrays: Any) -> casadi.SX:
+    return casadi.vertcat(*map(symbols.column, arrays))
+
+
+def _shaped_as(arrays: Any, vector: casadi.SX) -> list[Array]:
+    """The elements of a vector in arrays with these shapes, one after the other."""
+    ends = np.cumsum([array.size for array in arrays])
+    parts = np.split(symbols.elements(vector), ends)
+    return [part.reshape(array.shape) for part, array in zip(parts, arrays, strict=False)]
+
+
 def motion_function(reference: Reference, home: Home | None = None) -> casadi.Function:
     """CasADi Function `motion`: time -> motion; of a table (pose, rate, acceleration) -> motion."""
     if isinstance(reference, Piecewise):
@@ -116,10 +191,10 @@ def motion_function(reference: Reference, home: Home | None = None) -> casadi.Fu
         at = motion_of(pose if home is None else pose + home.pose, *rates)
         if home is not None:
             at = at._replace(position=pose[:, :3], orientation=pose[:, 3:])
-        return symbols.function("motion_of_table", parts, {"motion": _vector(at)})
+        return symbols.function("motion_of_table", parts, {"motion": vector_of(at)})
     time = casadi.SX.sym("time")
     try:
-        motion = _vector(_from_home(reference(symbols.elements(time)), home))
+        motion = vector_of(_from_home(reference(symbols.elements(time)), home))
     except Exception as error:  # a user's motion may raise anything when called with a symbol
         raise ExportError(
             f"the reference cannot be traced with CasADi ({type(error).__name__}: {error}); expected arithmetic "
@@ -157,12 +232,13 @@ class _Maps:
         return self._Q @ casadi.solve(self._R.T, wrench)
 
 
-def _vector(motion: Motion) -> casadi.SX:
-    return symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1))
+def vector_of(motion: Motion) -> casadi.SX:
+    """A motion as one vector (18)."""
+    return casadi.densify(symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1)))
 
 
-def _motion(vector: casadi.SX, home: Home | None) -> Motion:
-    """The motion in the world."""
+def motion_in(vector: casadi.SX, home: Home | None = None) -> Motion:
+    """The motion in the world of a vector (18), relative to a home if there is one."""
     motion = Motion(*np.split(symbols.row(vector), 6, axis=-1))
     return motion if home is None else _from_home(motion, Home(-home.position, -home.orientation, home.leg_length))
 
@@ -175,21 +251,26 @@ def _from_home(motion: Motion, home: Home | None) -> Motion:
 
 def _extrapolation(home: Home | None) -> casadi.Function:
     motion, ahead = casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
-    later = _from_home(extrapolated(_motion(motion, home), symbols.row(ahead)), home)
-    return symbols.function("extrapolated", {"motion": motion, "ahead": ahead}, {"later": _vector(later)})
+    later = _from_home(extrapolated(motion_in(motion, home), symbols.row(ahead)), home)
+    return symbols.function("extrapolated", {"motion": motion, "ahead": ahead}, {"later": vector_of(later)})
 
 
 def _feedforward(designed: Designed, home: Home | None) -> casadi.Function | None:
     if designed.feedforward == "none":
         return None
     platform, vector = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION)
-    parameters, at = symbols.parameters_of(platform), _motion(vector, home)
-    if designed.feedforward == "gravity":
+    force = feedforward_of(designed.feedforward, symbols.parameters_of(platform), motion_in(vector, home))
+    return symbols.function("feedforward", {"motion": vector, **platform}, {"force": force})
+
+
+def feedforward_of(kind: Feedforward, parameters: Parameters, at: Motion) -> casadi.SX:
+    """Forces (6,) of "gravity" or "computed_torque"."""
+    if kind == "gravity":
         force = static_leg_forces(parameters, at.position, at.orientation, solve=solve_by_orthogonal)
     else:
         state, acceleration = State(*at[:4]), Acceleration(*at[4:])
         force = inverse_dynamics(parameters, state, acceleration, solve=solve_by_orthogonal)
-    return symbols.function("feedforward", {"motion": vector, **platform}, {"force": symbols.column(force)})
+    return symbols.column(force)
 
 
 def _expected(designed: Designed, home: Home | None) -> casadi.Function | None:
@@ -246,9 +327,9 @@ def _depends_on_differences(law: Law, n: int) -> bool:
     """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
     if not isinstance(law, MatrixLaw) or law.space == "task":
         return True
-    linear, one = law.linear, np.eye(n)
-    both = np.concatenate(inputs_of(linear.kinds, one, one, np.zeros((N_LEGS, n))))
-    forced = [np.asarray(block, dtype=float) @ both for block in (linear.system.B, linear.system.D)]
+    linear, unit = law.linear, np.eye(n)
+    inputs = np.concatenate(inputs_of(linear.kinds, unit, unit, np.zeros((N_LEGS, n))))
+    forced = [np.asarray(block, dtype=float) @ inputs for block in (linear.system.B, linear.system.D)]
     return not any(np.abs(block).max(initial=0.0) > 0 for block in forced)
 
 
@@ -263,7 +344,7 @@ def _linear(
     maps, excess, r_at_rest, y_at_rest = None, inputs["excess"], r, y
     memory = memory_at_rest = casadi.SX(0, 1)
     if extra:
-        at, lengths = _motion(inputs["motion"], home), y
+        at, lengths = motion_in(inputs["motion"], home), y
         maps = _Maps(leg_jacobian(symbols.parameters_of(inputs), at.position, at.orientation))
         r_at_rest, y_at_rest = displacements(maps.to_pose, pose, lengths, r, lengths)
         memory_at_rest = casadi.vertcat(pose, lengths)
@@ -295,7 +376,7 @@ def _references(
     inputs: dict[str, casadi.SX], names: Any, home: Home | None, *, whole: bool = False
 ) -> dict[str, casadi.SX]:
     """References of some signals and accelerations, by names with the prefix `reference_`; `whole` in the world."""
-    at = _motion(inputs["motion"], home)
+    at = motion_in(inputs["motion"], home)
     values = dict(zip(REFERENCE, at, strict=True))
     parameters = symbols.parameters_of(inputs)
     if any("_leg_" in name for name in names if name.startswith("reference_")):

@@ -82,7 +82,7 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
     design = "\n".join(["", *(f"#define {name} {value}" for name, value in switches.items()), *tables.lines, ""])
     parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions, of_single)}
     operations = operations_of(functions)
-    source = re.sub(r'^#include "(\w+\.c)"\n', lambda found: parts[found[1]], parts["controller.c"], flags=re.M)
+    source = re.sub(r'^#include "(\w+\.c)"\n', lambda include: parts[include[1]], parts["controller.c"], flags=re.M)
     work = f"at most {sum(operations.values())} floating-point operations, of them " + ", ".join(
         f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE
     )
@@ -96,7 +96,6 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
 
 
 def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -> str:
-    """What the example measures, and where its reference is."""
     lines = ["/* in single precision, relative to home */"]
     lines.append("#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))")
     for name, values, at_home in (
@@ -111,7 +110,6 @@ def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -
 
 
 def _named(head: str, text: str, prefix: str) -> str:
-    """A text of the runtime with the names of a controller."""
     text = text.replace('"controller.h"', f'"{prefix}.h"')
     return head + re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
 
@@ -125,11 +123,6 @@ def _needs_motion(functions: Traced) -> bool:
     return any(_uses(f, "motion") for f in (functions.law, functions.start, functions.expected))
 
 
-def _n_states(functions: Traced) -> int:
-    law = functions.law
-    return 0 if law is None or "next" not in law.name_out() else int(law.numel_out("next"))
-
-
 def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
     """The values at home of several signals, one after the other."""
     return np.concatenate([np.zeros(0), *(home.of(v.name, v.size) for v in variables)])
@@ -139,7 +132,6 @@ def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
 
 
 def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
-    """The macros that choose the parts of the runtime."""
     carried, law, reference = designed.carried, functions.law, designed.reference
     has_feedforward = functions.feedforward is not None
     has_motion = reference is not None and _needs_motion(functions)
@@ -147,6 +139,8 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
     is_table = isinstance(reference, Piecewise) and (has_feedforward or has_motion)
     reading = (carried.steps_a_reading or 0) if functions.sensors is not None else 0
     common = int(np.lcm(carried.steps_a_sample, max(1, reading)))
+    legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
+    low, high = designed.ranges.leg_length
     safe = 0 if designed.faults.safe_force == "zero" else 1 if has_feedforward or has_constant else 2
     switches = {
         "HAS_LAW": law is not None,
@@ -166,21 +160,15 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
         "STEPS_A_READING": reading,
         "STEPS_OF_TURN": common * max(1, 2**23 // common),
         "SEES_ZEROS": designed.zeros_are_no_measurement,
-        "ZERO_IS_A_REFERENCE": not designed.reference_inputs or _zero_is_a_reference(designed),
+        # also where the legs are in their range in a pose of zeros
+        "ZERO_IS_A_REFERENCE": not designed.reference_inputs or bool(((legs >= low) & (legs <= high)).all()),
         "N_MEASURED": interface.size_of(designed.measured),
-        "N_STATES": _n_states(functions),
+        "N_STATES": law.numel_out("next") if law is not None and "next" in law.name_out() else 0,
         "N_COEFFICIENTS": 0 if functions.coefficients is None else functions.coefficients.numel_out(0),
         "N_WATCHED": interface.size_of(designed.watched),
         **{"SAFE_ZERO": 0, "SAFE_FEEDFORWARD": 1, "SAFE_START": 2, "SAFE_FORCE": safe},
     }
     return {name: int(value) for name, value in switches.items()}
-
-
-def _zero_is_a_reference(designed: Designed) -> bool:
-    """Whether a reference of zeros can be one: a pose in which the legs are in their range."""
-    legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
-    low, high = designed.ranges.leg_length
-    return bool(((legs >= low) & (legs <= high)).all())
 
 
 def _numbers(designed: Designed, home: Home) -> ConstantTables:
@@ -267,10 +255,7 @@ _ARGUMENTS = {
     "coefficients_of_drives": ("parameters", "drives"),
     "coefficients_of_sensors": ("parameters", "sensors"),
     "force_limits": ("force_limits_coefficients", "command", "allowed", "force_limited"),
-    "drives": (
-        *("drives_coefficients", "drives_states", "target"),
-        *("drives_next", "actuator_force", "rate_limited"),
-    ),
+    "drives": (*("drives_coefficients", "drives_states", "target"), *("drives_next", "actuator_force", "rate_limited")),
     "sensors": ("sensors_coefficients", "true", "reading"),
 }
 _WITH_STATES = {
@@ -436,11 +421,11 @@ def function_of_time(function: casadi.Function) -> str:
 
 
 def _operation(kind: int, a: _Value, b: _Value, name: str) -> _Value:
-    either, both = a.is_moment or b.is_moment, a.is_moment and b.is_moment
+    either, all_moments = a.is_moment or b.is_moment, a.is_moment and b.is_moment
     if kind == casadi.OP_IF_ELSE_ZERO and b.is_moment:
         return _Value(f"IS_TRUE({a.single}) ? {b.moment} : CONSTANT(0.0)")
     form = _SUMS.get(kind) if either else None
-    form = form or (_PRODUCTS.get(kind) if both else None)
+    form = form or (_PRODUCTS.get(kind) if all_moments else None)
     is_moment = form is not None
     form = form or (_OF_MOMENTS.get(kind) if either else None) or _OF_NUMBERS.get(kind)
     if form is None:

@@ -16,7 +16,7 @@ from gough_stewart.harness.report.chart import Chart, Series
 from gough_stewart.harness.report.document import Part, Report
 from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.quantities import Quantity
-from gough_stewart.harness.report.scene import Scene
+from gough_stewart.harness.report.scene import COLUMNS, Scene
 
 VERSION = 1
 # Points of a line, and frames of a scene, that other programs are given.
@@ -51,10 +51,10 @@ def from_json(text: str | bytes) -> Report:
     """
     data = json.loads(text)
     if not isinstance(data, dict) or data.get("version") != VERSION:
-        found = data.get("version") if isinstance(data, dict) else type(data).__name__
+        version = data.get("version") if isinstance(data, dict) else type(data).__name__
         command = data.get("study") or "…" if isinstance(data, dict) else "…"
         raise ValueError(
-            f"version: {found}; expected a report of version {VERSION}, as `gough-stewart {command} --report` writes"
+            f"version: {version}; expected a report of version {VERSION}, as `gough-stewart {command} --report` writes"
         )
     del data["version"]
     for note in data.get("notes", ()):
@@ -108,8 +108,7 @@ def _frames(scene: Scene) -> Scene:
     if n <= FRAMES:
         return scene
     kept = np.unique(np.linspace(0, n - 1, FRAMES).astype(int))
-    names = ("time", "pose", "leg_length", "orientation", "reference", "actuator_force", "external_force", "nearness")
-    arrays = {name: array[kept] for name in names if (array := getattr(scene, name)) is not None}
+    arrays = {name: array[kept] for name in ("time", *COLUMNS) if (array := getattr(scene, name)) is not None}
     flags = tuple(
         replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept))) for flag in scene.flags
     )

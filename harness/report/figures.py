@@ -122,8 +122,7 @@ def _panels(chart: Chart) -> list[Panel]:
 
 
 def _extent(series: Sequence[Series]) -> float:
-    """The span of all their values, as shown."""
-    values = np.concatenate([drawable(one.quantity.factor * one.values) for one in series])
+    values = np.concatenate([drawable(line.quantity.factor * line.values) for line in series])
     finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else 0.0
 
@@ -167,24 +166,22 @@ def told_apart(panel: Panel) -> list[tuple[int, str]]:
     return [(group[0], _common_name([panel.series[k] for k in group])) for group in groups[:_MOST_LINES]]
 
 
-def _coincide(chart: Chart, one: Series, other: Series, near: float, *, is_log: bool) -> bool:
+def _coincide(chart: Chart, first: Series, second: Series, near: float, *, is_log: bool) -> bool:
     """Whether two series stay as near as this to each other, on a logarithmic axis as a share of the value."""
-    if one.role != other.role or one.low is not None or other.low is not None:
+    if first.role != second.role or first.low is not None or second.low is not None:
         return False
-    if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
+    if len(first.values) != len(second.values) or not np.array_equal(chart.x_of(first), chart.x_of(second)):
         return False
-    first, second = (drawable(series.quantity.factor * series.values) for series in (one, other))
-    gap = np.abs(first - second)
-    return bool(
-        np.all((gap <= near * (np.abs(first) if is_log else 1)) | (np.isnan(one.values) & np.isnan(other.values)))
-    )
+    a, b = (drawable(series.quantity.factor * series.values) for series in (first, second))
+    is_gap = np.isnan(first.values) & np.isnan(second.values)
+    return bool(np.all((np.abs(a - b) <= near * (np.abs(a) if is_log else 1)) | is_gap))
 
 
 def _common_name(series: Sequence[Series]) -> str:
-    legs = [one.leg for one in series if one.leg is not None]
+    legs = [line.leg for line in series if line.leg is not None]
     if len(series) > 2 and len(legs) == len(series) and legs == list(range(legs[0], legs[0] + len(legs))):
         return f"legs {legs[0]}–{legs[-1]}"
-    return ", ".join(one.name for one in series)
+    return ", ".join(line.name for line in series)
 
 
 def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
@@ -313,10 +310,10 @@ def _styles(panel: Panel) -> list[dict[str, Any]]:
     """
     styles, taken = [], set[tuple[str, tuple[float, ...]]]()
     for series in panel.series:
-        alike = [other for other in panel.series if other.role == series.role]
+        alike = [beside for beside in panel.series if beside.role == series.role]
         colour, dashes = colour_of(series.role), DASHES.get(series.role, ())
         if len(alike) > 1 and series.role not in ("reference", "limit", "band"):
-            same = [other for other in alike if other.run == series.run].index(series)
+            same = [beside for beside in alike if beside.run == series.run].index(series)
             place = series.run if series.run is not None else series.leg - 1 if series.leg else same
             # of more than six, the colours come again with other dashes
             colour, dashes = colour_of_six(place), SIX_DASHES[(same if series.run else place + place // 6) % 6]

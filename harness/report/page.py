@@ -15,15 +15,7 @@ from markupsafe import Markup
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section
 from gough_stewart.harness.report.glossary import explained, with_terms
-from gough_stewart.harness.report.offline import (
-    TEMPLATES,
-    asset,
-    bokeh,
-    bokeh_licence,
-    document,
-    three,
-    three_licence,
-)
+from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, bokeh_licence, document, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
 from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data, surface_data
 from gough_stewart.harness.report.palette import (
@@ -115,9 +107,9 @@ def page_of(report: Report) -> bytes:
     )
     solid = _SCENE_SCRIPTS if scenes else _SURFACE_SCRIPTS if surfaces else ()
     maps = _MAP_SCRIPTS if surfaces or any(chart.kind == "heat" for chart in charts) else ()
-    own = "\n".join(asset(name) for name in (*_SCRIPTS, *maps, *solid, *_CHART_SCRIPTS))
+    drawing = "\n".join(asset(name) for name in (*_SCRIPTS, *maps, *solid, *_CHART_SCRIPTS))
     # the scene first, so that it appears while the library of the charts is still loading
-    scripts = [*([three()] if is_solid else []), own, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
+    scripts = [*([three()] if is_solid else []), drawing, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
     return document(report.title, body, colours() + "".join(map(asset, _STYLES)), data, scripts)
 
 
@@ -134,11 +126,11 @@ def palette_of(theme: Theme) -> dict[str, Any]:
 
 def colours() -> str:
     """The colours of roles as custom properties, for light and dark, and for high contrast."""
-    both = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
+    themes = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
     six = "".join(f"--six-{k}: light-dark({colour_of_six(k, 'light')}, {colour_of_six(k, 'dark')}); " for k in range(6))
     strong = "".join(f"--{role}: {colour_of(role, 'contrast')}; " for role in ROLES)
     strong += "".join(f"--six-{k}: {colour_of_six(k, 'contrast')}; " for k in range(6))
-    return f":root {{ {both}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
+    return f":root {{ {themes}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
 
 
 def to_html(report: Report) -> str:
@@ -162,7 +154,6 @@ def _differences(report: Report) -> Table | None:
 
 
 def _kept(charts: Sequence[Chart]) -> str:
-    """Which rows the charts have."""
     curves = [chart for chart in charts if chart.kind in ("line", "step")]
     rows = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
     if rows > MOST_ROWS:
@@ -202,7 +193,6 @@ def _titles(hidden: Sequence[_Drawn]) -> str:
 
 
 def _sides(table: Table) -> list[bool]:
-    """Which columns are at the right."""
     texts = [table.texts(k) for k in range(len(table.rows))]
     columns = range(len(table.columns))
     return [k > 0 and is_at_right([row[k] for row in table.rows], [row[k] for row in texts]) for k in columns]

@@ -10,7 +10,7 @@ from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.packing import Arrays, blocks
 from gough_stewart.harness.report.quantities import Quantity, least_span
-from gough_stewart.harness.report.scene import Scene, Surface
+from gough_stewart.harness.report.scene import COLUMNS, Scene, Surface
 from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
 
@@ -148,7 +148,7 @@ def surface_data(surface: Surface, arrays: Arrays) -> dict[str, Any]:
 
 def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
     """A scene as data."""
-    names = ("time", "pose", "reference", "orientation", "leg_length", "actuator_force", "external_force", "nearness")
+    in_frames = {name: getattr(scene, name) for name in ("time", *COLUMNS)}
     return {
         "name": scene.name,
         "run": scene.run,
@@ -161,5 +161,5 @@ def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
         "digits": scene.decimals,
         "nearnessOf": scene.nearness_of,
         "flags": {flag.name: flag.values for flag in scene.flags},
-        "arrays": {name: arrays.add(getattr(scene, name)) for name in names if getattr(scene, name) is not None},
+        "arrays": {name: arrays.add(values) for name, values in in_frames.items() if values is not None},
     }

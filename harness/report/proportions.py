@@ -61,9 +61,9 @@ def quantile_interval(
 
     ordered, tail = np.sort(values), (1 - confidence) / 2
     n = len(values) if independent is None else independent
-    one = n / len(values)
-    counts = one * np.arange(1, len(values) + 1)
-    below = betainc(n - counts + one, counts - one + 1, 1 - level)
+    worth = n / len(values)
+    counts = worth * np.arange(1, len(values) + 1)
+    below = betainc(n - counts + worth, counts - worth + 1, 1 - level)
     above = betainc(counts, n - counts + 1, level)
     r, s = int(np.count_nonzero(below <= tail)), int(np.count_nonzero(above > tail))
     return Interval(float(ordered[r - 1]) if r > 0 else None, float(ordered[s]) if s < len(values) else None)

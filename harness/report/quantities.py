@@ -67,14 +67,14 @@ class Quantity:
 
     @model_validator(mode="before")
     @classmethod
-    def _by_key(cls, given: Any, info: ValidationInfo) -> Any:
+    def _by_key(cls, value: Any, info: ValidationInfo) -> Any:
         """In JSON, a report lists its quantities once and names them elsewhere."""
-        if not isinstance(given, str):
-            return given
+        if not isinstance(value, str):
+            return value
         known = info.context or {}
-        if given not in known:
-            raise ValueError(f"the quantity '{given}'; expected one of {', '.join(known)}")
-        return known[given]
+        if value not in known:
+            raise ValueError(f"the quantity '{value}'; expected one of {', '.join(known)}")
+        return known[value]
 
     @model_serializer(mode="plain")
     def _key(self, info: SerializationInfo) -> Any:

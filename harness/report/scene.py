@@ -13,6 +13,9 @@ from gough_stewart.model.vectors import FloatArray
 
 _Rows = Annotated[FloatArray, Numbers(2)]
 _THREE = Field(min_length=3, max_length=3)
+# Arrays of a scene with a row for each frame, and their columns.
+COLUMNS = {"pose": 7, "reference": 7, "orientation": 3, "leg_length": 6}
+COLUMNS |= {"actuator_force": 6, "external_force": 3, "nearness": 6}
 
 
 @dataclass(frozen=True, config=CONFIG)
@@ -48,9 +51,7 @@ class Scene(Data):
     decimals: int = 4  # of poses and lengths in m; angles in degrees have two less
 
     def __post_init__(self) -> None:
-        columns = {"pose": 7, "leg_length": 6, "orientation": 3, "reference": 7, "actuator_force": 6}
-        columns |= {"external_force": 3, "nearness": 6}
-        shapes = {name: (len(self.time), width) for name, width in columns.items()}
+        shapes = {name: (len(self.time), width) for name, width in COLUMNS.items()}
         fixed = {"base_points": (6, 3), "platform_points": (6, 3), "home": (7,)}
         check_shapes(self, f"the scene {self.name}", {**fixed, **shapes})
 

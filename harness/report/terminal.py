@@ -3,7 +3,8 @@
 Charts, scenes and details are for the page. Without a terminal there are no colours, and the verdict is one line.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from io import StringIO
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -36,26 +37,19 @@ def show(report: Report, console: Console) -> None:
 
 def text_of(report: Report, width: int = 100) -> str:
     """The same as text without colours."""
-    console = _plain(width)
-    with console.capture() as shown:
-        show(report, console)
-    return _lines(shown.get())
+    return _captured(partial(show, report), width)
 
 
 def tables_text(tables: Sequence[Table], width: int = 100) -> str:
     """Tables as text without colours."""
-    console = _plain(width)
+    return _captured(lambda console: console.print(Group(*map(TerminalTable, tables))), width)
+
+
+def _captured(draw: Callable[[Console], None], width: int) -> str:
+    console = Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
     with console.capture() as shown:
-        console.print(Group(*map(TerminalTable, tables)))
-    return _lines(shown.get())
-
-
-def _plain(width: int) -> Console:
-    return Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
-
-
-def _lines(text: str) -> str:
-    return "\n".join(line.rstrip() for line in text.splitlines())
+        draw(console)
+    return "\n".join(line.rstrip() for line in shown.get().splitlines())
 
 
 def _parts(report: Report) -> Iterable["RenderableType"]:

@@ -286,18 +286,12 @@ def side_by_side(
     marks = has_same_task(records) and all(is_sound(run["outcome"]) for run in measured)
     rows: list[tuple[Cell, ...]] = [("outcome", *(outcome_text(run["outcome"]) for run in measured))]
     for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
-        quantity = replace(fine(metric_of(path).quantity, fineness), digits=4)
-        rows.append(_row(path, [run.get(path) for run in flat], quantity, marks=marks))
+        quantity, values = replace(fine(metric_of(path).quantity, fineness), digits=4), [run.get(path) for run in flat]
+        tops = best(path, values, quantity) if marks else set()
+        cells = (f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values))
+        rows.append((quantity.headed(metric_of(path).text), *cells))
     note = f"{_BEST.strip()} is the best of its row." if marks else ""
     return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
-
-
-def _row(path: str, values: Sequence[float | None], quantity: Quantity, *, marks: bool) -> tuple[Cell, ...]:
-    tops = best(path, values, quantity) if marks else set()
-    return (
-        quantity.headed(metric_of(path).text),
-        *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values)),
-    )
 
 
 def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[int]:
@@ -316,13 +310,11 @@ def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[i
 
 def has_same_task(records: Sequence[Record]) -> bool:
     """Whether all runs had the same reference for the same time."""
-    first = records[0].metadata
-    return all(
-        record.metadata.get("duration") == first.get("duration")
-        and (record.metadata.get("experiment") or {}).get("reference")
-        == (first.get("experiment") or {}).get("reference")
+    tasks = [
+        (record.metadata.get("duration"), (record.metadata.get("experiment") or {}).get("reference"))
         for record in records
-    )
+    ]
+    return all(task == tasks[0] for task in tasks)
 
 
 def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
@@ -337,15 +329,13 @@ def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
 def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:
     """The keys, down to single values, that are not the same in all, with units; an experiment's as in its file."""
     files = [dict(_flat(file)) for file in values]
-    keys = dict.fromkeys(key for file in files for key in file)
-    rows = [
-        (
-            name := key.removeprefix("experiment."),
-            [value_text(name, file[key]) if key in file else "–" for file in files],
-        )
-        for key in keys
-    ]
-    return tuple(Setting(key, tuple(texts)) for key, texts in rows if len(set(texts)) > 1)
+    settings = []
+    for key in dict.fromkeys(key for file in files for key in file):
+        name = key.removeprefix("experiment.")
+        texts = tuple(value_text(name, file[key]) if key in file else "–" for file in files)
+        if len(set(texts)) > 1:
+            settings.append(Setting(name, texts))
+    return tuple(settings)
 
 
 def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:

@@ -173,6 +173,5 @@ def remedy(platform: Platform, motion: Motion, centre: FloatArray, largest_condi
 
 
 def _rounded(factor: float, to: Callable[[float], int]) -> str:
-    """To three digits."""
     unit = 10.0 ** (math.floor(math.log10(factor)) - 2)
     return f"{to(factor / unit) * unit:.3g}"

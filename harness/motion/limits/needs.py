@@ -176,7 +176,6 @@ def _integral_of_positive(time: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: FloatArray) -> list[str]:
-    """What the figures leave out, as far as it can be seen."""
     notes = ["nominal model, without load and without reserve for the controller"]
     missing = {
         "friction": not (platform.leg_viscous_friction or platform.leg_coulomb_friction),

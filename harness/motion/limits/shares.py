@@ -157,10 +157,7 @@ class Shares:
 
 
 def shares_along(
-    platform: Platform,
-    time: FloatArray,
-    motion: Motion,
-    largest_condition_number: float = WORST_CONDITION_NUMBER,
+    platform: Platform, time: FloatArray, motion: Motion, largest_condition_number: float = WORST_CONDITION_NUMBER
 ) -> Shares:
     """The shares that a motion uses of the platform's limits, and of the geometric limits.
 

@@ -67,6 +67,5 @@
     host.hidden = false;
     GS.on("region", read);
     read();
-    GS.own = { chosen, rows };
   };
 })();

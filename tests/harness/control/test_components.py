@@ -10,7 +10,7 @@ from gough_stewart.harness.control.component import Parameter, Stepped
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.sensor import Sensor
-from gough_stewart.harness.export.stepped import none_as, traced_component
+from gough_stewart.harness.export.trace import none_as, traced_component
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.vectors import FloatArray

@@ -131,19 +131,6 @@ def test_c_gives_the_forces_that_act_in_a_run(name: str) -> None:
         assert limited.any()
 
 
-def test_c_says_where_the_rate_limit_acts() -> None:
-    """Expected: the flags of the run, a delay later."""
-    experiment = made({})
-    run = run_in_python(experiment)
-    code = Exported(designed(experiment, parts=("drives", "sensors"))).start()
-    found = []
-    for row in true_signals(run, ["leg_length"])[:-1]:
-        code.step(row)
-        found.append(code.remembered("rate_limited"))
-    assert 0.02 < np.mean(found) < 0.98
-    np.testing.assert_array_equal(np.array(found)[:-6], run.rate_limited[6:-1])
-
-
 def test_settings_of_drives_and_sensors_are_live() -> None:
     """Expected: a run with the new values from the start; and what is set to 0 is not there."""
     code = Exported(designed(made({}), parts=PARTS))
@@ -182,11 +169,7 @@ def test_signals_have_quantisers_of_their_own() -> None:
     law = casadi.Function("law", list(s.values()), [out], list(s), ["actuator_force"])
     steps = {"leg_length": 0.004, "orientation": 0.03}
     experiment = made(
-        {
-            "controller": {"type": "open_loop"},
-            "actuators": {"force_limit": "none"},
-            "sensors": {"quantisation": steps},
-        }
+        {"controller": {"type": "open_loop"}, "actuators": {"force_limit": "none"}, "sensors": {"quantisation": steps}}
     )
     code = Exported(designed(experiment, law, parts=("sensors",)))
     rng = np.random.default_rng(5)

@@ -272,14 +272,6 @@ def test_a_measurement_that_stands_still_while_its_reference_moves_is_frozen(sig
     assert exported.status == GOOD
 
 
-def test_a_reference_that_rests_freezes_nothing() -> None:
-    made = designed(uneven_experiment(reference=HOLD, controller=PD), faults=faults_of(frozen=(5, 1e-6)))
-    exported = Exported(made).start()
-    for _ in range(50):
-        exported.step(made.first_measured)
-        assert exported.status == GOOD
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -19,13 +19,7 @@ from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
 from gough_stewart.model.kinematics import leg_geometry
-from tests.support.controllers import (
-    PROPORTIONAL,
-    SAMPLE_TIME,
-    forces_of,
-    run_of,
-    uneven_experiment,
-)
+from tests.support.controllers import PROPORTIONAL, SAMPLE_TIME, forces_of, run_of, uneven_experiment
 from tests.support.fmu_plants import DISCARD, ERROR, Plant, refused
 from tests.support.uneven import UNEVEN
 

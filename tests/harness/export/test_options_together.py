@@ -369,10 +369,7 @@ def test_an_importer_of_the_loop_gets_what_the_documentation_says(row: dict[str,
     result = simulate_ssp(str(file), stop_time=DURATION - SAMPLE_TIME / 2, step_size=SAMPLE_TIME)
     start = START if row["start"] else None
     lengths, forces = closed(_options(row), UNEVEN, _machine(row), start, lambda q, legs: _measured(row, q, legs))
-    for name, expected, tolerance in (
-        ("controller.actuator_force", forces, 2e-4),
-        ("plant.leg_length", lengths, 2e-8),
-    ):
+    for name, expected, tolerance in (("controller.actuator_force", forces, 2e-4), ("plant.leg_length", lengths, 2e-8)):
         if name == "plant.leg_length" and row["type"] == "open_loop":
             continue  # nothing is measured, so nothing is connected
         found = np.transpose([result[f"{name}[{k}]"] for k in range(1, 7)])

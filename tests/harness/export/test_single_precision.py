@@ -109,32 +109,6 @@ def test_a_static_gain_is_exact_where_a_float_can_be() -> None:
     np.testing.assert_allclose(force, np.arange(1, 7), rtol=1e-2)
 
 
-def test_a_bus_of_zeros_waits_and_later_is_a_fault_as_in_double_precision() -> None:
-    """Expected: zeros less home are start forces first, then the feedforward; one of six lengths alone is a fault."""
-    made = designed(uneven_experiment(reference=HOLD, controller={**PID, "feedforward": "gravity"}))
-    one = np.where(np.arange(6) == 2, made.first_measured, 0.0)
-    rows = (np.zeros(6), one, made.first_measured, np.zeros(6), made.first_measured + 1e-3, np.full(6, np.nan))
-    single, double = (Exported(made, real).start() for real in ("float", "double"))
-    statuses = []
-    for row in rows:
-        np.testing.assert_allclose(single.step(row)[0], double.step(row)[0], rtol=1e-5, atol=1e-2)
-        assert single.bad_time == pytest.approx(double.bad_time)
-        statuses.append((single.status, double.status))
-    assert statuses == [(k, k) for k in (0, 1, 0, 1, 0, 1)]
-
-
-def test_a_reference_that_comes_in_is_relative_to_home() -> None:
-    """Expected: the forces of the reference inside, but for what an extrapolation leaves out."""
-    experiment = uneven_experiment(reference=CIRCLE, controller=PD)
-    made, run = designed(experiment, reference="inputs"), run_in_python(experiment)
-    inside = designed(experiment).reference
-    assert inside is not None
-    expected = commanded(run, made)
-    rows = np.concatenate(inside(np.arange(len(expected)) * made.sample_time), axis=1)
-    forces = Exported(made, "float").forces(measured_by(run, made), rows)
-    assert np.abs(forces - expected).max() < 1e-4 * np.abs(expected).max()
-
-
 SHIPPED = ("saturation", "pitch_sine", "fastest_path", "recorded_ride", "circle from inputs", "circle", "excitation")
 
 

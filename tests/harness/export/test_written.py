@@ -30,11 +30,7 @@ PLATFORM = [
     *((f"leg_{part}_com", 1, "m") for part in ("lower", "upper")),
     *((f"leg_{part}_inertia", 1, "kg.m2") for part in ("lower", "upper")),
     *(("leg_viscous_friction", 1, "N.s/m"), ("leg_coulomb_friction", 1, "N")),
-    *(
-        ("leg_friction_velocity", 1, "m/s"),
-        ("gravity", 3, "m/s2"),
-        ("leg_armature", 1, "kg"),
-    ),
+    *(("leg_friction_velocity", 1, "m/s"), ("gravity", 3, "m/s2"), ("leg_armature", 1, "kg")),
     *((f"leg_{kind}_friction_factor", 6, "1") for kind in ("viscous", "coulomb")),
 ]
 
@@ -287,18 +283,13 @@ def test_notes_say_all_that_was_judged() -> None:
     margins = "gains × 0.4 to 2.2, phases ± 34.4°; one leg at a time gain × 0.4 to 2.5, phase 40.1°, delay 2.5 ms."
     assert notes.inside == (
         "Delay: a step computes its forces at once; the experiment has a delay of 2 samples from measurement to "
-        "force, and "
-        "the machine should have the same.",
+        "force, and the machine should have the same.",
         "Stability in C with a delay of 2 samples and a lag of 3 ms: stable; the nominal machine in its first pose "
-        "|z| = "
-        "0.91 (12.5 Hz); along the motion at most |z| = 0.93 (14 Hz) (25 poses); the machine after its change at 2 s "
-        "|z| = "
-        "0.94 (15 Hz); 40 members of [ensemble] at most |z| = 0.97 (16 Hz) (member 17, with a delay of 3 samples and "
-        "a lag "
-        "of 4 ms); impossible members, which are not judged: 3.",
+        "|z| = 0.91 (12.5 Hz); along the motion at most |z| = 0.93 (14 Hz) (25 poses); the machine after its change "
+        "at 2 s |z| = 0.94 (15 Hz); 40 members of [ensemble] at most |z| = 0.97 (16 Hz) (member 17, with a delay of 3 "
+        "samples and a lag of 4 ms); impossible members, which are not judged: 3.",
         "Margins of the nominal machine in its first pose with a delay of 2 samples and a lag of 3 ms: all legs at "
-        "once "
-        f"disk margin 0.8, {margins}",
+        f"once disk margin 0.8, {margins}",
         f"Margins of member 4 with a delay of 1 sample: all legs at once disk margin 0.5, {margins}",
         "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. "
         "Of what is left out, only a lag, a sensors' clock and jitter that are named here were part of it.",
@@ -310,26 +301,15 @@ def test_notes_say_all_that_was_judged() -> None:
     )
 
 
+_LATER = "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has"
 DELAYS: dict[tuple[Host, int], str] = {
-    (
-        "fmu",
-        0,
-    ): "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has no delay; "
-    "the feedforward is computed for 1 sample.",
-    (
-        "fmu",
-        3,
-    ): "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has a delay of "
-    "3 samples; the feedforward is computed for 3 samples. The other 2 samples have to be around the unit.",
-    (
-        "ssp",
-        0,
-    ): "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay, but a unit "
-    "needs one sample.",
-    (
-        "ssp",
-        3,
-    ): "forces act 3 samples after their measurement (output_delay = 3); the experiment has a delay of 3 samples.",
+    ("fmu", 0): f"{_LATER} no delay; the feedforward is computed for 1 sample.",
+    ("fmu", 3): f"{_LATER} a delay of 3 samples; the feedforward is computed for 3 samples. The other 2 samples have "
+    "to be around the unit.",
+    ("ssp", 0): "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay, but a "
+    "unit needs one sample.",
+    ("ssp", 3): "forces act 3 samples after their measurement (output_delay = 3); the experiment has a delay of 3 "
+    "samples.",
 }
 
 
@@ -364,11 +344,9 @@ def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
     assert isinstance(error, UnstableLoopError)
     assert str(error) == (
         "experiment 'heave_step': in C the closed loop is unstable with a delay of 2 samples and a lag of 3 ms: |z| "
-        "= 1.25 at "
-        "12.5 Hz for the nominal machine in its first pose, expected below 1 (2 of 40 members are unstable); in the "
-        "SSP the "
-        "closed loop is unstable with a delay of 2 samples: |z| = 1.5 at 21 Hz for member 8, expected below 1 (1 of 40 "
-        "members are unstable); halve the gains; --anyway (anyway=True) exports it, with a note inside"
+        "= 1.25 at 12.5 Hz for the nominal machine in its first pose, expected below 1 (2 of 40 members are unstable); "
+        "in the SSP the closed loop is unstable with a delay of 2 samples: |z| = 1.5 at 21 Hz for member 8, expected "
+        "below 1 (1 of 40 members are unstable); halve the gains; --anyway (anyway=True) exports it, with a note inside"
     )
     assert error.eigenvalue == pytest.approx(complex(-0.75, 1.0))
     in_a_run = refusal(experiment, [("run", StabilityReport((first,)))])

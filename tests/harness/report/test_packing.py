@@ -106,15 +106,3 @@ def test_blocks_keep_every_peak_in_its_order(rows: int) -> None:
     assert (np.diff(found_time) >= 0).all()
     assert np.array_equal(blocks(time, values)[1], values, equal_nan=True)
     assert rows <= MOST_ROWS
-
-
-def test_ten_seconds_at_a_kilohertz_are_small() -> None:
-    """Expected: a smooth curve takes less than a byte to a row, noise of a thousandth of it less than three."""
-    time = np.arange(10_001) * 1e-3
-    smooth = 0.1 * np.sin(2 * np.pi * time)
-    kept = Arrays()
-    kept.add(smooth, LENGTH)
-    kept.add(smooth + 1e-4 * np.random.default_rng(0).normal(size=len(time)), LENGTH)
-    assert [len(each["d"]) / len(time) < bound for each, bound in zip(kept.packed, (1.0, 3.0), strict=True)] == [
-        True
-    ] * 2

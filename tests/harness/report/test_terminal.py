@@ -86,15 +86,6 @@ def test_a_unit_stands_once_beside_the_name_or_in_the_head() -> None:
     ]
 
 
-def test_a_narrow_terminal_shows_all_numbers_in_tables_below_each_other() -> None:
-    narrow = text_of(_report(), 44)
-    # without a terminal the verdict is one line
-    assert max(map(len, narrow.splitlines()[1:])) <= 44
-    found = _cells(narrow)
-    forces = [cell for row in found if row[0].startswith("peak force") for cell in row[1:]]
-    assert forces == ["101.5", "203", "304.5", "406", "507.5", "609"]
-
-
 def test_without_a_terminal_the_verdict_is_one_line_without_colours() -> None:
     report = _report()
     for force in (False, True):

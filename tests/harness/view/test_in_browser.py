@@ -91,19 +91,6 @@ def test_the_clock_and_the_table_tell_the_moment(one: Watched, record: Record) -
         assert number in said
 
 
-def test_arrows_go_frame_by_frame_and_space_plays(one: Watched, record: Record) -> None:
-    page = one.page
-    scrub(page, record["time"][300])
-    page.evaluate("document.activeElement.blur()")
-    for key, row in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowLeft", 300)):
-        page.keyboard.press(key)
-        assert page.evaluate("GoughStewart.player.time") == record["time"][row]
-    page.keyboard.press("Space")
-    assert page.evaluate("GoughStewart.player.playing")
-    page.keyboard.press("Space")
-    assert not page.evaluate("GoughStewart.player.playing")
-
-
 def test_legs_change_colour_with_force_and_with_nearness(one: Watched, record: Record) -> None:
     """Expected: pushing legs are more red than blue, pulling ones the other way round; plain legs are all alike."""
     page = one.page

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars
@@ -81,13 +80,6 @@ def test_text_of_the_user_stays_text(platform: Platform) -> None:
     assert data_of(page)["scenes"][0]["name"] == bad
 
 
-def test_rows_from_a_value_that_is_not_finite_on_are_left_out(record: Record) -> None:
-    values = record["position[3]"].copy()
-    values[1000:] = np.nan
-    broken = Record(record.table.with_columns(**{"position[3]": values}), record.metadata)
-    assert scene_time(view_page([broken], ["x"]))[-1] == record["time"][999]
-
-
 def test_a_loop_that_oscillates_is_told_first(platform: Platform) -> None:
     """Expected: in the verdict of one run, and beside that of two, what the record was given: leg 5, 40 Hz, 3 mm."""
     record = oscillating(waving_record(platform, size=0.0))
@@ -137,11 +129,14 @@ def test_every_row_of_every_signal_is_on_the_page(record: Record, page: bytes) -
     assert {chart["x"]["title"] for chart in data["charts"]} == {"time [s]"}
 
 
-@pytest.mark.parametrize("name", ["position[3]", "orientation[2]", "leg_length[6]", "actuator_force[5]"])
-def test_rows_beyond_what_can_be_drawn_are_left_out(name: str) -> None:
-    """Expected: rows up to the first of a value of 1e9 in any column that is drawn, of either sign."""
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("position[3]", np.nan), *((name, -1.5e9) for name in ("orientation[2]", "leg_length[6]", "actuator_force[5]"))],
+)
+def test_rows_beyond_what_can_be_drawn_are_left_out(name: str, value: float) -> None:
+    """Expected: rows up to the first of NaN or a value of 1e9 in any column that is drawn, of either sign."""
     values = RUN[name].copy()
-    values[123:] = -1.5e9
+    values[123:] = value
     page = view_page([Record(RUN.table.with_columns(**{name: values}), RUN.metadata)], ["x"])
     assert scene_time(page) == pytest.approx(RUN["time"][:123], abs=1e-12)
     values[:] = 1e9
@@ -160,25 +155,13 @@ def test_too_many_records_or_none_are_refused(record: Record, number: int) -> No
         view_page([record] * number, ["x"] * number)
 
 
-def test_a_record_without_a_finite_row_or_a_platform_is_refused(record: Record) -> None:
-    values = np.full(record.table.height, np.nan)
-    nothing = Record(record.table.with_columns(**{"position[1]": values}), record.metadata)
-    with pytest.raises(RecordError, match="waves: no row with finite values"):
-        view_page([nothing], ["waves"])
+def test_a_record_without_a_platform_or_an_outcome_is_refused(record: Record) -> None:
     for name in ("platform", "outcome"):
         without = {key: value for key, value in record.metadata.items() if key != name}
         with pytest.raises(RecordError, match=f"waves: the metadata have no {name}"):
             view_page([Record(record.table, without)], ["waves"])
     with pytest.raises(RecordError, match="the metadata have no platform"):
         view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
-
-
-def test_records_are_called_by_their_folders_if_those_differ(tmp_path: Any) -> None:
-    one, two = tmp_path / "one", tmp_path / "two"
-    one.mkdir()
-    two.mkdir()
-    assert names_of([one, two / "record.csv"]) == ["one", "two"]
-    assert names_of([one, one / "record.csv"]) == [str(one), str(one / "record.csv")]
 
 
 def test_the_distance_of_colours_is_that_of_its_publication() -> None:

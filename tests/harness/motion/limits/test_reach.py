@@ -262,20 +262,6 @@ def test_a_joint_beyond_its_angle_is_refused(quantity: str) -> None:
     check_reach(replace(FREE, joint_angle_max=1.001 * largest), TIMES[:2], motion)
 
 
-@given(seeds)
-def test_joint_angles_are_those_between_directions(seed: int) -> None:
-    """Expected: arc cosines of directions by SciPy's rotation, good to 1e-7 near 0."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    position = platform.home_position + 0.3 * platform.characteristic_length * rng.normal(size=(4, 3))
-    orientation = platform.home_orientation + 0.3 * rng.normal(size=(4, 3))
-    found = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
-    for k in range(4):
-        for angles, expected in zip(found, slow_joint_angles(platform, position[k], orientation[k]), strict=True):
-            assert angles.shape == (4, 6)
-            assert np.allclose(angles[k], expected, atol=1e-7)
-
-
 def test_joint_angles_are_zero_at_home_and_right_close_to_it() -> None:
     """Expected: lifted by dz, a leg at horizontal distance d and length L turns by dz d/L², alike at both ends."""
     pose = (PAPER.home_position, PAPER.home_orientation)
@@ -353,31 +339,6 @@ def test_a_leg_that_would_be_too_fast_is_named_with_the_time(seed: int) -> None:
     time, leg, value = first_beyond(TIMES, rates, limit)
     assert (error.quantity, error.time, error.leg) == ("the velocity", time, leg)
     assert error.value == pytest.approx(value, rel=1e-5)
-
-
-def test_a_motion_that_would_take_too_much_power_is_refused() -> None:
-    """Expected: heave of six equal legs without mass: each gives a sixth of m (z̈ + g) ż + d/dt (½ 6 m_a L̇²)."""
-    z = PAPER.home_position[2] + 0.2 * np.sin(2 * np.pi * TIMES)
-    rate = 0.2 * 2 * np.pi * np.cos(2 * np.pi * TIMES)
-    acceleration = -0.2 * (2 * np.pi) ** 2 * np.sin(2 * np.pi * TIMES)
-    platform = replace(
-        PAPER, leg_armature=9.0, leg_lower_mass=1e-12, leg_upper_mass=1e-12, leg_lower_inertia=0, leg_upper_inertia=0
-    )
-    up = np.array([0.0, 0.0, 1.0])
-    none = np.zeros((len(TIMES), 3))
-    motion = Motion(np.outer(z, up), none, np.outer(rate, up), none, np.outer(acceleration, up), none)
-    L = np.hypot(z, np.linalg.norm(PAPER.base_points[0] - PAPER.platform_points[0]))
-    leg_rate = z * rate / L
-    leg_acceleration = (rate**2 + z * acceleration - leg_rate**2) / L
-    power = 10 * (acceleration + 9.81) * rate / 6 + 9 * leg_rate * leg_acceleration
-    most = float(np.abs(power).max())
-    check_reach(replace(platform, actuator_power_max=1.001 * most), TIMES, motion)
-    limit = 0.9 * most
-    with pytest.raises(ReachError, match=r"the power of leg . is .* W; expected") as caught:
-        check_reach(replace(platform, actuator_power_max=limit), TIMES, motion)
-    time, _, value = first_beyond(TIMES, np.repeat(power[:, None], 6, axis=1), limit)
-    assert caught.value.time == time
-    assert caught.value.value == pytest.approx(value, rel=1e-9)
 
 
 def test_power_at_a_singular_pose_does_not_hide_what_is_wrong() -> None:

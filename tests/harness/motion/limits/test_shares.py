@@ -15,9 +15,7 @@ from gough_stewart.harness.motion.limits.reach import check_reach, legs_of
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER, Shares, shares_along
 from gough_stewart.harness.motion.motion import Motion, Scaled, slower, smaller
 from gough_stewart.harness.motion.references import Sine
-from gough_stewart.model.kinematics import leg_accelerations, leg_geometry
 from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform
 
@@ -97,22 +95,6 @@ def test_at_rest_only_the_static_force_is_used() -> None:
     assert not np.any(shares.of["leg_acceleration_max"])
     static = 10 * 9.81 / 6 * Heave.length[0] / Heave.z[0]
     assert np.allclose(shares.of["actuator_force_max"], static / 40)
-
-
-@given(seeds)
-def test_leg_accelerations_are_the_second_differences_of_leg_lengths(seed: int) -> None:
-    """Expected: central differences of lengths, and of velocities, along a motion of an uneven platform."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    reference, times, h = swing(platform, rng), TIMES[::20], 1e-4
-    motion = reference(times)
-    legs = leg_geometry(platform, motion.position, motion.orientation)
-    found = leg_accelerations(legs, State(*motion[:4]), motion.acceleration, motion.angular_acceleration)
-    behind, at, ahead = (legs_of(platform, reference(times + s * h)) for s in (-1, 0, 1))
-    scale = float(np.abs(found).max())
-    assert np.allclose(found, (ahead.leg_velocity - behind.leg_velocity) / (2 * h), rtol=0, atol=1e-5 * scale)
-    second = (ahead.leg_length - 2 * at.leg_length + behind.leg_length) / h**2
-    assert np.allclose(found, second, rtol=0, atol=1e-4 * scale)
 
 
 def test_of_the_stroke_nothing_is_used_in_its_middle_and_all_at_its_ends() -> None:
@@ -277,13 +259,25 @@ def test_a_leg_that_would_accelerate_too_much_is_refused_with_what_would_fit() -
         check_reach(platform, TIMES, Heave.motion)
 
 
-def test_an_actuator_that_would_need_too_much_force_is_refused_with_what_would_fit() -> None:
-    limit = float(np.abs(Heave.force).max()) * 0.999
-    row = int((np.abs(Heave.force) > limit).argmax())
-    with pytest.raises(ReachError, match=r"the force of leg . is .* N; .* times as long .* or .* times as large") as no:
-        check_reach(limited(LIGHT, actuator_force_max=limit), TIMES, Heave.motion)
-    assert (no.value.quantity, no.value.time) == ("the force", TIMES[row])
-    assert no.value.value == pytest.approx(Heave.force[row], rel=1e-9)
+@pytest.mark.parametrize(
+    ("limit", "quantity", "unit", "values"),
+    [
+        ("actuator_force_max", "the force", "N", Heave.force),
+        ("actuator_power_max", "the power", "W", Heave.force * Heave.velocity),
+    ],
+)
+def test_an_actuator_that_would_need_too_much_is_refused_with_what_would_fit(
+    limit: str, quantity: str, unit: str, values: FloatArray
+) -> None:
+    """Expected: the heave's closed form; just above its largest value nothing is refused."""
+    most = float(np.abs(values).max())
+    row = int((np.abs(values) > 0.999 * most).argmax())
+    check_reach(limited(LIGHT, **{limit: 1.001 * most}), TIMES, Heave.motion)
+    text = rf"{quantity} of leg . is .* {unit}; expected .* times as long .* or .* times as large"
+    with pytest.raises(ReachError, match=text) as no:
+        check_reach(limited(LIGHT, **{limit: 0.999 * most}), TIMES, Heave.motion)
+    assert (no.value.quantity, no.value.time) == (quantity, TIMES[row])
+    assert no.value.value == pytest.approx(values[row], rel=1e-9)
 
 
 def test_a_weight_that_the_legs_cannot_hold_is_helped_by_no_scale() -> None:

@@ -79,20 +79,14 @@ def replace_knots(motion: TimedPath, every: int) -> TimedPath:
     return TimedPath(motion.path, Coarser(), motion.start)
 
 
-def test_a_straight_lift_under_an_acceleration_limit_takes_the_time_of_bang_bang() -> None:
-    # legs that nearly all point up, to (1/40)²: L̈ is the platform's acceleration, T = 2 √(d/a)
-    platform = upright(leg_acceleration_max=3.0)
-    lift = np.array([[0, 0, 2.0], [0, 0, 2.5]])
-    law = fastest(platform, GeometricPath(lift, np.zeros((2, 3)), 1.0))
-    assert law.duration == pytest.approx(2 * np.sqrt(0.5 / 3.0), rel=2e-3)
+LIFT = GeometricPath(np.array([[0, 0, 2.0], [0, 0, 2.5]]), np.zeros((2, 3)), 1.0)
 
 
-def test_a_straight_lift_under_limits_of_velocity_and_acceleration_takes_the_time_of_a_trapezoid() -> None:
-    platform = upright(leg_acceleration_max=3.0, leg_velocity_max=0.8)
-    lift = np.array([[0, 0, 2.0], [0, 0, 2.5]])
-    law = fastest(platform, GeometricPath(lift, np.zeros((2, 3)), 1.0))
-    # d = v T − v²/a
-    assert law.duration == pytest.approx((0.5 + 0.8**2 / 3.0) / 0.8, rel=2e-3)
+@pytest.mark.parametrize(("velocity", "duration"), [(None, 2 * np.sqrt(0.5 / 3.0)), (0.8, (0.5 + 0.8**2 / 3.0) / 0.8)])
+def test_a_straight_lift_takes_the_time_of_bang_bang_or_of_a_trapezoid(velocity: Any, duration: float) -> None:
+    """Expected: T = 2 √(d/a), or d = v T − v²/a; legs that nearly all point up, to (1/40)², move as the platform."""
+    law = fastest(upright(leg_acceleration_max=3.0, leg_velocity_max=velocity), LIFT)
+    assert law.duration == pytest.approx(duration, rel=2e-3)
 
 
 def test_a_straight_lift_under_a_force_limit_accelerates_by_what_gravity_leaves() -> None:
@@ -100,8 +94,7 @@ def test_a_straight_lift_under_a_force_limit_accelerates_by_what_gravity_leaves(
     platform = upright(actuator_force_max=400.0, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
     mass = platform.platform_mass + 6 * (platform.leg_upper_mass + platform.leg_armature)
     weight = 9.81 * (platform.platform_mass + 6 * platform.leg_upper_mass)
-    lift = np.array([[0, 0, 2.0], [0, 0, 2.5]])
-    law = fastest(platform, GeometricPath(lift, np.zeros((2, 3)), 1.0))
+    law = fastest(platform, LIFT)
     up, down = (2400 - weight) / mass, (2400 + weight) / mass
     speed = np.sqrt(2 * 0.5 / (1 / up + 1 / down))
     # down by gravity and actuators is faster than up

@@ -25,11 +25,7 @@ from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
 from tests.support.uneven import UNEVEN
 
-POSES: Any = [
-    [0.1, -0.1, 2.9, 0.05, -0.02, 0.1],
-    [0.15, 0.1, 2.95, -0.05, 0.1, -0.1],
-    [-0.1, 0.0, 2.8, 0.1, 0.0, 0.2],
-]
+POSES: Any = [[0.1, -0.1, 2.9, 0.05, -0.02, 0.1], [0.15, 0.1, 2.95, -0.05, 0.1, -0.1], [-0.1, 0.0, 2.8, 0.1, 0.0, 0.2]]
 
 
 def test_a_path_rests_in_its_first_pose_until_it_begins_and_in_its_last_afterwards() -> None:
