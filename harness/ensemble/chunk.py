@@ -152,6 +152,11 @@ def check_memory(batch: Batch, run: Reduced, again: Callable[[Batch], Reduced]) 
         Of all members.
     again
         Runs others.
+
+    Raises
+    ------
+    SharedMemoryError
+        It gives others.
     """
     controller = shared_by_members(batch.setups[0].controller)
     if controller is None:
@@ -212,7 +217,13 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
 
 def check_names(plan: EnsemblePlan) -> None:
-    """Refuse unknown bands and metrics before anything runs."""
+    """Refuse unknown bands and metrics before anything runs.
+
+    Raises
+    ------
+    ExperimentError
+        An unknown name in `signals` or `worst_by`; suggests the nearest.
+    """
     members = plan.prepared
     where, choice = plan.where, members.choice
     try:
@@ -352,7 +363,13 @@ class ChunkFiles:
         self.folder = folder / FOLDER
 
     def write(self, first: int, chunk: ChunkBytes) -> None:
-        """Write a chunk completely or not at all."""
+        """Write a chunk completely or not at all.
+
+        Raises
+        ------
+        OSError
+            It cannot be written; partial files are ignored.
+        """
         self.folder.mkdir(parents=True, exist_ok=True)
         write_whole(self.rows(first), chunk.rows)
         write_whole(self.rows(first).with_suffix(".npz"), chunk.bands)

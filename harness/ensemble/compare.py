@@ -52,7 +52,13 @@ class Comparison:
 
 
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
-    """Compare two ensembles of the same members (common random numbers), using members that completed in both."""
+    """Compare two ensembles of the same members (common random numbers), using members that completed in both.
+
+    Raises
+    ------
+    RecordError
+        Their members are not the same: another number of them, or other drawn values.
+    """
     joined = a.members.select(MEMBER).join(b.members, on=MEMBER, maintain_order="left")
     if not a.members.height == b.members.height == joined.height:
         raise RecordError(

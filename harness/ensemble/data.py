@@ -69,7 +69,13 @@ def metric_names(members: polars.DataFrame) -> tuple[str, ...]:
 
 
 def metric_name(members: polars.DataFrame, name: str) -> str:
-    """The column of a metric, which may have a short name."""
+    """The column of a metric, which may have a short name.
+
+    Raises
+    ------
+    RecordError
+        Unknown; suggests the nearest name.
+    """
     names, full = metric_names(members), SHORT.get(name, name)
     if full not in names:
         raise RecordError(f"no metric '{name}'{nearest(name, names)}")

@@ -181,7 +181,13 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
 def _planned(
     experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool
 ) -> EnsemblePlan | None:
-    """The plan of this run, continuing the one in the folder if there is one; None if that is complete."""
+    """The plan of this run, continuing the one in the folder if there is one; None if that is complete.
+
+    Raises
+    ------
+    EnsembleError
+        The folder has another experiment, or an unfinished one that would be lost.
+    """
     begun = _begun(folder)
     if not resume:
         if begun is not None and files.count():

@@ -243,6 +243,11 @@ def packed(plan: EnsemblePlan) -> bytes | None:
 
     cloudpickle, which comes with dask.distributed, is used if it is installed: it also packs what is defined in a
     notebook, in a script or inside a function.
+
+    Raises
+    ------
+    ControllerError
+        It cannot be pickled.
     """
     if plan.given is None:
         return None
@@ -263,7 +268,13 @@ def packed(plan: EnsemblePlan) -> bytes | None:
 
 @lru_cache(2)
 def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
-    """The plan of a text, with its controller, on a worker."""
+    """The plan of a text, with its controller, on a worker.
+
+    Raises
+    ------
+    ControllerError
+        The controller's modules are not there.
+    """
     if content is None:
         return plan_from(text)
     try:

@@ -384,7 +384,13 @@ def check(
 
 
 def _with_payload(platform: Platform, payload: float | str, height: float | str) -> dict[str, Any]:
-    """Settings of an experiment whose platform carries a point mass: mass, centre of mass, and inertia about it."""
+    """Settings of an experiment whose platform carries a point mass: mass, centre of mass, and inertia about it.
+
+    Raises
+    ------
+    MotionError
+        Not a mass and a length, or a mass of 0 or less.
+    """
     try:
         mass, above = number(payload, "kg"), number(height, "m")
     except ValueError as error:

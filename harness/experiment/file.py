@@ -62,7 +62,13 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
 
 
 def _read(name: Path | str) -> tuple[str, str, Path]:
-    """The TOML text of an experiment's file or of a shipped experiment, its name for messages, and its folder."""
+    """The TOML text of an experiment's file or of a shipped experiment, its name for messages, and its folder.
+
+    Raises
+    ------
+    ExperimentError
+        It cannot be read.
+    """
     path = Path(name)
     if str(name) in experiment_names() and not path.is_file():
         return shipped_text(str(name)), f"experiment '{name}'", Path()
@@ -113,7 +119,13 @@ def experiment_names() -> tuple[str, ...]:
 
 
 def shipped_text(name: str) -> str:
-    """The TOML file of a shipped experiment, with its comments."""
+    """The TOML file of a shipped experiment, with its comments.
+
+    Raises
+    ------
+    ExperimentError
+        No such experiment; the nearest name is suggested.
+    """
     shipped = toml_files(*_SHIPPED)
     if name not in shipped:
         raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, shipped)}")
@@ -121,7 +133,13 @@ def shipped_text(name: str) -> str:
 
 
 def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
-    """A shipped experiment by name; see `load_experiment` for the settings."""
+    """A shipped experiment by name; see `load_experiment` for the settings.
+
+    Raises
+    ------
+    ExperimentError
+        No such experiment, or as `experiment_from`.
+    """
     return _parsed(shipped_text(name), f"experiment '{name}'", Path(), settings)
 
 

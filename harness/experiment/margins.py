@@ -382,6 +382,11 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
 
     Lifted: x⁺ = M x over the least common multiple of both clocks; the root of M's largest |eigenvalue| for as many
     samples as there are.
+
+    Raises
+    ------
+    ControllerError
+        Too many states.
     """
     loop, timing, reading_time, where = (
         prepared.loop,

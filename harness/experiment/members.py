@@ -227,7 +227,13 @@ class Members:
         return self.preparation.members(values, seeds)
 
     def possible(self) -> Batch:
-        """The first member that can run."""
+        """The first member that can run.
+
+        Raises
+        ------
+        ExperimentError
+            None of the first members can.
+        """
         for last in (1, 8, _AMONG):
             prepared = self.prepared(0, min(self.count, last))
             if len(prepared.batch):
@@ -272,7 +278,13 @@ class Members:
         return tuple(sorted(inputs, key=lambda varied: varied.place.path))
 
     def check_acts(self, key: str, place: Place) -> None:
-        """Refuse a key of a controller that another one replaces."""
+        """Refuse a key of a controller that another one replaces.
+
+        Raises
+        ------
+        ExperimentError
+            It would have no effect.
+        """
         section, *rest = place.path
         if self.controller is not None and section == "controller" and rest[0] not in ("feedforward", "parameters"):
             raise self._error(key, "has no effect, since controller= replaces the experiment's controller")
@@ -283,7 +295,13 @@ class Members:
         return platforms_of(self.nominal)
 
     def place_of(self, key: str) -> Place:
-        """The place that a key of `[ensemble]` or a search names."""
+        """The place that a key of `[ensemble]` or a search names.
+
+        Raises
+        ------
+        ValueError
+            None, or one that is common to all members.
+        """
         return place_of(key, self.nominal, *self.platforms)
 
     def _error(self, key: str, message: str) -> ExperimentError:
@@ -371,7 +389,13 @@ class EnsemblePlan:
 
 
 def plan_from(text: str, given: GivenController | None = None) -> EnsemblePlan:
-    """The plan of a `EnsemblePlan.text`; a controller from Python is not part of the text."""
+    """The plan of a `EnsemblePlan.text`; a controller from Python is not part of the text.
+
+    Raises
+    ------
+    ValueError
+        Not a plan, or one of another version.
+    """
     values = json.loads(text)
     if values.pop("format", None) != FORMAT:
         raise ValueError("a plan of another version")

@@ -88,7 +88,13 @@ def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
 
 
 def set_key(values: Any, where: str, key: str, value: Any) -> None:
-    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's."""
+    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's.
+
+    Raises
+    ------
+    SettingError
+        A key inside something that is not a table; `where` names the setting.
+    """
     names = key.strip().split(".")
     if not all(names):
         raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
@@ -119,7 +125,13 @@ def _copied(value: Any) -> Any:
 
 
 def table_with(experiment: Experiment, name: str, values: Values) -> Any:
-    """A table of an experiment, or a list of tables, with other values by their paths in it."""
+    """A table of an experiment, or a list of tables, with other values by their paths in it.
+
+    Raises
+    ------
+    ExperimentError
+        Invalid values; those of a platform are checked with the platform.
+    """
     table = getattr(experiment, name)
     if name in _PLATFORMS:
         parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
@@ -144,7 +156,13 @@ def _validated(experiment: Experiment, name: str, table: Section, values: Values
 
 
 def experiment_with(experiment: Experiment, values: Values) -> Experiment:
-    """An experiment with other values by their paths."""
+    """An experiment with other values by their paths.
+
+    Raises
+    ------
+    ExperimentError
+        Invalid values.
+    """
     changed = by_table(values)
     return experiment.model_copy(update={name: table_with(experiment, name, changed[name]) for name in changed})
 
@@ -166,7 +184,13 @@ class Place:
 
 
 def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:
-    """The place that a key of `[ensemble]` names."""
+    """The place that a key of `[ensemble]` names.
+
+    Raises
+    ------
+    ValueError
+        No such parameter or key, or one that is common to all members; suggests the nearest name.
+    """
     path = tuple(key.split("."))
     if len(path) == 1 and key in TABLE:
         path = ("plant", "parameters", key)

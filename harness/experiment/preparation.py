@@ -771,7 +771,13 @@ def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> P
 
 
 def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
-    """The nominal model, and the machine."""
+    """The nominal model, and the machine.
+
+    Raises
+    ------
+    ExperimentError
+        An invalid one.
+    """
     _, nominal, base = Preparation(experiment)._believed({})
     parameters = experiment.plant.parameters
     with part_of(experiment.where, "plant"):
@@ -786,7 +792,13 @@ def limited_platform(platform: Platform, force_limit: float | str) -> Platform:
 
 
 def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
-    """The clocks of a run, with their jitter."""
+    """The clocks of a run, with their jitter.
+
+    Raises
+    ------
+    ExperimentError
+        Clocks that do not fit each other, or a delay as long as the run.
+    """
     with part_of(experiment.where, "loop"):
         step = loop.plant_step or loop.sample_time
         timing = Timing(loop.duration, loop.sample_time, step, loop.jitter, experiment.sensors.seed)
@@ -801,7 +813,13 @@ def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
 def reference_motion(
     experiment: Experiment, choice: ReferenceChoice, limited: Platform, timing: Timing
 ) -> tuple[Reference, Motion]:
-    """The reference, and its motion at every row, whether or not the platform can follow it."""
+    """The reference, and its motion at every row, whether or not the platform can follow it.
+
+    Raises
+    ------
+    ExperimentError
+        An invalid one, or one that is faster than the samples can tell.
+    """
     with part_of(experiment.where, "reference"):
         reference = choice.about(limited, experiment.folder)
         if not choice.highest_frequency < 0.5 / timing.sample_time:

@@ -214,7 +214,13 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
 
 
 def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
-    """The experiments of members, and the same prepared."""
+    """The experiments of members, and the same prepared.
+
+    Raises
+    ------
+    ExperimentError
+        No member of that number, or one that is impossible.
+    """
     for member in numbers:
         if member is not None and not 0 <= member < plan.members:
             raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
@@ -232,7 +238,13 @@ def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list
 
 
 def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: TimeProgress | None = None) -> list[Record]:
-    """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed."""
+    """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed.
+
+    Raises
+    ------
+    ExperimentError
+        No member of that number, or one that is impossible.
+    """
     if not members:
         return []
     experiments, batch = _members_of(plan, members)

@@ -56,6 +56,11 @@ class Bands(KeptRows):
         Number of the first member; quantiles use only members below `MOST_MEMBERS`.
     times
         Largest number of sample times, from the first row to the last.
+
+    Raises
+    ------
+    RecordError
+        A name is not in `NAMES`.
     """
 
     def __init__(

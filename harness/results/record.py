@@ -257,7 +257,13 @@ def machine_of(record: Record) -> Platform:
 
 
 def platform_of(record: Record, key: str = "platform") -> Platform:
-    """The nominal platform of a run, which its controller was designed for, or another one of the metadata."""
+    """The nominal platform of a run, which its controller was designed for, or another one of the metadata.
+
+    Raises
+    ------
+    RecordError
+        The metadata have no platform.
+    """
     try:
         return Platform(**record.metadata[key])
     except (KeyError, TypeError) as error:
@@ -291,7 +297,13 @@ def _some(names: list[str]) -> str:
 
 
 def _check_metadata(metadata: Any) -> None:
-    """Refuse metadata with a value of another type than `gough-stewart run` writes."""
+    """Refuse metadata with a value of another type than `gough-stewart run` writes.
+
+    Raises
+    ------
+    RecordError
+        Names the key and the expected type.
+    """
     if not isinstance(metadata, dict):
         raise RecordError("has no metadata of a run")
     try:
@@ -305,7 +317,13 @@ def _check_metadata(metadata: Any) -> None:
 
 
 def _check_table(table: polars.DataFrame, rows: int | None) -> None:
-    """Refuse a table that cannot be a whole run with this number of rows (None: unknown)."""
+    """Refuse a table that cannot be a whole run with this number of rows (None: unknown).
+
+    Raises
+    ------
+    RecordError
+        A column or row is missing or wrong; the message names it.
+    """
     if "time" not in table.columns:
         raise RecordError("has no column 'time'; expected one with the times of the rows")
     if not table.height:

@@ -45,6 +45,11 @@ class SamplingDesign:
         Of the varied inputs, each with as many columns as `sizes` states.
     groups
         For Saltelli's design, which names form one group, by index.
+
+    Raises
+    ------
+    ValueError
+        A number of members that the design does not allow.
     """
 
     sampling: Sampling
@@ -180,7 +185,13 @@ class CorrelatedInputs(Section):
 
 
 def checked_matrix(matrix: Any) -> FloatArray:
-    """A covariance (n, n): symmetric and positive definite."""
+    """A covariance (n, n): symmetric and positive definite.
+
+    Raises
+    ------
+    ValueError
+        The matrix is not symmetric or not positive definite.
+    """
     n = len(matrix)
     try:
         C = real_array(matrix, (n, n))
