@@ -1,0 +1,165 @@
+"""A loop over UDP, through real sockets: rows, references, what is no reference, and every way to end."""
+
+import json
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from tests.support.commands import invoke
+
+HOME = [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]
+ASKED = [0.05, -0.04, 2.2, 0.02, -0.03, 0.1]
+MALFORMED = [
+    *(b"x", b"[]", b"{}", b"null", b"\xff\xfe", b"[" * 500, b'{"pose": 1}', b'{"pose": [1, 2, 3, 4, 5]}'),
+    *(b'{"pose": [NaN, 0, 2, 0, 0, 0]}', b'{"pose": [Infinity, 0, 2, 0, 0, 0]}', b'{"pose": [true, 0, 2, 0, 0, 0]}'),
+    *(b'{"pose": ["0", 0, 2, 0, 0, 0]}', b'{"pose": [1%s, 0, 2, 0, 0, 0]}' % (b"0" * 400), struct.pack("<6d", *HOME)),
+    b'{"pose": [0, 0, 2, 0, 0, 0]}' + b" " * 600,
+]
+# Beyond the stroke, turned once round, which has the lengths of home, and far away.
+OUT_OF_REACH = [[0, 0, 9, 0, 0, 0], [0, 0, 2, 0, 0, 2 * np.pi], [1e5] * 6]
+
+
+class Client:
+    """A socket that talks to a server."""
+
+    def __init__(self, server: subprocess.Popen[str], port: int) -> None:
+        self.server, self._at = server, ("127.0.0.1", port)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.settimeout(20)
+
+    def say(self, *datagrams: bytes) -> None:
+        for datagram in datagrams:
+            self.socket.sendto(datagram, self._at)
+
+    def ask(self, pose: list[Any]) -> None:
+        self.say(json.dumps({"pose": pose}).encode())
+
+    def datagram(self) -> bytes:
+        return self.socket.recv(4096)
+
+    def rows(self, n: int) -> dict[str, np.ndarray]:
+        """The next rows, in JSON."""
+        rows = [json.loads(self.datagram()) for _ in range(n)]
+        return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+    def end(self, name: signal.Signals | None) -> tuple[int, str, dict[str, int]]:
+        """The exit code, the verdict and its counts, after a signal, or by itself."""
+        if name is not None:
+            self.server.send_signal(name)
+        said, errors = self.server.communicate(timeout=30)
+        assert errors == ""
+        counts = re.findall(r"(\d+) (rows out|packets in|malformed|out of reach|losses)", said)
+        return self.server.returncode, said, {what: int(number) for number, what in counts}
+
+
+@contextmanager
+def served(*options: str) -> Iterator[Client]:
+    """A server of its own process, at a free port."""
+    command = [sys.executable, "-m", "gough_stewart", "serve", "heave_step", "--udp", "0", *options]
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*command, "--set", "reference.at=0.02"], **pipes) as server:
+        try:
+            assert server.stdout is not None
+            first = server.stdout.readline()
+            listening = re.match(r"Listening on 127\.0\.0\.1:(\d+)", first)
+            assert listening, first
+            client = Client(server, int(listening[1]))
+            with closing(client.socket):
+                yield client
+        finally:
+            server.kill()
+
+
+def test_the_platform_follows_a_sender_by_the_limits_of_motion_and_stays_when_it_is_lost() -> None:
+    """Expected: steps in time of one period, no faster than the clock; rates of the filter; lengths by geometry.
+
+    What is no reference is counted, and changes nothing.
+    """
+    with served("--silence", "0.5") as client:
+        client.say(b"")
+        began, first = time.monotonic(), client.rows(1)
+        client.ask(ASKED)
+        client.say(*MALFORMED)
+        for pose in OUT_OF_REACH:
+            client.ask(pose)
+        rows = client.rows(200)
+        passed = time.monotonic() - began
+        code, _, counts = client.end(signal.SIGINT)
+    time_of_rows = rows["time"]
+    assert np.diff(time_of_rows) == pytest.approx(0.01)
+    assert time_of_rows[-1] - first["time"][0] == pytest.approx(passed, abs=0.5)
+    rates = np.abs(np.diff(rows["reference"], axis=0)) / 0.01
+    assert 0.2 < rates[:, 2].max() <= 0.3 + 1e-9
+    assert rows["reference"][-1] == pytest.approx(ASKED, abs=1e-4)
+    assert rows["pose"][-1] == pytest.approx(ASKED, abs=2e-3)
+    pose = rows["pose"]
+    lengths = gs.leg_geometry(gs.load_preset("motion_base"), pose[:, :3], pose[:, 3:]).length
+    assert rows["leg_length"] == pytest.approx(lengths, abs=1e-9)
+    packets = 2 + len(MALFORMED) + len(OUT_OF_REACH)
+    assert code == 0
+    assert {**counts, "rows out": 201} == {
+        **{"rows out": 201, "packets in": packets, "malformed": len(MALFORMED)},
+        **{"out of reach": len(OUT_OF_REACH), "losses": 1},
+    }
+    assert counts["rows out"] >= 201
+
+
+def test_binary_rows_are_as_documented_and_a_lost_sender_can_end_the_stream() -> None:
+    """Expected: 19 doubles, time, pose, lengths, reference; a pose of 6; at 250 Hz steps of 4 ms."""
+    with served("--binary", "--rate", "250", "--silence", "0.4", "--stop") as client:
+        client.say(struct.pack("<6d", *ASKED), json.dumps({"pose": HOME}).encode())
+        rows = np.array([struct.unpack("<19d", client.datagram()) for _ in range(90)])
+        code, said, counts = client.end(None)
+    assert np.diff(rows[:, 0]) == pytest.approx(0.004)
+    lengths = gs.leg_geometry(gs.load_preset("motion_base"), rows[:, 1:4], rows[:, 4:7]).length
+    assert rows[:, 7:13] == pytest.approx(lengths, abs=1e-9)
+    assert np.sign(rows[-1, 13:] - rows[0, 13:]) == pytest.approx(np.sign(np.subtract(ASKED, HOME)))
+    assert (code, counts["packets in"], counts["malformed"], counts["losses"]) == (0, 2, 1, 1), said
+
+
+def test_sigterm_ends_it_with_the_verdict() -> None:
+    with served() as client:
+        client.say(b"")
+        client.rows(3)
+        code, said, counts = client.end(signal.SIGTERM)
+    assert (code, counts["packets in"]) == (0, 1)
+    assert "late rows" in said
+
+
+def test_a_loop_that_ends_says_why() -> None:
+    """Expected: a step of 50 mm is further from its reference than 1 mm."""
+    limits = ("--set", "reference.at=0.02", "--set", "limits.position_error=1 mm")
+    done = invoke("serve", "heave_step", "--udp", "0", "--duration", "20", *limits)
+    assert done.exit_code == 3
+    assert "too far from its reference" in done.output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("heave_step --udp 0 --rate 251", "a stream of 251 rows a second; expected 1 to 250"),
+        ("heave_step --udp 0 --rate nan", "expected 1 to 250"),
+        ("heave_step --udp 0 --silence 0", "expected a time above 0"),
+        ("heave_step --udp 0 --duration 0", "expected a time above 0"),
+        ("paper_open_loop --udp 0", "follows no reference"),
+        ("heave_step --udp {taken}", "choose others"),
+        ("heave_step --udp 0 --host 1.2.3.4.5", "choose others"),
+    ],
+)
+def test_wrong_uses_are_named(words: str, said: str) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        done = invoke("serve", *words.format(taken=taken.getsockname()[1]).split())
+    assert done.exit_code == 2
+    assert said in done.output
