@@ -95,12 +95,15 @@ def test_the_platform_follows_a_sender_by_the_limits_of_motion_and_stays_when_it
             client.ask(pose)
         rows = client.rows(200)
         passed = time.monotonic() - began
+        time.sleep(0.05)  # a signal could come between a row and its count
         code, _, counts = client.end(signal.SIGINT)
     time_of_rows = rows["time"]
     assert np.diff(time_of_rows) == pytest.approx(0.01)
     assert time_of_rows[-1] - first["time"][0] == pytest.approx(passed, abs=0.5)
     rates = np.abs(np.diff(rows["reference"], axis=0)) / 0.01
-    assert 0.2 < rates[:, 2].max() <= 0.3 + 1e-9
+    # limits of 0.3 m/s and 2 m/s2 on what is wanted, which a filter of third order exceeds a little
+    assert 0.29 < rates[:, 2].max() < 0.303
+    assert 1.0 < np.abs(np.diff(rates[:, 2])).max() / 0.01 < 2.02
     assert rows["reference"][-1] == pytest.approx(ASKED, abs=1e-4)
     assert rows["pose"][-1] == pytest.approx(ASKED, abs=2e-3)
     pose = rows["pose"]
