@@ -48,9 +48,9 @@ SETTINGS = [
 
 
 def forces_of(platform: Platform) -> list[list[float]]:
-    """Actuator forces (1000, 6) of 1 s, a fifth about those at home, each leg's at its own phase."""
-    phase = 2 * np.pi * 3 * STEP * np.arange(1000)[:, None] + np.arange(6)
-    swing = 0.2 * np.sin(phase) * [1, 0.5, -0.7, 0.9, 0.3, -1]
+    """Actuator forces (1000, 6) of 1 s, within 30 % of those at home, each leg's at its own phase."""
+    phase = 2 * np.pi * STEP * np.arange(1000)[:, None] + np.arange(6)
+    swing = 0.3 * np.sin(phase) * [1, 0.5, -0.7, 0.9, 0.3, -1]
     return (platform.home_actuator_force * (1 + swing)).tolist()  # type: ignore[no-any-return]
 
 

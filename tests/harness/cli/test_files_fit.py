@@ -119,6 +119,7 @@ PRODUCERS: tuple[tuple[str, ...], ...] = (
     ),
     ("export", "mine/own.toml", "--as", "fmu,c,ssp", "--out", "out/export"),
     ("live", "mine/own.toml", "--no-open", "--out", "out/live.html"),
+    ("serve", "mine/own.toml", "--udp", "0", "--duration", "0.1"),
     ("build", "--platform", "platforms/own.toml", "--out", "out/build"),
     ("workspace", "--platform", "platforms/own.toml", "--points", "3", "--out", "out/workspace"),
     ("reproduce", "--platform", "out/excite/platform.toml", "--out", "out/reproduce"),
