@@ -1,7 +1,7 @@
-"""How punctual `gough-stewart serve` is: `make bench`, on a quiet machine.
+"""How punctual `gough-stewart serve` is on a quiet machine: `make bench`.
 
-A client in a process of its own keeps asking for poses and takes the rows, as a game does; the lateness of a row is from
-its time to when it has been sent.
+A client in a process of its own keeps asking for poses and takes the rows, as a game does. A row is late by the
+time from its own to when it has been sent.
 """
 
 import json

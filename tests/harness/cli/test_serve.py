@@ -68,12 +68,12 @@ def served(*options: str) -> Iterator[Client]:
     """A server of its own process, at a free port."""
     command = [sys.executable, "-m", "gough_stewart", "serve", "heave_step", "--udp", "0", *options]
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen([*command, "--set", "reference.at=0.02"], **pipes) as server:
+    with subprocess.Popen(command, **pipes) as server:
         try:
             assert server.stdout is not None
             first = server.stdout.readline()
             listening = re.match(r"Listening on 127\.0\.0\.1:(\d+)", first)
-            assert listening, first
+            assert listening, server.stderr and server.stderr.read()
             client = Client(server, int(listening[1]))
             with closing(client.socket):
                 yield client
@@ -118,17 +118,30 @@ def test_the_platform_follows_a_sender_by_the_limits_of_motion_and_stays_when_it
     assert counts["rows out"] >= 201
 
 
-def test_binary_rows_are_as_documented_and_a_lost_sender_can_end_the_stream() -> None:
-    """Expected: 19 doubles, time, pose, lengths, reference; a pose of 6; at 250 Hz steps of 4 ms."""
-    with served("--binary", "--rate", "250", "--silence", "0.4", "--stop") as client:
-        client.say(struct.pack("<6d", *ASKED), json.dumps({"pose": HOME}).encode())
-        rows = np.array([struct.unpack("<19d", client.datagram()) for _ in range(90)])
+def test_a_binary_sender_that_asks_with_every_row_is_followed_by_the_filter_until_it_is_lost() -> None:
+    """Expected: 19 doubles, time, pose, lengths, reference; at 250 Hz steps of 4 ms, whatever the sample time.
+
+    The reference has the step response of 1/(s/w + 1)^3, w = 2 pi 1.5 Hz, which no limit touches. --stop then ends it.
+    """
+    start, change = np.array(HOME), np.array([2e-3, -1e-3, 3e-3, 1e-3, -2e-3, 1.5e-3])
+    loop = [f"--set=loop.{key}" for key in ("duration=3", "sample_time=3 ms", "plant_step=1 ms")]
+    loop.append("--set=reference.at=2.9")  # until then it rests
+    rows = []
+    with served("--binary", "--rate", "250", "--silence", "0.4", "--stop", *loop) as client:
+        client.say(json.dumps({"pose": HOME}).encode())
+        for _ in range(120):
+            client.say(struct.pack("<6d", *(start + change)))
+            rows.append(struct.unpack("<19d", client.datagram()))
         code, said, counts = client.end(None)
-    assert np.diff(rows[:, 0]) == pytest.approx(0.004)
-    lengths = gs.leg_geometry(gs.load_preset("motion_base"), rows[:, 1:4], rows[:, 4:7]).length
-    assert rows[:, 7:13] == pytest.approx(lengths, abs=1e-9)
-    assert np.sign(rows[-1, 13:] - rows[0, 13:]) == pytest.approx(np.sign(np.subtract(ASKED, HOME)))
-    assert (code, counts["packets in"], counts["malformed"], counts["losses"]) == (0, 2, 1, 1), said
+    values = np.array(rows)
+    assert np.diff(values[:, 0]) == pytest.approx(0.004)
+    lengths = gs.leg_geometry(gs.load_preset("motion_base"), values[:, 1:4], values[:, 4:7]).length
+    assert values[:, 7:13] == pytest.approx(lengths, abs=1e-9)
+    # it begins with a sample about the first row
+    x = 2 * np.pi * 1.5 * (values[:, :1] - values[0, 0])
+    response = 1 - np.exp(-x) * (1 + x + x * x / 2)
+    assert (values[:, 13:] - start) / change == pytest.approx(np.repeat(response, 6, axis=1), abs=0.02)
+    assert (code, counts["packets in"], counts["malformed"], counts["losses"]) == (0, 121, 1, 1), said
 
 
 def test_sigterm_ends_it_with_the_verdict() -> None:
