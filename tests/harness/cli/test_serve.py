@@ -27,7 +27,7 @@ MALFORMED = [
     b'{"pose": [0, 0, 2, 0, 0, 0]}' + b" " * 600,
 ]
 # Beyond the stroke, turned once round, which has the lengths of home, and far away.
-OUT_OF_REACH = [[0, 0, 9, 0, 0, 0], [0, 0, 2, 0, 0, 2 * np.pi], [1e5] * 6]
+OUT_OF_REACH: list[list[float]] = [[0, 0, 9, 0, 0, 0], [0, 0, 2, 0, 0, 2 * np.pi], [1e5] * 6]
 
 
 class Client:
@@ -155,7 +155,7 @@ def test_sigterm_ends_it_with_the_verdict() -> None:
 
 def test_a_loop_that_ends_says_why() -> None:
     """Expected: a step of 50 mm is further from its reference than 1 mm."""
-    limits = ("--set", "reference.at=0.02", "--set", "limits.position_error=1 mm")
+    limits = ("--stop", "--set", "reference.at=0.02", "--set", "limits.position_error=1 mm")
     done = invoke("serve", "heave_step", "--udp", "0", "--duration", "20", *limits)
     assert done.exit_code == 3
     assert "too far from its reference" in done.output
@@ -167,7 +167,7 @@ def test_a_loop_that_ends_says_why() -> None:
         ("heave_step --udp 0 --rate 251", "a stream of 251 rows a second; expected 1 to 250"),
         ("heave_step --udp 0 --rate nan", "expected 1 to 250"),
         ("heave_step --udp 0 --silence 0", "expected a time above 0"),
-        ("heave_step --udp 0 --duration 0", "expected a time above 0"),
+        ("heave_step --udp 0 --duration -1", "greater than or equal to 0"),
         ("paper_open_loop --udp 0", "follows no reference"),
         ("heave_step --udp {taken}", "choose others"),
         ("heave_step --udp 0 --host 1.2.3.4.5", "choose others"),
