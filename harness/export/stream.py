@@ -158,7 +158,7 @@ class Stream:
                 continue
             if sender in self._listeners or len(self._listeners) < _LISTENERS:
                 self._listeners[sender] = now
-        within = self._within_reach(np.reshape(poses, (-1, 6)))
+        within = self._within_reach(np.array(poses)) if poses else np.empty((0, 6))
         self.tally.out_of_reach += len(poses) - len(within)
         if len(within):
             if not self._is_taken:
@@ -172,8 +172,9 @@ class Stream:
         """Those of poses (n, 6) with all legs within their stroke, turned by less than a quarter from home."""
         low, high = self._lengths
         length = leg_geometry(self._platform, poses[:, :3], poses[:, 3:]).length
-        turned = np.abs(poses[:, 3:] - self._platform.home_orientation).max(axis=1, initial=0.0)
-        return poses[(turned < math.pi / 2) & ((length >= low) & (length <= high)).all(axis=1)]
+        turned = np.abs(poses[:, 3:] - self._platform.home_orientation).max(axis=1)
+        within: NDArray[np.float64] = poses[(turned < math.pi / 2) & ((length >= low) & (length <= high)).all(axis=1)]
+        return within
 
     def _row_at(self, row: int) -> NDArray[np.float64]:
         """Run to a row: its time, pose, lengths and reference pose (19,)."""
@@ -206,7 +207,7 @@ def pose_of(datagram: bytes, binary: bool = False) -> NDArray[np.float64] | None
     """The pose (6,) [m, rad] that a datagram asks for; None if it is malformed."""
     try:
         if binary:
-            values = list(REFERENCE.unpack(datagram))
+            values: Any = list(REFERENCE.unpack(datagram))
         else:
             values = json.loads(datagram)["pose"] if len(datagram) <= _LARGEST else None
     except (ValueError, TypeError, KeyError, RecursionError, struct.error):
