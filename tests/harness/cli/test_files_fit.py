@@ -149,6 +149,11 @@ CONSUMERS = (
     ),
     Use(("export", "{experiment}", "--as", "c", "--out", "used/export"), {"experiment": EXPERIMENT}),
     Use(("live", "{experiment}", *LOOP, "--no-open", "--out", "used/live.html"), {"experiment": EXPERIMENT}),
+    Use(
+        ("serve", "{experiment}", *LOOP, "--udp", "0", "--duration", "0.1"),
+        {"experiment": EXPERIMENT},
+        unless=("follows no reference that a sender can take over",),
+    ),
     Use(("view", "{records}", "--out", "used/page.html"), {"records": RECORD}),
     Use(
         ("frf", "{record}", "--experiment", "{experiment}", "--out", "used/frf"),
