@@ -56,7 +56,7 @@ check: $(VENV)/dev
 	$(BIN)/lint-imports
 
 # each runs, whatever the ones before it missed; what missed its figure is listed at the end
-BENCHMARKS := start first_minutes run fmu machine controller coupled loop lanes ensemble environments workspace view identify
+BENCHMARKS := start first_minutes run fmu machine controller coupled loop stream lanes ensemble environments workspace view identify
 bench: $(VENV)/bench
 	@missed=""; for each in $(BENCHMARKS); do \
 		PYTHONPATH=. $(BIN)/python benchmarks/$$each.py || missed="$$missed $$each"; \

@@ -88,12 +88,12 @@ def forces_of(platform: Platform) -> list[list[float]]:
 def seconds_of_the_model(platform: Platform, forces: list[list[float]]) -> tuple[float, list[float]]:
     """Time of a step of the stepping model, and the position at the end."""
     model = SteppingModel(platform)
-    begin = time.perf_counter()
+    begin = time.process_time()
     for k, force in enumerate(forces):
         model.set("actuator_force", force)
         model.do_step(k * 1e-3, 1e-3)
         position = model.get("position")
-    return (time.perf_counter() - begin) / STEPS, np.ravel(position).tolist()
+    return (time.process_time() - begin) / STEPS, np.ravel(position).tolist()
 
 
 def stepped_by_fmpy(platform: Platform, folder: Path) -> Callable[[list[list[float]]], tuple[float, list[float]]]:
@@ -119,12 +119,12 @@ def stepped_by_fmpy(platform: Platform, folder: Path) -> Callable[[list[list[flo
             unit.setFloat64([references[name]], np.ravel(value).astype(float).tolist())
         unit.enterInitializationMode(tolerance=1e-8, startTime=0.0)
         unit.exitInitializationMode()
-        begin = time.perf_counter()
+        begin = time.process_time()
         for k, force in enumerate(forces):
             unit.setFloat64(forces_at, force)
             unit.doStep(k * 1e-3, 1e-3)
             position = unit.getFloat64(position_at, 3)
-        taken = (time.perf_counter() - begin) / STEPS
+        taken = (time.process_time() - begin) / STEPS
         unit.terminate()
         unit.freeInstance()
         return taken, list(position)

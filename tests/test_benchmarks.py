@@ -11,7 +11,7 @@ from tests.support.interpreter import Interpreter
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 # They compare with engines of the extra `evidence`.
-NEEDS = {"run.py": "pinocchio"}
+NEEDS = {"run.py": "pinocchio", "peers.py": "mujoco"}
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in FOLDER.glob("*.py")))

@@ -27,6 +27,7 @@ from gough_stewart.harness.cli.platforms import (
     workspace_command,
 )
 from gough_stewart.harness.cli.run import run_command, view_command
+from gough_stewart.harness.cli.stream import serve_command
 from gough_stewart.harness.cli.units import build_command, export_command
 
 # Wrong usage of any kind; Typer carries a click of its own in some versions.
@@ -129,7 +130,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "experiments": experiments_command,
         "workspace": workspace_command,
     },
-    "Runs": {"live": live_command, "run": run_command, "view": view_command},
+    "Runs": {"live": live_command, "run": run_command, "serve": serve_command, "view": view_command},
     "Design": {
         "check": check_command,
         "margins": margins_command,

@@ -18,6 +18,7 @@ from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.quantities import PositiveTime
 from gough_stewart.harness.section import ByType, FileName
 from gough_stewart.harness.table_file import numbers_of, read_table
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -30,6 +31,14 @@ HAND_FILTERS = (
     SmoothingChoice(bandwidth=1.5, largest_rate=0.5, largest_acceleration=4.0),
 )
 TARGET_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw", "jumps")
+
+
+def lengths_for_hands(platform: Platform) -> tuple[float, float]:
+    """The least and largest leg length that a hand may ask for [m]: the stroke; without one, a tenth beyond home's."""
+    at_home = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    low = 0.9 * float(at_home.min()) if platform.leg_length_min is None else platform.leg_length_min
+    high = 1.1 * float(at_home.max()) if platform.leg_length_max is None else platform.leg_length_max
+    return low, high
 
 
 class ByHand(ReferenceChoice):

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.by_hand import HAND_FILTERS
 from gough_stewart.harness.control.controllers import Feedforward, OpenLoop, SixChannels
 from gough_stewart.harness.control.faults import N_FAULTS
@@ -26,8 +27,8 @@ from gough_stewart.harness.control.loop_transfer import held_plant, space_of
 from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, Gains, channels_of, modal_masses
 from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.control.state_space import METHODS, Method
-from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.experiment.preparation import Prepared
+from gough_stewart.harness.errors import ControllerError, ExportError
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of, compiled_form
@@ -65,6 +66,19 @@ _TURNED = LoopSettings(None, Sensors({_ENCODERS: 1.0}, {_ENCODERS: 1.0}), Actuat
 _FEEDFORWARD: tuple[Feedforward, ...] = ("none", "gravity", "computed_torque")
 # What the first two numbers of a motion's kinds mean; with a faded one C has a function of its own.
 _GIVEN, _PIECES, _FADED = "given", "pieces", "faded"
+
+# In words why a run ended early.
+FAILURES: dict[int, str] = {
+    Failure.NOT_FINITE: "a number is not finite",
+    Failure.PITCHED: "the pitch is near 90°",
+    Failure.SINGULAR: "the platform is in a singular pose",
+    Failure.PASSED_SINGULAR: "the platform passed a singular pose",
+    Failure.TOO_MANY_STEPS: "the motion is too fast to follow",
+    Failure.COMMAND: "the loop diverged: the controller's forces grew beyond all limits",
+    Failure.STROKE: "a leg is beyond its stroke, which ends the run",
+    Failure.AWAY: "the loop diverged: the platform is too far from its reference",
+    Failure.NOT_STARTED: "the platform cannot start from there",
+}
 
 # Fields of structures of C by their kinds: WHOLE numbers, NUMBERs, PLACEs of arrays.
 _MACHINE_FIELDS = {
@@ -161,6 +175,46 @@ def machine_of(
     plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
     with plant, prepared.law_in_a_run() as law_from:
         return machine_block(plant, law_from, prepared.loop, planned, kept, forever, turned)
+
+
+def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block, Prepared, dict[str, Any]]:
+    """The machine of an experiment that goes on until its host ends it, what is prepared of it, and what may be turned.
+
+    `host` is what errors say of who runs it, such as "a page".
+
+    Raises
+    ------
+    ExportError
+        A controller that needs Python or an FMU, another plant than the model, steps of a fixed size, or settings of
+        the loop that change.
+    """
+    name, kind = experiment.where, getattr(experiment.controller, "type", "")
+    if experiment.code:
+        raise ExportError(
+            f"{name} executes {', '.join(map(str, experiment.code))}, which {host} cannot; expected a controller of "
+            "the types pd, pid, state_space or open_loop, and the plant 'model'"
+        )
+    if experiment.plant.kind != "model":
+        raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
+    if experiment.plant.fixed_step_size:
+        raise ExportError(
+            f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; {host} steps by error control: "
+            "set plant.fixed_step_size=0"
+        )
+    if any(change.has_settings for change in experiment.change):
+        raise ExportError(
+            f"{name} changes settings of its loop during the run, which {host} cannot; expected "
+            "[[change]] of parameters alone"
+        )
+    prepared = prepare(experiment)
+    try:
+        turned = turning(experiment, prepared)
+        block = machine_of(experiment, prepared, kept, forever=True, turned=turned)
+    except ControllerError as error:
+        raise ExportError(f"{name}: controller '{kind}': {error}") from error
+    if block.law is not None:
+        raise ExportError(f"{name}: {host} has the laws of shipped components; expected one of them")
+    return block, prepared, turned
 
 
 def machine_block(

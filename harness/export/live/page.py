@@ -11,24 +11,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
+from gough_stewart.harness.control.by_hand import lengths_for_hands
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
-from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.file import without_none
 from gough_stewart.harness.experiment.overrides import with_settings
-from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.run import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.machine import (
+    FAILURES,
     MOST_DELAY,
     POLES,
     WANTED,
     Block,
+    endless_machine,
     fields,
-    machine_of,
     planned_motion,
-    turning,
 )
 from gough_stewart.harness.export.machine_c import shipped_wasm
 from gough_stewart.harness.paper.open_loop import run_kernel
@@ -62,18 +61,6 @@ _FIELDS = (
     *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
     *("change_parameters", "change_inputs", "change_faults"),
 )
-# What a page says of a run that ended early.
-_FAILURES = {
-    Failure.NOT_FINITE: "a number is not finite",
-    Failure.PITCHED: "the pitch is near 90°",
-    Failure.SINGULAR: "the platform is in a singular pose",
-    Failure.PASSED_SINGULAR: "the platform passed a singular pose",
-    Failure.TOO_MANY_STEPS: "the motion is too fast to follow",
-    Failure.COMMAND: "the loop diverged: the controller's forces grew beyond all limits",
-    Failure.STROKE: "a leg is beyond its stroke, which ends the run",
-    Failure.AWAY: "the loop diverged: the platform is too far from its reference",
-    Failure.NOT_STARTED: "the platform cannot start from there",
-}
 # Files of a download, whose names no file of an experiment may have there.
 _DOWNLOADED = ("record.csv", "metadata.json", "experiment.toml", "targets.csv")
 # A hand's reach: from home at most a sixth of the mean leg length, and half a radian; so many shares of it are tried.
@@ -162,32 +149,7 @@ def _scene(machine: Platform) -> dict[str, Any]:
 
 def live_machine(experiment: Experiment) -> Live:
     """The machine of an experiment, and what a hand may do to it; see `live_page` for errors."""
-    name, kind = experiment.where, getattr(experiment.controller, "type", "")
-    if experiment.code:
-        raise ExportError(
-            f"{name} executes {', '.join(map(str, experiment.code))}, which a page cannot; expected a controller of "
-            "the types pd, pid, state_space or open_loop, and the plant 'model'"
-        )
-    if experiment.plant.kind != "model":
-        raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
-    if experiment.plant.fixed_step_size:
-        raise ExportError(
-            f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; a page steps by error control: "
-            "set plant.fixed_step_size=0"
-        )
-    if any(change.has_settings for change in experiment.change):
-        raise ExportError(
-            f"{name} changes settings of its loop during the run, which are tuned by hand in a page; expected "
-            "[[change]] of parameters alone"
-        )
-    prepared = prepare(experiment)
-    try:
-        turned = turning(experiment, prepared)
-        block = machine_of(experiment, prepared, KEPT, forever=True, turned=turned)
-    except ControllerError as error:
-        raise ExportError(f"{name}: controller '{kind}': {error}") from error
-    if block.law is not None:
-        raise ExportError(f"{name}: a page has the laws of shipped components; expected one of them")
+    block, prepared, turned = endless_machine(experiment, KEPT, "a page")
     return Live(block, prepared, {**_data(experiment, prepared), "turn": _turned(turned, prepared)})
 
 
@@ -246,7 +208,7 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "behind": behind_of(experiment, prepared) if is_open else None,
         "startForce": start_force.tolist(),
         "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
-        "failures": _FAILURES,
+        "failures": FAILURES,
         "reach": reach_of(platform).tolist(),
         "home": np.concatenate(home).tolist(),
     }
@@ -293,8 +255,7 @@ def reach_of(platform: Platform) -> Any:
     """
     home = np.concatenate([platform.home_position, platform.home_orientation])
     at_home = leg_geometry(platform, home[:3], home[3:]).length
-    low = 0.9 * float(at_home.min()) if platform.leg_length_min is None else platform.leg_length_min
-    high = 1.1 * float(at_home.max()) if platform.leg_length_max is None else platform.leg_length_max
+    low, high = lengths_for_hands(platform)
     free = _FREE * (high - low)
     reach = np.zeros(6)
     for axis in range(6):

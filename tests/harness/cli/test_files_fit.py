@@ -119,6 +119,7 @@ PRODUCERS: tuple[tuple[str, ...], ...] = (
     ),
     ("export", "mine/own.toml", "--as", "fmu,c,ssp", "--out", "out/export"),
     ("live", "mine/own.toml", "--no-open", "--out", "out/live.html"),
+    ("serve", "mine/own.toml", "--udp", "0", "--duration", "0.1"),
     ("build", "--platform", "platforms/own.toml", "--out", "out/build"),
     ("workspace", "--platform", "platforms/own.toml", "--points", "3", "--out", "out/workspace"),
     ("reproduce", "--platform", "out/excite/platform.toml", "--out", "out/reproduce"),
@@ -148,6 +149,11 @@ CONSUMERS = (
     ),
     Use(("export", "{experiment}", "--as", "c", "--out", "used/export"), {"experiment": EXPERIMENT}),
     Use(("live", "{experiment}", *LOOP, "--no-open", "--out", "used/live.html"), {"experiment": EXPERIMENT}),
+    Use(
+        ("serve", "{experiment}", *LOOP, "--udp", "0", "--duration", "0.1"),
+        {"experiment": EXPERIMENT},
+        unless=("follows no reference that a sender can take over",),
+    ),
     Use(("view", "{records}", "--out", "used/page.html"), {"records": RECORD}),
     Use(
         ("frf", "{record}", "--experiment", "{experiment}", "--out", "used/frf"),
