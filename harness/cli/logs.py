@@ -9,6 +9,14 @@ import typer
 
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
+    ColumnOption,
+    FrameOption,
+    LegLengthsOption,
+    PivotOption,
+    RotationAboutOption,
+    RotationOrderOption,
+    chosen_convention,
+    columns_by_name,
     NoPythonOption,
     PlatformOption,
     PresetOption,
@@ -96,6 +104,63 @@ def excite_command(
         files["platform.toml"] = platform_to_toml(loaded).encode()
     report = excite_report(design, loaded, expanded(estimate.split(","), loaded), duration)
     running.present(report, files, then=f"gough-stewart run {shlex.quote(str(folder / 'excitation.toml'))}")
+
+
+@study(figures=("pose",))
+def poses_command(
+    running: Running,
+    log: Annotated[
+        Path,
+        typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=path),
+    ],
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    leg_lengths: LegLengthsOption = "absolute",
+    column: ColumnOption = None,
+    rotation_order: RotationOrderOption = "XYZ",
+    rotation_about: RotationAboutOption = "fixed",
+    frame: FrameOption = "z_up",
+    pivot: PivotOption = "0,0,0",
+    out: Annotated[Path | None, out_option("results/poses_NAME, after the log")] = None,
+) -> None:
+    """Compute the poses of a log of leg lengths, as from encoders, by forward kinematics.
+
+    The log has columns `leg_length[1..6]`, and `time` if it has times, with units in their names: `leg_length[1] [mm]`.
+    Each row starts from the one before, the first from home, so that the poses are one continuous motion. Rows with an
+    empty length have no pose; lengths that no pose has are refused with their row.
+
+    If the log has poses, too, they are compared: also they are read with the options for the order of rotations, frame
+    and pivot, in which the poses are written.
+
+    Writes **poses.csv** and **poses.parquet**: `time`, `position[1..3]`, `orientation[1..3]` or `quaternion[1..4]`,
+    `residual` (the largest error of a leg length) and `condition_number`, in SI units; with `--figures` also **pose**.
+
+    Examples
+    --------
+    - `gough-stewart poses encoders.csv --platform machine.toml`
+
+    - `gough-stewart poses encoders.csv --preset motion_base --rotation-order ZYX --rotation-about moving`
+    """
+    loaded = chosen_platform(preset, platform)
+    convention = chosen_convention(rotation_order, rotation_about, frame, pivot)
+    from gough_stewart.harness.identify.log import read_log
+    from gough_stewart.harness.identify.poses import FILES, NUMBERS, poses_of_log, poses_report
+    from gough_stewart.harness.pose_convention import QUATERNION
+
+    running.expect(NUMBERS)
+    running.hold(out or log_folder("poses", log), FILES)
+    running.step("poses")
+    read = read_log(
+        log,
+        columns=columns_by_name(column),
+        rotation_order="XYZ" if rotation_order == QUATERNION else rotation_order,
+        rotation_about=convention.rotation_about,
+        frame=frame,
+        pivot=convention.pivot,
+        gaps=True,
+    )
+    poses = poses_of_log(read, loaded, leg_lengths, convention)
+    running.present(poses_report(poses, read, loaded, convention), poses.files)
 
 
 Method = Literal["linear", "geometry"]

@@ -12,7 +12,7 @@ from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import scales, with_all
 from gough_stewart.harness.identify.geometry.joints import GEOMETRY, PoseFrame, identify_geometry
 from gough_stewart.harness.identify.linear import identify_linear
-from gough_stewart.harness.identify.log import Log, log_of, read_log
+from gough_stewart.harness.identify.log import Log, check_poses, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.observability import (
     MotionRows,
@@ -131,6 +131,8 @@ def identify(
                 f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
                 f"{'of a log' if not isinstance(validation, float) else validation}"
             )
+        if pose_frame != "own":
+            check_poses(logs[0], platform)
         return identify_geometry(logs[0], platform, names, **of_geometry)
     if of_geometry:
         raise IdentificationError(f"{next(iter(of_geometry))} is an option of method geometry only; this one is linear")
