@@ -151,6 +151,8 @@ class PoseConvention:
             "frame": self.frame,
         }
         changed = [f'{key} = "{value}"' for key, value in keys.items() if value != getattr(OURS, key)]
+        if any(self.pivot):
+            changed.append(f"pivot = {list(self.pivot)}")
         return ", ".join(changed) or 'rotation_order = "XYZ", frame = "z_up"'
 
 

@@ -216,12 +216,11 @@ def without_repeated_rows(since: FloatArray, values: FloatArray) -> NDArray[np.i
         )
     kept = np.concatenate([[0], np.flatnonzero(~same_time) + 1])
     if len(kept) < len(since):
-        dropped = np.flatnonzero(same_time)
-        warnings.warn(
-            f"{len(dropped)} rows that repeat the one before, with its time, are left out; the first is row "
-            f"{dropped[0] + 2}",
-            stacklevel=3,
+        dropped = np.flatnonzero(same_time) + 2
+        rows = (
+            f"row {dropped[0]} repeats" if len(dropped) == 1 else f"{len(dropped)} rows, from {dropped[0]} on, repeat"
         )
+        warnings.warn(f"{rows} the row before, with its time, and count once", stacklevel=3)
     return kept
 
 

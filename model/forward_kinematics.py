@@ -184,7 +184,7 @@ def _of_rows(
     condition_number = None
     if conditioning:
         legs = leg_geometry(platform, pose[..., :3], pose[..., 3:])
-        condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
+        condition_number = np.where(np.isnan(residual), np.nan, conditioning_of_legs(legs).condition_number)
     return ForwardKinematics(
         pose[..., :3], pose[..., 3:], ~np.isnan(residual), iterations, residual, condition_number=condition_number
     )

@@ -1,7 +1,7 @@
 """The commands `excite` and `identify`: parameters of a platform from logs."""
 
 import shlex
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,19 +12,19 @@ from gough_stewart.harness.cli.options import (
     ColumnOption,
     FrameOption,
     LegLengthsOption,
-    PivotOption,
-    RotationAboutOption,
-    RotationOrderOption,
-    chosen_convention,
-    columns_by_name,
     NoPythonOption,
+    PivotOption,
     PlatformOption,
     PresetOption,
+    RotationAboutOption,
+    RotationOrderOption,
     SeedOption,
     SetOption,
     choice,
+    chosen_convention,
     chosen_experiment,
     chosen_platform,
+    columns_by_name,
     experiments,
     log_folder,
     option,
@@ -150,15 +150,8 @@ def poses_command(
     running.expect(NUMBERS)
     running.hold(out or log_folder("poses", log), FILES)
     running.step("poses")
-    read = read_log(
-        log,
-        columns=columns_by_name(column),
-        rotation_order="XYZ" if rotation_order == QUATERNION else rotation_order,
-        rotation_about=convention.rotation_about,
-        frame=frame,
-        pivot=convention.pivot,
-        gaps=True,
-    )
+    of_log = replace(convention, rotation_order="XYZ") if rotation_order == QUATERNION else convention
+    read = read_log(log, columns=columns_by_name(column), gaps=True, **asdict(of_log))
     poses = poses_of_log(read, loaded, leg_lengths, convention)
     running.present(poses_report(poses, read, loaded, convention), poses.files)
 
@@ -221,6 +214,11 @@ def identify_command(
         PoseFrame | None,
         choice("Frame of measured poses: world, or the tracker's own, at any unknown pose.", PoseFrame),
     ] = None,
+    column: ColumnOption = None,
+    rotation_order: RotationOrderOption = "XYZ",
+    rotation_about: RotationAboutOption = "fixed",
+    frame: FrameOption = "z_up",
+    pivot: PivotOption = "0,0,0",
     experiment: Annotated[
         str | None,
         option(
@@ -271,7 +269,9 @@ def identify_command(
         loaded = chosen_experiment(experiment, settings, no_python, lambda loaded: loaded.code)
     running.step("identifying")
     options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame}
-    log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side}
+    convention = chosen_convention(rotation_order, rotation_about, frame, pivot)
+    log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side, **asdict(convention)}
+    log_options["columns"] = columns_by_name(column)
     fitted = [read_log(log, force_per_current, **log_options) for log in logs]
     if validate:
         options["validation"] = [read_log(log, force_per_current, **log_options) for log in validate]

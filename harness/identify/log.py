@@ -98,9 +98,9 @@ def read_log(
     Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and, if poses were measured,
     `position[1..3]` and `orientation[1..3]` or `quaternion[1..4]`, scalar last. Usual names, such as `leg_1`, `x`,
     `roll`, `pose.orientation.x`, are known, too. Write units after the names: `time [ms]`, `leg_length[1] [mm]`;
-    without a unit, values are in SI. `leg_length_1` is the same as `leg_length[1]`. From a record of a run, sensor values are
-    used, and true values of signals without a sensor. Times may be dates by ISO 8601, or seconds since 1970; the log's
-    then begin at 0. Rows that repeat the one before, with its time, are left out with a warning.
+    without a unit, values are in SI. `leg_length_1` is the same as `leg_length[1]`. From a record of a run, sensor
+    values are used, and true values of signals without a sensor. Times may be dates by ISO 8601, or seconds since 1970;
+    the log's then begin at 0. Rows that repeat the one before, with its time, are left out with a warning.
 
     Parameters
     ----------
@@ -147,6 +147,8 @@ def read_log(
     if path.is_dir():
         path = next((path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()), path)
     table = _table(path)
+    if rotation_order == QUATERNION:
+        raise LogError(f"{path}: rotation_order is '{QUATERNION}'; expected that of angles; quaternions need none")
     try:
         convention = PoseConvention(rotation_order, rotation_about, frame, tuple(map(float, pivot)))
         table = _renamed(table, columns or {})

@@ -84,10 +84,10 @@ def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseCon
     if not known.any():
         text = f"none of {counted(n, 'row')} has six lengths"
         return Report(_title(platform), Verdict(sentence([text]), "bad", tuple(numbers)), study="poses")
-    worst = int(np.flatnonzero(known)[condition.argmax()])
+    least, worst = float(condition.min()), float(condition.max())
     numbers += [
         Number("residual", "largest error of a leg length", float(residual.max()), LENGTH),
-        Number("condition_number", "largest condition number", float(condition.max()), low=float(condition.min())),
+        Number("condition_number", "largest condition number", worst, low=least, high=worst),
     ]
     notes = [Note(f"Poses are written with {convention.settings}.")] if convention != OURS else []
     if convention.is_left_handed:
@@ -104,12 +104,15 @@ def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseCon
             Number("deviation.position", "largest deviation from the measured position", away[0], LENGTH),
             Number("deviation.orientation", "largest deviation from the measured orientation", away[1], ANGLE),
         ]
+        pivot = _pivot(found, log, away[0])
+        if pivot is not None:
+            notes.append(Note(f"The measured positions fit another pivot than the one read: {pivot}.", "warning"))
     text = sentence(
         [
             f"{counted(int(known.sum()), 'row')} of {n:,} {'has' if known.sum() == 1 else 'have'} a pose",
             f"lengths are met within {residual.max():.2g} m",
-            f"condition number {NUMBER.text(float(condition.min()))} to {NUMBER.text(float(condition.max()))}, the "
-            f"largest in row {worst + 1}",
+            f"condition number {NUMBER.text(least)} to {NUMBER.text(worst)}, the largest in row "
+            f"{np.flatnonzero(known)[condition.argmax()] + 1}",
             away and f"the measured poses are within {LENGTH.text(away[0])} and {ANGLE.text(away[1])}",
         ]
     )
@@ -154,6 +157,17 @@ def _deviation(found: ForwardKinematics, log: Log) -> tuple[float, float] | None
     # |R − R_m| = 2√2 sin(φ/2), exact also for small angles
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(R - measured, axis=(1, 2)) / np.sqrt(8), 0.0, 1.0))
     return float(np.nanmax(distance)), float(np.nanmax(angle))
+
+
+def _pivot(found: ForwardKinematics, log: Log, away: float) -> str | None:
+    """The point that measured positions are of, if one point at Rᵀ (p_m − p) explains most of their deviation."""
+    R = matrix_from_orientation(found.orientation)
+    offsets = np.einsum("nji,nj->ni", R, log.position - found.position)
+    offset = np.nanmean(offsets, axis=0)
+    left = float(np.nanmax(np.linalg.norm(offsets - offset, axis=1)))
+    if not away > max(5 * left, 1e-6 * float(np.abs(log.leg_length[np.isfinite(log.leg_length)]).max())):
+        return None
+    return f"pivot = {np.round(offset + log.convention.pivot, 6).tolist()} m, within {LENGTH.text(left)}"
 
 
 def _charts(log: Log, pose: FloatArray) -> tuple[Chart, ...]:

@@ -124,6 +124,21 @@ def columns_of(
     return _in_units(found, timestamps)
 
 
+def leg_columns(header: Sequence[str]) -> dict[str, Column]:
+    """The columns for six leg lengths.
+
+    Raises
+    ------
+    MotionError
+        One is missing, or there are several, or one has no unit or an unknown one.
+    """
+    headings = [Heading.of(column) for column in header]
+    found = {name: heading for name in LEGS if (heading := _heading_of(name, headings, {})) is not None}
+    if len(found) < len(LEGS):
+        raise MotionError(f"has {len(found)} columns of leg lengths; expected {LEGS[0]} to {LEGS[-1]}")
+    return _in_units(found, ())
+
+
 def usual_headings(header: Sequence[str]) -> dict[str, Heading]:
     """The columns under usual names, by this project's name, of quantities that the file does not have under that.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import MotionError, TableError
-from gough_stewart.harness.motion.recorded.columns import LEGS, Column, columns_of
+from gough_stewart.harness.motion.recorded.columns import LEGS, Column, columns_of, leg_columns
 from gough_stewart.harness.motion.recorded.table import FromTable, check_increasing
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, check_convention
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of, timestamps_of, without_repeated_rows
@@ -103,7 +103,7 @@ def read_recording(
             pose = _poses_of_legs(values, platform, leg_lengths)
         else:
             pose = _poses(values, convention)
-            if platform is not None and not isinstance(columns, str):
+            if platform is not None and not (columns and isinstance(columns, str)):  # a record's own names
                 angles = "orientation[1]" in chosen
                 how = convention if angles else replace(convention, rotation_order=QUATERNION)
                 _compare(table, rows, platform, pose, how, leg_lengths)
@@ -223,7 +223,7 @@ def _compare(
 ) -> None:
     """Refuse poses that contradict the leg lengths beside them, if the file has such columns with units."""
     try:
-        columns = columns_of(table.columns, {name: name for name in LEGS}, timed=False)
+        columns = leg_columns(table.columns)
     except MotionError:  # none, or without units
         return
     lengths = _stacked(_values(table, columns), list(LEGS))[rows]
