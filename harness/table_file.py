@@ -135,7 +135,7 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: 
     return np.array(numbers.to_numpy(), dtype=float)
 
 
-def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
+def times_of(table: "polars.DataFrame", name: str, remedy: str = "") -> tuple[float, FloatArray]:
     """A column of times as its first number and the times (n,) since then.
 
     Integers are subtracted as integers: nanoseconds since 1970 have more digits than a floating-point number. Dates and
@@ -152,7 +152,7 @@ def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
         moments = table[name].to_list() if table[name].dtype == polars.String else table[name].dt.epoch("ns").to_list()
         nanoseconds = [_nanoseconds(moment, name, k + 1) for k, moment in enumerate(moments)]
         return nanoseconds[0] / 1e9, np.array([each - nanoseconds[0] for each in nanoseconds], dtype=float) / 1e9
-    numbers = numbers_of(table, name)
+    numbers = numbers_of(table, name, remedy)
     integers = table[name].cast(polars.Int64, strict=False)
     is_exact = len(integers) and not (integers.null_count() or table[name].dtype.is_float())
     since = (integers - integers[0]).to_numpy().astype(float) if is_exact else numbers - numbers[:1]
@@ -197,8 +197,10 @@ def _nanoseconds(moment: str | int | None, name: str, row: int) -> int:
     return round(whole.timestamp()) * 10**9 + int(fraction.ljust(9, "0")[:9] or 0)
 
 
-def without_repeated_rows(since: FloatArray, values: FloatArray) -> NDArray[np.intp]:
-    """The rows to keep of times (n,) and values (n, m): not those that repeat the row before with its time.
+def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 0.0) -> NDArray[np.intp]:
+    """The rows to keep of times (n,) [s] and values (n, m): not those that repeat the row before with its time.
+
+    In the message `first` is added to the times.
 
     Raises
     ------
@@ -211,8 +213,8 @@ def without_repeated_rows(since: FloatArray, values: FloatArray) -> NDArray[np.i
     if contradicting.size:
         k = int(contradicting[0])
         raise TableError(
-            f"row {k + 2} has the time of row {k + 1}, {since[k]:.10g} s after the first, and other values; expected "
-            "one row at each time"
+            f"time goes from {first + since[k]:g} to {first + since[k]:g} s in row {k + 2}, with other values; "
+            "expected increasing times"
         )
     kept = np.concatenate([[0], np.flatnonzero(~same_time) + 1])
     if len(kept) < len(since):

@@ -104,8 +104,8 @@ NoPythonOption = Annotated[
 RotationOrderOption = Annotated[
     str,
     option(
-        "Order of the rotations about x, y, z: XYZ, ZYX, …; an axis may come twice, as in ZXZ; or, of what is written, "
-        "quaternion.",
+        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what is "
+        "written, quaternion.",
         "ORDER",
     ),
 ]
@@ -114,7 +114,9 @@ RotationAboutOption = Annotated[
 ]
 FrameOption = Annotated[
     str,
-    option("z_up; z_down, with y to the right; or the file's axes in those of this project, as in y,x,-z.", "FRAME"),
+    option(
+        "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.", "FRAME"
+    ),
 ]
 PivotOption = Annotated[
     str,

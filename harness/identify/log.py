@@ -47,6 +47,7 @@ _QUANTITIES = {
 }
 # Only records of runs have it: their forces are held from row to row.
 _OF_RUNS = "controller.force[1]"
+_REMEDY = ": cut the log there, or fill the gap where it was recorded"
 _FORM = "expected columns time, leg_length[1..6], actuator_force[1..6] or motor_current[1..6], units in the header"
 
 
@@ -211,9 +212,9 @@ def _log_of(
     }
     if "time" in found:
         [(column, factor)] = found["time"]
-        first, since = times_of(table, column)
+        first, since = times_of(table, column, _REMEDY)
         values["time"] = factor * (since if column in timestamps_of(table) else first + since)[:, None]
-        if _OF_RUNS not in table.columns:
+        if _OF_RUNS not in table.columns and len(values) > 1:
             rows = without_repeated_rows(since, np.hstack([values[name] for name in values if name != "time"]))
             values = {name: value[rows] for name, value in values.items()}
     own_side = _sides(values, metadata, side, "measured.leg_length[1]" in table.columns, path)
@@ -354,9 +355,8 @@ def _name_of(name: str) -> str:
 
 
 def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: str, *, gaps: bool = False) -> FloatArray:
-    remedy = ": cut the log there, or fill the gap where it was recorded"
     try:
-        return np.stack([factor * numbers_of(table, head, remedy, gaps=gaps) for head, factor in columns], axis=1)
+        return np.stack([factor * numbers_of(table, head, _REMEDY, gaps=gaps) for head, factor in columns], axis=1)
     except TableError as error:
         raise LogError(f"{path}: {error}") from error
 

@@ -110,10 +110,10 @@ def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseCon
     text = sentence(
         [
             f"{counted(int(known.sum()), 'row')} of {n:,} {'has' if known.sum() == 1 else 'have'} a pose",
-            f"lengths are met within {residual.max():.2g} m",
+            f"largest error of a length {LENGTH.text(float(residual.max()))}",
             f"condition number {NUMBER.text(least)} to {NUMBER.text(worst)}, the largest in row "
             f"{np.flatnonzero(known)[condition.argmax()] + 1}",
-            away and f"the measured poses are within {LENGTH.text(away[0])} and {ANGLE.text(away[1])}",
+            away and f"largest deviation from the measured poses {LENGTH.text(away[0])} and {ANGLE.text(away[1])}",
         ]
     )
     pose = np.hstack([found.position, found.orientation])
@@ -143,9 +143,12 @@ def _title(platform: Platform) -> str:
 def _stroke_margin(platform: Platform, lengths: FloatArray) -> float | None:
     """The least distance of lengths (n, 6) from an end of the stroke [m], < 0 beyond; None without a stroke."""
     low, high = platform.leg_length_min, platform.leg_length_max
-    margins = [] if low is None else [float(np.min(lengths - low))]
-    margins += [] if high is None else [float(np.min(high - lengths))]
-    return min(margins, default=None)
+    if low is None and high is None:
+        return None
+    return min(
+        float(np.min(lengths)) - (-np.inf if low is None else low),
+        (np.inf if high is None else high) - float(np.max(lengths)),
+    )
 
 
 def _deviation(found: ForwardKinematics, log: Log) -> tuple[float, float] | None:
@@ -161,6 +164,8 @@ def _deviation(found: ForwardKinematics, log: Log) -> tuple[float, float] | None
 
 def _pivot(found: ForwardKinematics, log: Log, away: float) -> str | None:
     """The point that measured positions are of, if one point at Rᵀ (p_m − p) explains most of their deviation."""
+    if log.position is None:
+        return None
     R = matrix_from_orientation(found.orientation)
     offsets = np.einsum("nji,nj->ni", R, log.position - found.position)
     offset = np.nanmean(offsets, axis=0)

@@ -160,7 +160,7 @@ def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path
         np.testing.assert_allclose(table.position, PLACE, atol=1e-8)
         np.testing.assert_allclose(matrices(table.orientation), R, atol=1e-8)
         path.write_text("\n".join([*lines[:6], lines[5][:-4] + "9999", *lines[6:]]))
-        with pytest.raises(MotionError, match=r"row 6 has the time of row 5.* and other values"):
+        with pytest.raises(MotionError, match=r"in row 6, with other values"):
             FromFile(file=path.name, **keys).about(UNEVEN, tmp_path)  # type: ignore[arg-type]
     path.write_text("\n".join(lines))
     with pytest.raises(MotionError, match=r"of row 1 .*leg_lengths = \"from_home\""):
@@ -209,7 +209,8 @@ def test_dates_that_no_month_has_are_named_with_their_row(tmp_path: Path) -> Non
     path = tmp_path / "dates.csv"
     path.write_text("t,a\n2024-02-29T23:59:59.999999999Z,1\n2024-03-01 01:00:00+01:00,1\n2024-03-01T00:00:01,2\n")
     first, since = times_of(read_table(path, "log"), "t")
-    assert (first, since.tolist()) == (pytest.approx(1709251199.999999999), [0, 1e-9, 1.000000001])
+    assert first == pytest.approx(1709251199.999999999)
+    assert since.tolist() == [0, 1e-9, 1.000000001]
     path.write_text("t,a\n2024-02-29T23:59:59Z,1\n2023-02-29T00:00:00Z,1\n")
     with pytest.raises(TableError, match=r"t in row 2 is '2023-02-29T00:00:00Z'; expected a date and time"):
         times_of(read_table(path, "log"), "t")

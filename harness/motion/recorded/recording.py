@@ -16,7 +16,6 @@ from gough_stewart.harness.motion.recorded.table import FromTable, check_increas
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, check_convention
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of, timestamps_of, without_repeated_rows
 from gough_stewart.model.errors import NoPoseError
-from gough_stewart.model.forward_kinematics import ForwardKinematics, forward_kinematics
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
@@ -30,6 +29,8 @@ from gough_stewart.model.vectors import FloatArray, Scalars
 
 if TYPE_CHECKING:
     import polars
+
+    from gough_stewart.model.forward_kinematics import ForwardKinematics
 
 # A longer time step, in median steps, is a gap.
 _LONGEST_STEP = 5.0
@@ -95,7 +96,7 @@ def read_recording(
         first, since = times_of(table, chosen["time"].name)
         first, since = chosen["time"].factor * first, chosen["time"].factor * since
         values = _values(table, chosen)
-        rows = without_repeated_rows(since, np.stack(list(values.values()), axis=1))
+        rows = without_repeated_rows(since, np.stack(list(values.values()), axis=1), first)
         since, values = since[rows], {name: column[rows] for name, column in values.items()}
         check_increasing(since, first)
         _check_gaps(since, first, largest_gap)
@@ -189,7 +190,7 @@ def absolute_lengths(platform: Platform, leg_length: FloatArray, leg_lengths: Le
     return np.asarray(leg_length + home)
 
 
-def poses_of_lengths(platform: Platform, leg_length: FloatArray, *, conditioning: bool = False) -> ForwardKinematics:
+def poses_of_lengths(platform: Platform, leg_length: FloatArray, *, conditioning: bool = False) -> "ForwardKinematics":
     """The poses with these leg lengths (n, 6) [m], as one continuous motion from home; rows with NaN have none.
 
     Raises
@@ -197,6 +198,8 @@ def poses_of_lengths(platform: Platform, leg_length: FloatArray, *, conditioning
     MotionError
         Lengths that no pose has; names the row.
     """
+    from gough_stewart.model.forward_kinematics import forward_kinematics  # loads CasADi, and is rarely needed
+
     refused, cause = np.flatnonzero(((leg_length <= 0) | np.isinf(leg_length)).any(axis=1)), "expected lengths > 0"
     try:
         if not refused.size:
