@@ -132,11 +132,11 @@ class PoseConvention:
                 f"the angles of row {undefined[0] + 1} are undefined in the order {self.rotation_order}; choose "
                 f"another order, or '{QUATERNION}'"
             )
-        turning[np.ix_(known, columns)] = np.unwrap(angles, axis=0)
+        turning[known[:, None], columns] = np.unwrap(angles, axis=0)
         return place, turning
 
     @property
-    def _sequence(self) -> tuple[str, list[int]]:
+    def _sequence(self) -> tuple[Any, list[int]]:
         """The order in the letters of SciPy, and the columns of its angles."""
         order = self.rotation_order
         columns = ["XYZ".index(axis) for axis in order] if len(set(order)) == 3 else [0, 1, 2]
@@ -189,12 +189,12 @@ def check_convention(
     except ValueError:  # in their order the angles cannot be told
         return
     quaternions = convention.rotation_order == QUATERNION
-    orders = [(QUATERNION, "fixed")] if quaternions else [(order, "fixed") for order in _ORDERS]
+    orders = [QUATERNION] if quaternions else _ORDERS
     frames = [convention.frame, *_FRAMES, *_MIRRORED]
     candidates = [
-        replace(convention, rotation_order=order, rotation_about=about, frame=frame)
+        replace(convention, rotation_order=order, rotation_about="fixed", frame=frame)
         for frame in frames
-        for order, about in orders
+        for order in orders
     ]
     lengths = leg_length[rows]
     now = _misfits(platform, lengths, place, turning, convention)

@@ -157,7 +157,7 @@ def columns_by_name(texts: list[str] | None) -> dict[str, str]:
     return {name.strip(): column.strip() for name, _, column in pairs.values()}
 
 
-def chosen_convention(rotation_order: str, rotation_about: str, frame: str, pivot: str) -> "PoseConvention":
+def chosen_convention(rotation_order: str, rotation_about: RotationAbout, frame: str, pivot: str) -> "PoseConvention":
     """How poses are written, by the options."""
     from gough_stewart.harness.pose_convention import PoseConvention
 

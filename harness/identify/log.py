@@ -33,7 +33,7 @@ from gough_stewart.model.vectors import FloatArray
 
 # A name, optionally with an index: "leg_length[1]", "leg_length_1".
 _ELEMENT = re.compile(r"([A-Za-z][\w.]*?)(?:\[(\d+)\]|_(\d+))?")
-_UNITS = {**UNITS, "A": {"A": 1, "mA": 1e-3}, "": {"": 1, "1": 1, "-": 1}}
+_UNITS: dict[str, Mapping[str, float]] = {**UNITS, "A": {"A": 1, "mA": 1e-3}, "": {"": 1, "1": 1, "-": 1}}
 # Possible column names of each quantity, preferred first, with size and unit.
 _QUANTITIES = {
     "time": (("time",), 1, "s"),

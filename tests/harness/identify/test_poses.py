@@ -5,6 +5,7 @@ Expected poses are those whose lengths |p + R b − a| are in the file.
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
@@ -85,10 +86,11 @@ def test_poses_are_written_in_the_order_and_frame_of_others(folder: Path) -> Non
     """Expected: of moving axes, the angles of Z, Y', X''; north-east-down with a pivot; and quaternions."""
     encoders(lengths())
     known = np.arange(N) != 3
-    for words, M, pivot, order in (
+    cases: tuple[tuple[tuple[str, ...], FloatArray, FloatArray, Any], ...] = (
         (("--rotation-order", "XZY", "--rotation-about", "moving"), np.eye(3), np.zeros(3), "XZY"),
-        (("--frame", "z_down", "--pivot", "0.1,0,-0.3"), np.diag([1, -1, -1]), np.array([0.1, 0, -0.3]), "xyz"),
-    ):
+        (("--frame", "z_down", "--pivot", "0.1,0,-0.3"), np.diag([1.0, -1.0, -1.0]), np.array([0.1, 0, -0.3]), "xyz"),
+    )
+    for words, M, pivot, order in cases:
         code, said = poses(*words)
         assert code == 0, said
         table = polars.read_parquet(folder / "out/poses.parquet")
