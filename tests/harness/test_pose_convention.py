@@ -62,6 +62,7 @@ POSE = "t [s],x [mm],y [mm],z [mm],roll [rad],pitch [rad],yaw [rad]"
 LEGS = ",".join(f"leg_{k} [mm]" for k in range(1, 7))
 NED, MIRROR = np.diag([1.0, -1.0, -1.0]), np.diag([1.0, -1.0, 1.0])
 SWAPPED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
+TURNED = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
 C = np.array([0.03, -0.05, 0.2])
 # Keys, and the rotation and the position of Op that the file means by its angles and positions.
 CASES: dict[str, tuple[dict[str, Any], FloatArray, FloatArray]] = {
@@ -72,6 +73,7 @@ CASES: dict[str, tuple[dict[str, Any], FloatArray, FloatArray]] = {
     "fixed ZXY": ({"rotation_order": "ZXY"}, composed(Y, X, Z), PLACE),
     "z down": ({"frame": "z_down"}, NED @ composed(Z, Y, X) @ NED, PLACE * [1, -1, -1]),
     "north-east-down": ({"frame": "y,x,-z"}, SWAPPED @ composed(Z, Y, X) @ SWAPPED, PLACE[:, [1, 0, 2]] * [1, 1, -1]),
+    "turned": ({"frame": "-y,x,z"}, TURNED @ composed(Z, Y, X) @ TURNED.T, PLACE[:, [1, 0, 2]] * [1, -1, 1]),
     "left-handed": ({"frame": "x,-y,z"}, MIRROR @ composed(Z, Y, X) @ MIRROR, PLACE * [1, -1, 1]),
     "pivot": ({"pivot": tuple(C.tolist())}, composed(Z, Y, X), PLACE - composed(Z, Y, X) @ C),
     "ZXZ": (
@@ -202,6 +204,15 @@ def test_impossible_conventions_are_refused(keys: dict[str, Any], says: str, tmp
         FromFile(file="a.csv", **keys)
     with pytest.raises(LogError, match=says):
         gs.read_log(file_of(tmp_path, f"t [s],{LEGS}", np.ones((N, 6))), **keys)
+
+
+def test_quaternions_are_written_without_jumps_of_their_sign() -> None:
+    """Expected: (0, 0, sin γ/2, cos γ/2) through half a turn."""
+    yaw = np.linspace(3.0, 3.4, 9)
+    angles = np.column_stack([0 * yaw, 0 * yaw, yaw])
+    _, quaternions = PoseConvention("quaternion").written(0 * angles, angles)
+    expected = np.column_stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)])
+    np.testing.assert_allclose(quaternions, expected, atol=1e-12)
 
 
 def test_dates_that_no_month_has_are_named_with_their_row(tmp_path: Path) -> None:

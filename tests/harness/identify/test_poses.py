@@ -114,7 +114,7 @@ def test_measured_poses_are_compared_and_their_pivot_is_found(folder: Path) -> N
     target = PLACE + TURNS.apply([0.1, 0, 0.25])
     angles = np.degrees(TURNS.as_euler("XYZ"))
     encoders(lengths(), ";x;y;z;roll;pitch;yaw", np.hstack([1e3 * target, angles]))
-    code, said = poses("--rotation-about", "moving")
+    code, said = poses("--rotation-about", "moving", "--pivot", "0,0,0.1")
     assert code == 0, said
     assert "pivot = [0.1, 0.0, 0.25] m" in " ".join(said.split()).replace("-0.0", "0.0")
     code, said = poses("--rotation-about", "moving", "--pivot", "0.1,0,0.25", "--require", "deviation.position<=1um")
