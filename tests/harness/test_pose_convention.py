@@ -207,8 +207,8 @@ def test_impossible_conventions_are_refused(keys: dict[str, Any], says: str, tmp
 
 
 def test_quaternions_are_written_without_jumps_of_their_sign() -> None:
-    """Expected: (0, 0, sin γ/2, cos γ/2) through half a turn."""
-    yaw = np.linspace(3.0, 3.4, 9)
+    """Expected: (0, 0, sin γ/2, cos γ/2) beyond half a turn, where the scalar is negative."""
+    yaw = np.linspace(3.0, 6.0, 9)
     angles = np.column_stack([0 * yaw, 0 * yaw, yaw])
     _, quaternions = PoseConvention("quaternion").written(0 * angles, angles)
     expected = np.column_stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)])
