@@ -1,5 +1,6 @@
 """Quantities of experiments: numbers in SI units or with a unit, vectors of them, and annotations of fields."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args

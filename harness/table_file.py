@@ -6,13 +6,16 @@ have a name, and a unit in brackets, as in "leg_length[1] [mm]" or "time (ms)".
 
 import math
 import re
+import warnings
 from collections.abc import Mapping
+from datetime import datetime
 from importlib.resources.abc import Traversable
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import TableError
 from gough_stewart.harness.polars_paths import read_parquet
@@ -28,6 +31,10 @@ _KNOWN_UNITS = {unit for units in UNITS.values() for unit in units} | {"-", ""}
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _WITH_UNIT = re.compile(r"(.*?)(\s*)[\[(]([^\[\]()]*)[\])]")
+# Numbers that are seconds since 1970: from 2001 to 2096.
+_EPOCH = (1e9, 4e9)
+# Date and time, the fraction of a second, the zone.
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?$")
 _INDEX = re.compile(r"\d+(,\d+)*")
 
 
@@ -90,8 +97,10 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
     return _columns_of(_text_of(content))
 
 
-def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatArray:
+def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: bool = False) -> FloatArray:
     """A column as numbers (n,); `remedy` ends the message for non-numeric values.
+
+    With `gaps`, values that are empty or "nan" are NaN.
 
     Raises
     ------
@@ -106,6 +115,17 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatA
     if not (column.dtype.is_numeric() or column.dtype == polars.String):
         raise TableError(f"{name} has values of the type {column.dtype}; expected numbers")
     numbers = column.cast(polars.Float64, strict=False)
+    if gaps:
+        empty = column.is_null() | (column.cast(polars.String).str.to_lowercase().is_in(["", "nan"]))
+        return np.where(
+            empty,
+            np.nan,
+            numbers_of(
+                table.with_columns(column.zip_with(~empty, polars.zeros(len(column), eager=True).cast(column.dtype))),
+                name,
+                remedy,
+            ),
+        )
     bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
     if bad:
         value = column[bad[0]]
@@ -115,10 +135,11 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatA
     return np.array(numbers.to_numpy(), dtype=float)
 
 
-def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
+def times_of(table: "polars.DataFrame", name: str, remedy: str = "") -> tuple[float, FloatArray]:
     """A column of times as its first number and the times (n,) since then.
 
-    Integers are subtracted as integers: nanoseconds since 1970 have more digits than a floating-point number.
+    Integers are subtracted as integers: nanoseconds since 1970 have more digits than a floating-point number. Dates and
+    times by ISO 8601, such as 2024-05-01T12:00:00.25Z, are in seconds since 1970; without a zone they are UTC.
 
     Raises
     ------
@@ -127,11 +148,82 @@ def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
     """
     import polars
 
-    numbers = numbers_of(table, name)
+    if has_dates(table, name):
+        moments = table[name].to_list() if table[name].dtype == polars.String else table[name].dt.epoch("ns").to_list()
+        nanoseconds = [_nanoseconds(moment, name, k + 1) for k, moment in enumerate(moments)]
+        return nanoseconds[0] / 1e9, np.array([each - nanoseconds[0] for each in nanoseconds], dtype=float) / 1e9
+    numbers = numbers_of(table, name, remedy)
     integers = table[name].cast(polars.Int64, strict=False)
     is_exact = len(integers) and not (integers.null_count() or table[name].dtype.is_float())
     since = (integers - integers[0]).to_numpy().astype(float) if is_exact else numbers - numbers[:1]
     return (float(numbers[0]) if len(numbers) else 0.0), since
+
+
+def has_dates(table: "polars.DataFrame", name: str) -> bool:
+    """Whether a column of times has dates, as its first value tells."""
+    import polars
+
+    column = table[name]
+    is_text = column.dtype == polars.String and len(column) and _DATE.match(column[0] or "")
+    return bool(is_text) or isinstance(column.dtype, polars.Datetime)
+
+
+def timestamps_of(table: "polars.DataFrame") -> set[str]:
+    """The columns that need no unit as times: with dates, or without a unit and numbers of seconds since 1970."""
+    import polars
+
+    found = {name for name in table.columns if has_dates(table, name)}
+    for name in set(table.columns) - found:
+        first = table[name].head(1).cast(polars.Float64, strict=False).to_list()
+        if Heading.of(name).unit is None and first and first[0] is not None and _EPOCH[0] <= first[0] < _EPOCH[1]:
+            found.add(name)
+    return found
+
+
+def _nanoseconds(moment: str | int | None, name: str, row: int) -> int:
+    """Nanoseconds since 1970 of a date and time by ISO 8601."""
+    if isinstance(moment, int):
+        return moment
+    parts = _DATE.match(moment or "")
+    try:
+        if parts is None:
+            raise ValueError  # noqa: TRY301 - the same refusal as of a day that no month has
+        date, fraction, zone = parts.groups(default="")
+        whole = datetime.fromisoformat(f"{date}{zone or 'Z'}")
+    except ValueError:
+        raise TableError(
+            f"{name} in row {row} is {moment!r}; expected a date and time as 2024-05-01T12:00:00.25Z"
+        ) from None
+    return round(whole.timestamp()) * 10**9 + int(fraction.ljust(9, "0")[:9] or 0)
+
+
+def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 0.0) -> NDArray[np.intp]:
+    """The rows to keep of times (n,) [s] and values (n, m): not those that repeat the row before with its time.
+
+    In the message `first` is added to the times.
+
+    Raises
+    ------
+    TableError
+        Two rows of one time have different values; names the second, counted from 1.
+    """
+    same_time = np.diff(since) == 0
+    differ = ~((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
+    contradicting = np.flatnonzero(same_time & differ)
+    if contradicting.size:
+        k = int(contradicting[0])
+        raise TableError(
+            f"time goes from {first + since[k]:g} to {first + since[k]:g} s in row {k + 2}, with other values; "
+            "expected increasing times"
+        )
+    kept = np.concatenate([[0], np.flatnonzero(~same_time) + 1])
+    if len(kept) < len(since):
+        dropped = np.flatnonzero(same_time) + 2
+        rows = (
+            f"row {dropped[0]} repeats" if len(dropped) == 1 else f"{len(dropped)} rows, from {dropped[0]} on, repeat"
+        )
+        warnings.warn(f"{rows} the row before, with its time, and count once", stacklevel=3)
+    return kept
 
 
 def _text_of(content: bytes) -> str:

@@ -58,11 +58,12 @@ class SingularPoseError(GoughStewartError, ArithmeticError):
 
 
 class NoPoseError(GoughStewartError, ArithmeticError):
-    """No pose near the guess has the requested leg lengths; `result` has the last iterate."""
+    """No pose near the guess has the requested leg lengths; `result` has the last iterate, `row` the row of many."""
 
-    def __init__(self, message: str, result: Any) -> None:
+    def __init__(self, message: str, result: Any, row: tuple[int, ...] = ()) -> None:
         super().__init__(message)
         self.result = result
+        self.row = row
 
 
 class InterfaceError(GoughStewartError, ValueError):

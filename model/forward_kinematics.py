@@ -173,16 +173,18 @@ def _of_rows(
             try:
                 found = forward_kinematics(platform, log[k], near[:3], near[3:], tolerance)
             except NoPoseError as error:
-                row = ", ".join(map(str, (*batch, k)))
+                row = (*batch, int(k))
                 raise NoPoseError(
-                    f"row {row}, lengths {np.round(log[k], 6).tolist()} m: {error}", error.result
-                ) from None
+                    f"row {', '.join(map(str, row))}, lengths {np.round(log[k], 6).tolist()} m: {error}",
+                    error.result,
+                    row,
+                ) from error
             poses[k], errors[k] = np.concatenate([found.position, found.orientation]), found.residual
             iterations[batch][k] = found.iterations
     condition_number = None
     if conditioning:
         legs = leg_geometry(platform, pose[..., :3], pose[..., 3:])
-        condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
+        condition_number = np.where(np.isnan(residual), np.nan, conditioning_of_legs(legs).condition_number)
     return ForwardKinematics(
         pose[..., :3], pose[..., 3:], ~np.isnan(residual), iterations, residual, condition_number=condition_number
     )

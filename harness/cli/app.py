@@ -19,7 +19,7 @@ from gough_stewart.harness.cli.design import (
 )
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.live import live_command
-from gough_stewart.harness.cli.logs import excite_command, identify_command
+from gough_stewart.harness.cli.logs import excite_command, identify_command, poses_command
 from gough_stewart.harness.cli.platforms import (
     experiments_command,
     presets_command,
@@ -138,7 +138,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "ensemble": ensemble_command,
         "tune": tune_command,
     },
-    "Parameters from logs": {"excite": excite_command, "identify": identify_command},
+    "From logs": {"excite": excite_command, "identify": identify_command, "poses": poses_command},
     "For other tools": {"build": build_command, "export": export_command},
     "The paper": {"reproduce": reproduce_command},
 }

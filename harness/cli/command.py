@@ -2,6 +2,7 @@
 
 import logging
 import time
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ from pathlib import Path
 import typer
 
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.terminal import Terminal, errors
+from gough_stewart.harness.cli.terminal import Terminal, errors, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
 
@@ -102,7 +103,9 @@ def clear_errors() -> Iterator[Command]:
     _latest[:] = [command := Command()]
     try:
         check_environment()
-        with tracer_is_named():
+        with tracer_is_named(), warnings.catch_warnings():
+            # as a line, without the place in the source
+            warnings.showwarning = lambda message, *_, **__: warn(str(message))
             yield command
     except GoughStewartError as error:
         code = ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED

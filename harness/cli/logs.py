@@ -2,7 +2,7 @@
 
 import shlex
 import warnings
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,14 +10,22 @@ import typer
 
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
+    ColumnOption,
+    FrameOption,
+    LegLengthsOption,
     NoPythonOption,
+    PivotOption,
     PlatformOption,
     PresetOption,
+    RotationAboutOption,
+    RotationOrderOption,
     SeedOption,
     SetOption,
     choice,
+    chosen_convention,
     chosen_experiment,
     chosen_platform,
+    columns_by_name,
     experiments,
     log_folder,
     option,
@@ -96,6 +104,56 @@ def excite_command(
     running.present(report, files, then=f"gough-stewart run {shlex.quote(str(folder / 'excitation.toml'))}")
 
 
+@study(figures=("pose",))
+def poses_command(
+    running: Running,
+    log: Annotated[
+        Path,
+        typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=path),
+    ],
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    leg_lengths: LegLengthsOption = "absolute",
+    column: ColumnOption = None,
+    rotation_order: RotationOrderOption = "XYZ",
+    rotation_about: RotationAboutOption = "fixed",
+    frame: FrameOption = "z_up",
+    pivot: PivotOption = "0,0,0",
+    out: Annotated[Path | None, out_option("results/poses_NAME, after the log")] = None,
+) -> None:
+    """Compute the poses of a log of leg lengths, as from encoders, by forward kinematics.
+
+    The log has columns `leg_length[1..6]`, and `time` if it has times, with units in their names: `leg_length[1] [mm]`.
+    Each row starts from the one before, the first from home, so that the poses are one continuous motion. Rows with an
+    empty length have no pose; lengths that no pose has are refused with their row.
+
+    If the log has poses, too, they are compared: also they are read with the options for the order of rotations, frame
+    and pivot, in which the poses are written.
+
+    Writes **poses.csv** and **poses.parquet**: `time`, `position[1..3]`, `orientation[1..3]` or `quaternion[1..4]`,
+    `residual` (the largest error of a leg length) and `condition_number`, in SI units; with `--figures` also **pose**.
+
+    Examples
+    --------
+    - `gough-stewart poses encoders.csv --platform machine.toml`
+
+    - `gough-stewart poses encoders.csv --preset motion_base --rotation-order ZYX --rotation-about moving`
+    """
+    loaded = chosen_platform(preset, platform)
+    convention = chosen_convention(rotation_order, rotation_about, frame, pivot)
+    from gough_stewart.harness.identify.log import read_log
+    from gough_stewart.harness.identify.poses import FILES, NUMBERS, poses_of_log, poses_report
+    from gough_stewart.harness.pose_convention import QUATERNION
+
+    running.expect(NUMBERS)
+    running.hold(out or log_folder("poses", log), FILES)
+    running.step("poses")
+    of_log = replace(convention, rotation_order="XYZ") if rotation_order == QUATERNION else convention
+    read = read_log(log, columns=columns_by_name(column), gaps=True, **asdict(of_log))
+    poses = poses_of_log(read, loaded, leg_lengths, convention)
+    running.present(poses_report(poses, read, loaded, convention), poses.files)
+
+
 Method = Literal["linear", "geometry"]
 Side = Literal["leg", "motor"]
 PoseFrame = Literal["world", "own"]
@@ -154,6 +212,11 @@ def identify_command(
         PoseFrame | None,
         choice("Frame of measured poses: world, or the tracker's own, at any unknown pose.", PoseFrame),
     ] = None,
+    column: ColumnOption = None,
+    rotation_order: RotationOrderOption = "XYZ",
+    rotation_about: RotationAboutOption = "fixed",
+    frame: FrameOption = "z_up",
+    pivot: PivotOption = "0,0,0",
     experiment: Annotated[
         str | None,
         option(
@@ -204,7 +267,9 @@ def identify_command(
         loaded = chosen_experiment(experiment, settings, no_python, lambda loaded: loaded.code)
     running.step("identifying")
     options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame}
-    log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side}
+    convention = chosen_convention(rotation_order, rotation_about, frame, pivot)
+    log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side, **asdict(convention)}
+    log_options["columns"] = columns_by_name(column)
     fitted = [read_log(log, force_per_current, **log_options) for log in logs]
     if validate:
         options["validation"] = [read_log(log, force_per_current, **log_options) for log in validate]

@@ -6,7 +6,7 @@ Commands import what they need inside their functions, so that --help and mistyp
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
@@ -17,8 +17,12 @@ from gough_stewart.model.errors import PlatformFileError
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
+    from gough_stewart.harness.pose_convention import PoseConvention
     from gough_stewart.model.platform import Platform
 
+# As in `pose_convention` and `recording`, whose imports are slow.
+RotationAbout = Literal["fixed", "moving"]
+LegLengths = Literal["absolute", "from_home"]
 # First words of numbers whose paths follow from options, an injection or a platform: of searches, comparisons,
 # identified machines, and the studies that declare them.
 KINDS_OF_NUMBERS = {"value", "values", "fresh", "first", "difference", "parameters", "condition_number"}
@@ -97,6 +101,34 @@ ExperimentArgument = Annotated[
 NoPythonOption = Annotated[
     bool, option("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python")
 ]
+RotationOrderOption = Annotated[
+    str,
+    option(
+        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what is "
+        "written, quaternion.",
+        "ORDER",
+    ),
+]
+RotationAboutOption = Annotated[
+    RotationAbout, choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout)
+]
+FrameOption = Annotated[
+    str,
+    option(
+        "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.", "FRAME"
+    ),
+]
+PivotOption = Annotated[
+    str,
+    option("The point whose position is written, in the axes of the platform [m].", "X,Y,Z"),
+]
+LegLengthsOption = Annotated[
+    LegLengths, choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths)
+]
+ColumnOption = Annotated[
+    list[str] | None,
+    option("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN"),
+]
 SetOption = Annotated[
     list[str] | None,
     option("Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set"),
@@ -114,6 +146,27 @@ TargetOption = Annotated[
 ]
 _FOLDER = "Folder for the files; created if needed."
 FolderOption = Annotated[Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
+
+
+def columns_by_name(texts: list[str] | None) -> dict[str, str]:
+    """The columns of --column."""
+    pairs = {text: text.partition("=") for text in texts or []}
+    for text, (name, equals, column) in pairs.items():
+        if not (name.strip() and equals and column.strip()):
+            raise UsageError(f"--column {text}: expected NAME=COLUMN, as in 'leg_length[1]=S1 [mm]'")
+    return {name.strip(): column.strip() for name, _, column in pairs.values()}
+
+
+def chosen_convention(rotation_order: str, rotation_about: RotationAbout, frame: str, pivot: str) -> "PoseConvention":
+    """How poses are written, by the options."""
+    from gough_stewart.harness.pose_convention import PoseConvention
+
+    try:
+        return PoseConvention(rotation_order, rotation_about, frame, tuple(map(float, pivot.split(","))))
+    except ValueError as error:
+        raise UsageError(
+            f"pivot is '{pivot}'; expected X,Y,Z [m]" if "could not" in str(error) else str(error)
+        ) from None
 
 
 def out_option(default: str) -> Any:

@@ -15,7 +15,7 @@ from gough_stewart.harness.identify.fit import identify_linear, scales, with_all
 from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
 from gough_stewart.harness.identify.hypotheses import MASSES
-from gough_stewart.harness.identify.log import VALIDATION, Log, check_finite, log_of, read_log
+from gough_stewart.harness.identify.log import VALIDATION, Log, check_finite, check_poses, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.observability import (
     MotionRows,
@@ -140,6 +140,8 @@ def identify(
                     f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
                     f"{'of a log' if not isinstance(validation, float) else validation}"
                 )
+            if pose_frame != "own":
+                check_poses(logs[0], platform)
             result = identify_geometry(logs[0], platform, names, **of_geometry)
     for alarm in result.alarms:
         warnings.warn(f"values and intervals are not to be trusted: {alarm}", IdentificationWarning, stacklevel=2)

@@ -13,10 +13,20 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError, TableError
+from gough_stewart.harness.motion.recorded.columns import chosen_headings, usual_headings
+from gough_stewart.harness.motion.recorded.recording import converted
 from gough_stewart.harness.plants.signals import Side
 from gough_stewart.harness.polars_paths import readable
+from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, RotationAbout, check_convention
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.table_file import Heading, numbers_of, read_table
+from gough_stewart.harness.table_file import (
+    Heading,
+    numbers_of,
+    read_table,
+    times_of,
+    timestamps_of,
+    without_repeated_rows,
+)
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
@@ -25,7 +35,7 @@ from gough_stewart.model.vectors import FloatArray
 
 # A name, optionally with an index: "leg_length[1]", "leg_length_1".
 _ELEMENT = re.compile(r"([A-Za-z][\w.]*?)(?:\[(\d+)\]|_(\d+))?")
-_UNITS = {**UNITS, "A": {"A": 1, "mA": 1e-3}}
+_UNITS: dict[str, Mapping[str, float]] = {**UNITS, "A": {"A": 1, "mA": 1e-3}, "": {"": 1, "1": 1, "-": 1}}
 # Possible column names of each quantity, preferred first, with size and unit.
 _QUANTITIES = {
     "time": (("time",), 1, "s"),
@@ -35,9 +45,11 @@ _QUANTITIES = {
     "motor_current": (("motor_current",), 6, "A"),
     "position": (("measured.position", "position"), 3, "m"),
     "orientation": (("measured.orientation", "orientation"), 3, "rad"),
+    "quaternion": (("quaternion",), 4, ""),
 }
 # Only records of runs have it: their forces are held from row to row.
 _OF_RUNS = "controller.force[1]"
+_REMEDY = ": cut the log there, or fill the gap where it was recorded"
 _FORM = "expected columns time, leg_length[1..6], actuator_force[1..6] or motor_current[1..6], units in the header"
 # Tolerance of a row's time, in samples.
 _JITTER = 0.1
@@ -65,6 +77,7 @@ class Log:
     # of legs that give: where `leg_length` was measured; if at both sides, the motors' in `motor_position` (n, 6) [m]
     side: Side = "leg"
     motor_position: FloatArray | None = None
+    convention: PoseConvention = OURS  # in which the file had the poses
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -97,13 +110,21 @@ def read_log(
     *,
     holds_force: bool | None = None,
     side: Side | None = None,
+    columns: Mapping[str, str] | None = None,
+    rotation_order: str = "XYZ",
+    rotation_about: RotationAbout = "fixed",
+    frame: str = "z_up",
+    pivot: Sequence[float] = (0.0, 0.0, 0.0),
+    gaps: bool = False,
 ) -> Log:
     """Read a log from CSV or Parquet: a record of `run`, or columns of a machine with units in their names.
 
     Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and, if poses were measured,
-    `position[1..3]` and `orientation[1..3]`. Write units after the names: `time [ms]`, `leg_length[1] [mm]`; without a
-    unit, values are in SI. `leg_length_1` is the same as `leg_length[1]`. From a record of a run, sensor values are
-    used, and true values of signals without a sensor.
+    `position[1..3]` and `orientation[1..3]` or `quaternion[1..4]`, scalar last. Usual names, such as `leg_1`, `x`,
+    `roll`, `pose.orientation.x`, are known, too. Write units after the names: `time [ms]`, `leg_length[1] [mm]`;
+    without a unit, values are in SI. `leg_length_1` is the same as `leg_length[1]`. From a record of a run, sensor
+    values are used, and true values of signals without a sensor. Times may be dates by ISO 8601, or seconds since 1970;
+    the log's then begin at 0. Rows that repeat the one before, with its time, are left out with a warning.
 
     Parameters
     ----------
@@ -114,10 +135,20 @@ def read_log(
     holds_force
         Whether each force acts from its row to the next, as commands of a sampled controller do, or is a reading at
         the time of its row; by default, forces of records are held, and others are not.
-
     side
         Of legs that give, where `leg_length` was measured, "leg" or "motor"; by default that of a record's sensors,
         else the leg's. Columns `motor_position[1..6]` are the motors', alone or beside `leg_length`.
+    columns
+        Columns of the file by these names, where its header has other ones: {"leg_length[1]": "S1 [mm]"}.
+    rotation_order, rotation_about
+        The order of the rotations about x, y and z, such as "ZYX", about "fixed" axes or those "moving" with the
+        platform.
+    frame
+        "z_up", "z_down" (x forward, y right), or the file's axes in those of this project, such as "y,x,-z".
+    pivot
+        The point whose position the file has, in the axes of the platform [m].
+    gaps
+        Whether leg lengths may be empty or NaN, for the poses of the other rows.
 
     Returns
     -------
@@ -127,7 +158,8 @@ def read_log(
     Raises
     ------
     LogError
-        The file cannot be read, lacks columns, or has a value that is not a finite number; names column and row.
+        The file cannot be read, lacks columns, or has a value that is not a finite number; names column and row. An
+        unknown order, frame or pivot; two rows of one time with different values.
 
     Examples
     --------
@@ -138,8 +170,40 @@ def read_log(
     path = Path(path)
     if path.is_dir():
         path = next((path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()), path)
-    log = _log_of(_table(path), _metadata(path), str(path), force_per_current, side)
+    table = _table(path)
+    if rotation_order == QUATERNION:
+        raise LogError(f"{path}: rotation_order is '{QUATERNION}'; expected that of angles; quaternions need none")
+    try:
+        convention = PoseConvention(rotation_order, rotation_about, frame, tuple(map(float, pivot)))
+        table = _renamed(table, columns or {})
+        log = _log_of(table, _metadata(path), str(path), force_per_current, side, convention, gaps=gaps)
+    except LogError:
+        raise
+    except ValueError as error:  # of the convention, a motion, a table
+        raise LogError(f"{path}: {error}") from error
     return log if holds_force is None else replace(log, holds_force=holds_force)
+
+
+def check_poses(log: Log, platform: Platform, leg_length: FloatArray | None = None) -> None:
+    """Refuse measured poses that contradict the leg lengths as they were read, and fit them in another convention.
+
+    Parameters
+    ----------
+    leg_length
+        (n, 6) [m], if those of the log are no lengths.
+
+    Raises
+    ------
+    LogError
+        Names the other order of rotations, or frame.
+    """
+    if log.position is None or log.orientation is None:
+        return
+    try:
+        lengths = log.leg_length if leg_length is None else leg_length
+        check_convention(platform, lengths, log.position, log.orientation, log.convention)
+    except ValueError as error:
+        raise LogError(f"{log.where}: {error}") from error
 
 
 def log_of(record: Record) -> Log:
@@ -159,10 +223,30 @@ def _log_of(
     path: str,
     force_per_current: float | None,
     side: Side | None = None,
+    convention: PoseConvention = OURS,
+    *,
+    gaps: bool = False,
 ) -> Log:
     found = _columns(table.columns, path)
-    values = {name: _numbers(table, columns, path) for name, columns in found.items()}
+    values = {
+        name: _numbers(table, columns, path, gaps=gaps and name == "leg_length")
+        for name, columns in found.items()
+        if name != "time"
+    }
+    if "time" in found:
+        [(column, factor)] = found["time"]
+        first, since = times_of(table, column, _REMEDY)
+        values["time"] = factor * (since if column in timestamps_of(table) else first + since)[:, None]
+        if _OF_RUNS not in table.columns and len(values) > 1:
+            rows = without_repeated_rows(since, np.hstack([values[name] for name in values if name != "time"]))
+            values = {name: value[rows] for name, value in values.items()}
     own_side = _sides(values, metadata, side, "measured.leg_length[1]" in table.columns, path)
+    position, orientation = values.get("position"), values.get("orientation")
+    if position is not None and orientation is None and "quaternion" in values:
+        position, orientation = converted(position, values["quaternion"], "quaternion", convention)
+        convention = replace(convention, rotation_order=QUATERNION)
+    elif convention != OURS and position is not None and orientation is not None:
+        position, orientation = converted(position, orientation, "orientation", convention)
     force = values.get("actuator_force")
     if "motor_current" in values and force is None:
         if force_per_current is None or not (math.isfinite(force_per_current) and force_per_current != 0):
@@ -175,12 +259,13 @@ def _log_of(
         values["leg_length"],
         values["time"][:, 0] if "time" in values else None,
         force,
-        values.get("position"),
-        values.get("orientation"),
+        position,
+        orientation,
         _OF_RUNS in table.columns,
         path,
         own_side,
         values.get("motor_position"),
+        convention,
     )
     if len(log) < 2:
         raise LogError(f"{path}: {len(log)} rows; expected a log of some seconds, or of several poses")
@@ -256,10 +341,45 @@ def _columns(heads: list[str], path: str) -> dict[str, list[tuple[str, float]]]:
     return found
 
 
-def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: str) -> FloatArray:
-    remedy = ": cut the log there, or fill the gap where it was recorded"
+def _renamed(table: polars.DataFrame, chosen: Mapping[str, str]) -> polars.DataFrame:
+    """The table with this project's names for the chosen columns, and for those with usual names.
+
+    Raises
+    ------
+    LogError
+        A column under a usual name without a unit, whose numbers could be in any.
+    MotionError
+        A chosen column that the file does not have, or several for one quantity.
+    """
+    headings = {**usual_headings(table.columns), **chosen_headings(table.columns, chosen)}
+    present = {_name_of(heading.name) for heading in map(Heading.of, table.columns)} - set(chosen)
+    timestamps, names = timestamps_of(table), dict[str, str]()
+    for name, heading in headings.items():
+        kind = name.partition("[")[0]
+        if name in present or any(other.startswith("measured." + kind) for other in present):
+            continue
+        plain = kind == "quaternion" or (kind == "time" and heading.column in timestamps)
+        if heading.unit is None and not plain:
+            raise LogError(
+                f"the column {heading.column} is {name}, without a unit; expected it in the header, as "
+                f"'{heading.name} [{'ms' if kind == 'time' else 'deg' if kind == 'orientation' else 'mm'}]', or in "
+                f"columns={{'{name}': '{heading.name} [UNIT]'}}"
+            )
+        names[heading.column] = name if plain or heading.unit is None else f"{name} [{heading.unit}]"
+    replaced = [name for name in table.columns if name not in names and _name_of(Heading.of(name).name) in chosen]
+    return table.drop(replaced).rename(names)
+
+
+def _name_of(name: str) -> str:
+    """The project's name for an element, which files may write with an underscore: `leg_length_1`."""
+    match = _ELEMENT.fullmatch(name)
+    index = match and (match[2] or match[3])
+    return f"{match[1]}[{index}]" if match and index else name
+
+
+def _numbers(table: polars.DataFrame, columns: list[tuple[str, float]], path: str, *, gaps: bool = False) -> FloatArray:
     try:
-        return np.stack([factor * numbers_of(table, head, remedy) for head, factor in columns], axis=1)
+        return np.stack([factor * numbers_of(table, head, _REMEDY, gaps=gaps) for head, factor in columns], axis=1)
     except TableError as error:
         raise LogError(f"{path}: {error}") from error
 

@@ -16,17 +16,15 @@ import casadi
 import numpy as np
 from scipy.linalg import qr
 
-from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.errors import IdentificationError, LogError, MotionError
 from gough_stewart.harness.identify.names import PER_LEG, place_of, value_of
+from gough_stewart.harness.motion.recorded.recording import poses_of_lengths
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
-from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.friction import friction_force
 from gough_stewart.model.interface import N_PARAMETERS
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import (
-    handedness_of_legs,
     jacobian_of_legs,
     leg_accelerations,
     leg_geometry,
@@ -34,9 +32,7 @@ from gough_stewart.model.kinematics import (
 )
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.process.progress import interrupts_held_back
-from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, apply, cross, dot, transpose
 
@@ -54,52 +50,23 @@ SIZE = INERTIAL + 12
 ARMATURE = INERTIAL - 1
 # Below this share of the largest, what is left of a column is rounding.
 _ROUNDING = 1e-9
-# Of Newton's method for poses; the tolerance as a share of the longest leg.
-_ITERATIONS, _TOLERANCE = 12, 1e-11
 _JOINTS = 36
 assert [v.name for v in interface.PLATFORM_PARAMETERS[:2]] == ["base_points", "platform_points"]
 
 
 def poses_of(platform: Platform, leg_length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions and orientations (n, 3) with these leg lengths (n, 6) [m], in the assembly mode of home.
-
-    Newton's method from the home pose for all rows at once; rows that do not converge start from a neighbour's pose.
+    """Positions and orientations (n, 3) with these leg lengths (n, 6) [m], continuous from the home pose.
 
     Raises
     ------
     LogError
         Lengths that are impossible for this platform; names the row.
     """
-    home = np.concatenate([platform.home_position, platform.home_orientation])
-    pose = np.tile(home, (len(leg_length), 1))
-    side = handedness_of_legs(leg_geometry(platform, home[:3], home[3:]))
-    close, largest = _TOLERANCE * float(leg_length.max()), 0.25 * platform.characteristic_length
-    with np.errstate(all="ignore"):
-        for _ in range(_ITERATIONS):
-            legs = leg_geometry(platform, pose[:, :3], pose[:, 3:])
-            error = leg_length - legs.length
-            if np.abs(error).max() < close:
-                break
-            step = _solved(jacobian_of_legs(legs), error)
-            size = np.maximum(np.linalg.norm(step[:, :3], axis=1), np.linalg.norm(step[:, 3:], axis=1) / 2)
-            step *= np.minimum(1.0, largest / np.maximum(size, 1e-300))[:, None]
-            pose[:, :3] += step[:, :3]
-            pose[:, 3:] += orientation_rate_from_angular_velocity(pose[:, 3:], step[:, 3:])
-            # diverged rows restart from home, and later from their neighbour
-            pose[~(np.isfinite(pose).all(axis=1) & (np.abs(pose[:, 4]) < LARGEST_PITCH))] = home
-        legs = leg_geometry(platform, pose[:, :3], pose[:, 3:])
-        error = np.abs(leg_length - legs.length).max(axis=1)
-    for k in np.flatnonzero(~((error < 10 * close) & (handedness_of_legs(legs) == side))):
-        guess = pose[k - 1] if k else home
-        try:
-            there = forward_kinematics(platform, leg_length[k], guess[:3], guess[3:])
-        except GoughStewartError as cause:
-            raise LogError(
-                f"no pose of this platform has the leg lengths {np.round(leg_length[k], 5).tolist()} m of row {k + 1} "
-                f"({cause}); check the platform's joints, the order of the legs, and the unit of the lengths"
-            ) from cause
-        pose[k] = np.concatenate([there.position, there.orientation])
-    return pose[:, :3], pose[:, 3:]
+    try:
+        poses = poses_of_lengths(platform, leg_length)
+    except MotionError as error:
+        raise LogError(str(error)) from error
+    return poses.position, poses.orientation
 
 
 def motion_of_lengths(

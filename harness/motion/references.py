@@ -11,14 +11,22 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import model_validator
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference, motion_of, slower
 from gough_stewart.harness.motion.profiles import Profile, quintic, sine, step
 from gough_stewart.harness.motion.recorded.low_pass import resampled, smoothed
 from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
-from gough_stewart.harness.motion.recorded.recording import AtHome, moved_home, read_recording, recording_path
+from gough_stewart.harness.motion.recorded.recording import (
+    AtHome,
+    LegLengths,
+    moved_home,
+    read_recording,
+    recording_path,
+)
 from gough_stewart.harness.motion.recorded.table import FromTable
+from gough_stewart.harness.pose_convention import QUATERNION, PoseConvention, RotationAbout
 from gough_stewart.harness.quantities import (
     ZEROS,
     Angle,
@@ -280,13 +288,36 @@ class Circle(AboutPose):
         return self.frequency / self.time_scale
 
 
-class FromFile(ReferenceChoice):
+class WrittenPoses(ReferenceChoice):
+    """A motion through poses that somebody wrote, in a convention of theirs; see `PoseConvention`."""
+
+    rotation_order: str = "XYZ"
+    rotation_about: RotationAbout = "fixed"
+    frame: str = "z_up"
+    pivot: Position = ZEROS
+
+    @property
+    def convention(self) -> PoseConvention:
+        """How the poses are written."""
+        pivot = tuple(np.asarray(self.pivot, dtype=float).tolist())
+        return PoseConvention(self.rotation_order, self.rotation_about, self.frame, pivot)
+
+    @model_validator(mode="after")
+    def _known_convention(self) -> Self:
+        if self.convention.rotation_order == QUATERNION:
+            raise ValueError("rotation_order is 'quaternion'; expected an order of angles; quaternions need none")
+        return self
+
+
+class FromFile(WrittenPoses):
     """Follow the rows of a motion log, CSV or Parquet, from its `start_time` on, by default from its first row.
 
     `columns` names its columns, if the header uses other names; `largest_gap` is the longest time allowed between two
     rows. `resample` lowers the rate of the rows, `smoothing` is the cut-off of a zero-phase low-pass; see `low_pass`.
     `unusual_speed` accepts a motion so slow or fast that its times look as if they were in another unit.
     `at_home` moves the motion so that its first pose or its mean becomes the home pose; see `moved_home`.
+    `rotation_order`, `rotation_about`, `frame` and `pivot` say how the file writes poses. Instead of poses it may have
+    leg lengths, absolute or changes from those at home: `leg_lengths`.
     """
 
     type: Literal["file"] = "file"
@@ -298,11 +329,12 @@ class FromFile(ReferenceChoice):
     smoothing: Frequency | None = None
     at_home: AtHome | None = None
     unusual_speed: bool = False
+    leg_lengths: LegLengths = "absolute"
 
     def about(self, platform: Platform, folder: Path = Path()) -> FromTable:
         """The file's poses, with quintic splines between them; shipped files are found by name."""
         path = recording_path(folder, self.file)
-        recording = read_recording(path, self.columns, self.largest_gap)
+        recording = read_recording(path, self.columns, self.largest_gap, self.convention, platform, self.leg_lengths)
         table = recording.table
         if not self.unusual_speed:
             try:

@@ -1,5 +1,6 @@
 """A path through poses as `[reference]` of an experiment, as fast as the platform allows or in a chosen time."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,8 +13,9 @@ from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.paths.path import DEGREES, GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomials_of
 from gough_stewart.harness.motion.paths.time_law import Quintic, Stretched, TimedPath, TimeLaw
-from gough_stewart.harness.motion.recorded.recording import read_poses
-from gough_stewart.harness.motion.references import ReferenceChoice
+from gough_stewart.harness.motion.recorded.recording import converted, read_poses
+from gough_stewart.harness.motion.references import WrittenPoses
+from gough_stewart.harness.pose_convention import OURS
 from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
 from gough_stewart.harness.section import FileName
 from gough_stewart.model.platform import Platform
@@ -38,7 +40,7 @@ def _poses(value: Any) -> list[tuple[float, ...]]:
     return poses
 
 
-class ViaPath(ReferenceChoice):
+class ViaPath(WrittenPoses):
     """Move along a smooth path through poses, from rest to rest.
 
     `poses` are rows of x, y, z [m], roll, pitch, yaw [rad], or come from a `file`, a motion log whose times are
@@ -46,7 +48,8 @@ class ViaPath(ReferenceChoice):
     `interpolation` "quintic" or "cubic": splines of positions and rotation vectors without curvature at the ends.
     `timing` is a duration [s] with a quintic time law, or "fastest": the least time within the platform's limits of leg
     velocity, leg acceleration, force and power, less a `margin`; `ramp` [s] averages the acceleration along the path
-    over that time, so that no force jumps. The motion begins `at` [s].
+    over that time, so that no force jumps. The motion begins `at` [s]. `rotation_order`, `rotation_about`, `frame` and
+    `pivot` say how the poses are written.
 
     Examples
     --------
@@ -87,10 +90,20 @@ class ViaPath(ReferenceChoice):
             Poses that do not form a path or are out of reach, or limits that no motion meets.
         """
         poses = np.reshape(self.poses, (-1, 6))
-        position, orientation = (poses[:, :3], poses[:, 3:]) if self.file is None else read_poses(folder / self.file)
+        convention, home = self.convention, matrix_from_orientation(platform.home_orientation)
+        pivot = np.asarray(convention.pivot)
         if self.relative_to == "home":
-            position = position + platform.home_position
-            turned = matrix_from_orientation(orientation) @ matrix_from_orientation(platform.home_orientation)
+            pivot = home @ pivot
+            convention = replace(convention, pivot=tuple(pivot.tolist()))
+        if self.file is not None:
+            position, orientation = read_poses(folder / self.file, convention=convention)
+        elif convention == OURS:
+            position, orientation = poses[:, :3], poses[:, 3:]
+        else:
+            position, orientation = converted(poses[:, :3], poses[:, 3:], "orientation", convention)
+        if self.relative_to == "home":
+            position = position + pivot + platform.home_position
+            turned = matrix_from_orientation(orientation) @ home
             orientation = nearest_angle(orientation_from_matrix(turned), platform.home_orientation)
         path = GeometricPath(position, orientation, platform.characteristic_length, DEGREES[self.interpolation])
         _check_poses(platform, position, orientation)

@@ -1,7 +1,7 @@
-"""Finds the columns of a motion log for time and pose, and their units, from its header or as chosen."""
+"""Finds the columns of a motion log for time, and pose or leg lengths, with their units, by its header or as chosen."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from gough_stewart.harness.errors import MotionError
@@ -28,8 +28,9 @@ _UNITS: dict[str, Mapping[str, float]] = {
     "orientation": UNITS["rad"],
     "quaternion": _PURE,
     "rotation_vector": UNITS["rad"],
+    "leg_length": UNITS["m"],
 }
-_EXAMPLES = {"time": "ms", "position": "mm", "orientation": "deg", "rotation_vector": "rad"}
+_EXAMPLES = {"time": "ms", "position": "mm", "orientation": "deg", "rotation_vector": "rad", "leg_length": "mm"}
 # the representations of orientation, of which a file needs one
 _TURNING = {
     "orientation": _elements("orientation", 3),
@@ -37,23 +38,46 @@ _TURNING = {
     "rotation_vector": _elements("rotation_vector", 3),
 }
 _PLACE = ("time", *_elements("position", 3))
-_QUANTITIES = (*_PLACE, *(name for names in _TURNING.values() for name in names))
-# Usual names in motion logs, in lower case.
+LEGS = _elements("leg_length", 6)
+_QUANTITIES = (*_PLACE, *LEGS, *(name for names in _TURNING.values() for name in names))
+# Names of messages, as of ROS, before the usual ones: "/tool/pose/position/x".
+_BEFORE = re.compile(r"^(.*\.)?(pose|transform)\.|^\.+")
 _USUAL: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "timestamp"),
+    "time": ("time", "t", "timestamp", "datetime", "stamp", "header.stamp", "epoch"),
     **{
-        f"position[{k + 1}]": (axis, motion, f"p{axis}", f"pos_{axis}", f"position_{axis}", f"position.{axis}")
+        f"position[{k + 1}]": (
+            *(axis, motion, f"p{axis}", f"pos_{axis}"),
+            *(f"position_{axis}", f"position.{axis}", f"translation.{axis}"),
+        )
         for k, (axis, motion) in enumerate(zip("xyz", ("surge", "sway", "heave"), strict=True))
     },
     **{f"orientation[{k + 1}]": (name,) for k, name in enumerate(("roll", "pitch", "yaw"))},
-    **{f"quaternion[{k + 1}]": (f"q{axis}", f"q_{axis}", f"quaternion_{axis}") for k, axis in enumerate("xyzw")},
+    **{
+        f"quaternion[{k + 1}]": (
+            *(f"q{axis}", f"q_{axis}", f"quaternion_{axis}"),
+            *(f"orientation.{axis}", f"rotation.{axis}"),
+        )
+        for k, axis in enumerate("xyzw")
+    },
     **{f"rotation_vector[{k + 1}]": (f"rotation_vector_{axis}", f"rotvec_{axis}") for k, axis in enumerate("xyz")},
+    **{
+        name: tuple(f"{usual}{k + 1}" for usual in ("leg_length_", "leg_", "leg", "length_", "l", "strut_"))
+        for k, name in enumerate(LEGS)
+    },
 }
 _OWN_PREFIX = re.compile(r"^(reference|measured)\.")
 
 
-def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, timed: bool = True) -> dict[str, Column]:
-    """The columns for time, position, and one of orientation, quaternion, rotation_vector.
+def columns_of(
+    header: Sequence[str],
+    chosen: Mapping[str, str] | str = "",
+    *,
+    timed: bool = True,
+    timestamps: Collection[str] = (),
+) -> dict[str, Column]:
+    """The columns for time, position, and one of orientation, quaternion, rotation_vector; or for time and leg lengths.
+
+    Leg lengths are read if they are chosen, or if the file has no position.
 
     Parameters
     ----------
@@ -65,6 +89,8 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
         motion logs. Or the prefix of a record's signals, "reference" or "measured".
     timed
         Whether a time is required.
+    timestamps
+        Columns that need no unit as times: they have dates, or seconds since 1970.
 
     Raises
     ------
@@ -79,8 +105,14 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
         if name not in _QUANTITIES:
             raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
     headings_found = {name: _heading_of(name, headings, chosen) for name in _QUANTITIES}
-    turning = _TURNING[_kind_of_turning(headings_found, chosen)]
-    required = (*(_PLACE if timed else _PLACE[1:]), *turning)
+    has_position = any(headings_found[name] is not None for name in _PLACE[1:])
+    if any(name in chosen for name in LEGS) or (
+        not has_position and any(headings_found[name] is not None for name in LEGS)
+    ):
+        required: tuple[str, ...] = (*_PLACE[: 1 if timed else 0], *LEGS)
+    else:
+        turning = _TURNING[_kind_of_turning(headings_found, chosen)]
+        required = (*(_PLACE if timed else _PLACE[1:]), *turning)
     missing = [name for name in required if headings_found[name] is None]
     if missing:
         raise MotionError(
@@ -88,7 +120,48 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
             "('x [mm]', 'roll [deg]', 'qx'), or columns named in the reference: columns = { \"position[1]\" = "
             '"NAME [mm]", … }'
         )
-    return _in_units({name: heading for name in required if (heading := headings_found[name]) is not None})
+    found = {name: heading for name in required if (heading := headings_found[name]) is not None}
+    return _in_units(found, timestamps)
+
+
+def leg_columns(header: Sequence[str]) -> dict[str, Column]:
+    """The columns for six leg lengths.
+
+    Raises
+    ------
+    MotionError
+        One is missing, or there are several, or one has no unit or an unknown one.
+    """
+    headings = [Heading.of(column) for column in header]
+    found = {name: heading for name in LEGS if (heading := _heading_of(name, headings, {})) is not None}
+    if len(found) < len(LEGS):
+        raise MotionError(f"has {len(found)} columns of leg lengths; expected {LEGS[0]} to {LEGS[-1]}")
+    return _in_units(found, ())
+
+
+def usual_headings(header: Sequence[str]) -> dict[str, Heading]:
+    """The columns under usual names, by this project's name, of quantities that the file does not have under that.
+
+    Raises
+    ------
+    MotionError
+        Several columns of one quantity.
+    """
+    headings = [Heading.of(column) for column in header]
+    found = {name: _heading_of(name, headings, {}) for name in _QUANTITIES}
+    return {name: heading for name, heading in found.items() if heading is not None and heading.name != name}
+
+
+def chosen_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
+    """The chosen columns, by the name of what they have.
+
+    Raises
+    ------
+    MotionError
+        The file has no such column, or several.
+    """
+    headings = [Heading.of(column) for column in header]
+    return {name: _chosen(name, headings, text) for name, text in chosen.items()}
 
 
 def _heading_of(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:
@@ -96,7 +169,9 @@ def _heading_of(quantity: str, headings: Sequence[Heading], chosen: Mapping[str,
     if quantity in chosen:
         return _chosen(quantity, headings, chosen[quantity])
     ours = [heading for heading in headings if heading.name == quantity]
-    candidates = ours or [heading for heading in headings if heading.name.lower() in _USUAL[quantity]]
+    candidates = ours or [
+        heading for heading in headings if _BEFORE.sub("", heading.name.lower().replace("/", ".")) in _USUAL[quantity]
+    ]
     if len(candidates) > 1:
         names = " and ".join(heading.column for heading in candidates)
         raise MotionError(
@@ -143,11 +218,18 @@ def _kind_of_turning(headings: Mapping[str, Heading | None], chosen: Mapping[str
     return max(_TURNING, key=lambda kind: sum(headings[name] is not None for name in _TURNING[kind]))
 
 
-def _in_units(headings: Mapping[str, Heading]) -> dict[str, Column]:
-    is_ours = all(_OWN_PREFIX.sub("", heading.name) == quantity for quantity, heading in headings.items())
+def _in_units(headings: Mapping[str, Heading], timestamps: Collection[str]) -> dict[str, Column]:
+    is_ours = all(
+        _OWN_PREFIX.sub("", heading.name) == quantity
+        for quantity, heading in headings.items()
+        if heading.column not in timestamps
+    )
     columns, without = dict[str, Column](), dict[str, Heading]()
     for quantity, heading in headings.items():
         kind = quantity.partition("[")[0]
+        if quantity == "time" and heading.column in timestamps:
+            columns[quantity] = Column(heading.column, 1.0)
+            continue
         if heading.unit is None and not is_ours and kind != "quaternion":
             without[quantity] = heading
         try:

@@ -64,6 +64,7 @@ USES: dict[str, tuple[tuple[str, ...], tuple[int, ...], str, str]] = {
         "parameters fit residuals",
     ),
     "excite": (("--preset", "motion_base", "--trials", "1", "--duration", "10"), (0,), "excitation.toml", "pose"),
+    "poses": (("log.csv", "--preset", "motion_base"), (0,), "poses.csv poses.parquet", "pose"),
     "workspace": (("--preset", "motion_base", "--points", "5"), (0,), "workspace.csv", "maps"),
     "build": (("--fmi", "3.0", "--check"), (0,), "gough_stewart_fmi3.fmu", ""),
     "export": (
@@ -86,7 +87,7 @@ def prepared(use: str) -> None:
     if use == "frf":
         injection = {"type": "multisine", "leg": 4, "amplitude": 0.2, "band": [2, 100], "lines_at_most": 9, "settle": 1}
         save_record(uneven_run(injection, loop={"duration": 1.5, "sample_time": 4e-3, "delay": 1}), Path("injected"))
-    elif use == "identify":
+    elif use in ("identify", "poses"):
         written(machine_log(course=Course(duration=8.0)), Path("log.csv"))
     elif use == "ensemble --compare":
         Path("slower.toml").write_text(invoke("experiments", "heave_tolerances").stdout)

@@ -2,6 +2,7 @@
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
@@ -30,7 +31,7 @@ def table(**changes: object) -> dict[str, object]:
 
 def test_some_rows_of_a_log_are_those_of_all_its_readings() -> None:
     """Expected: the rows of every array; what is not an array stays."""
-    arrays = {
+    arrays: dict[str, Any] = {
         each.name: np.random.default_rng(k).normal(size=(9,) if each.name == "time" else (9, 3))
         for k, each in enumerate(fields(Log))
         if "float64" in str(each.type)
