@@ -358,7 +358,7 @@ def test_a_page_of_poses_has_no_charts_over_time_and_no_list_without_remarks() -
     assert not any(chart["isTime"] for chart in data["charts"])
     assert '<p class="note' not in text
     text, _ = _page(replace(ESTIMATE, alarms=()))
-    assert '<p class="note note">a &lt; note</p><p class="note note">another</p>' in text
+    assert '<p class="note note">a &lt; note</p>\n<p class="note note">another</p>' in text
 
 
 def test_files_are_those_that_are_announced_and_the_platform_is_the_one_that_was_found() -> None:
