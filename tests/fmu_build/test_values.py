@@ -148,7 +148,7 @@ BAD_VALUES = [
     ("orientation", [0.1, -1.5699, 0.2], "orientation[2] = -1.5699 rad", "pitch"),
     ("platform_mass", -1.0, "platform_mass = -1 kg", "> 0"),
     ("platform_mass", 0.0, "platform_mass = 0 kg", "> 0"),
-    ("leg_lower_mass", 0.0, "leg_lower_mass", "> 0"),
+    ("leg_lower_mass", -0.1, "leg_lower_mass", ">= 0"),
     ("leg_upper_inertia", -1e-9, "leg_upper_inertia", ">= 0"),
     ("leg_viscous_friction", -2.0, "leg_viscous_friction = -2 N.s/m", ">= 0"),
     ("leg_friction_velocity", 0.0, "leg_friction_velocity", "> 0"),
