@@ -1,5 +1,7 @@
 """The platform as a model for MuJoCo: bodies, joints, closures and actuators in MJCF."""
 
+import re
+
 import numpy as np
 
 from gough_stewart.fmu_build.documents import installed_package, rendered
@@ -15,7 +17,8 @@ _LEAST_INERTIA = 1e-9
 
 def mjcf_name(platform: Platform) -> str:
     """The name of the file."""
-    return f"{platform.name or 'platform'}.xml"
+    name = re.sub(r"[^\w.-]+", "_", platform.name).strip("._")
+    return f"{name or 'platform'}.xml"
 
 
 def mjcf(platform: Platform) -> bytes:

@@ -153,7 +153,7 @@ class PoseConvention:
         changed = [f'{key} = "{value}"' for key, value in keys.items() if value != getattr(OURS, key)]
         if any(self.pivot):
             changed.append(f"pivot = {list(self.pivot)}")
-        return ", ".join(changed) or 'rotation_order = "XYZ", frame = "z_up"'
+        return ", ".join(changed) or 'rotation_order = "XYZ", rotation_about = "fixed", frame = "z_up"'
 
 
 OURS = PoseConvention()

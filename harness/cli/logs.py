@@ -127,8 +127,8 @@ def poses_command(
     Each row starts from the one before, the first from home, so that the poses are one continuous motion. Rows with an
     empty length have no pose; lengths that no pose has are refused with their row.
 
-    If the log has poses, too, they are compared: also they are read with the options for the order of rotations, frame
-    and pivot, in which the poses are written.
+    If the log has poses, too, they are compared. The options for the order of rotations, frame and pivot are for what
+    is read and for what is written.
 
     Writes **poses.csv** and **poses.parquet**: `time`, `position[1..3]`, `orientation[1..3]` or `quaternion[1..4]`,
     `residual` (the largest error of a leg length) and `condition_number`, in SI units; with `--figures` also **pose**.

@@ -17,7 +17,7 @@ def serve_command(
     host: Annotated[str, option("The address to listen on; 0.0.0.0 opens it to the network.", "HOST")] = "127.0.0.1",
     rate: Annotated[float, option("Rows a second, at most 250.", "HZ")] = 100.0,
     binary: Annotated[bool, option("Fixed binary rows instead of JSON.", None, "--binary")] = False,
-    silence: Annotated[float, option("A sender that is silent as long is lost.", "SECONDS")] = 1.0,
+    silence: Annotated[float, option("A sender that is silent for this long is lost.", "SECONDS")] = 1.0,
     stop: Annotated[bool, option("End when the sender is lost; else its pose holds.", None, "--stop")] = False,
     duration: Annotated[float, option("End after this time. Default: at Ctrl-C.", "SECONDS", min=0)] = math.inf,
 ) -> None:
@@ -47,7 +47,7 @@ def serve_command(
         tally = stream.run(duration)
         Terminal().say(
             f"{tally.time:.1f} s simulated: {tally.rows} rows out, {tally.packets} packets in, {tally.malformed} "
-            f"malformed, {tally.out_of_reach} out of reach, {tally.late} late rows, {tally.losses} losses of sender."
+            f"malformed, {tally.out_of_reach} out of reach, {tally.late} late rows, {tally.losses} losses of the sender."
         )
         if tally.ended:
             raise MissedError(f"the loop ended at {tally.time:.3f} s: {tally.ended}")

@@ -109,7 +109,7 @@ def build_command(
         from gough_stewart.harness.plants.unit_check import check_units
 
         running.step("checking", total=None)
-        checks = list(check_units(files))
+        checks = list(check_units([file for file in files if file.suffix == ".fmu"]))
     running.command.written.append(out)
     names = [str(file.relative_to(out)) for file in files]
     running.present(_report(loaded.name, versions if "fmu" in chosen_as else (), targets, names, checks), names)
@@ -132,11 +132,15 @@ def _report(
 
     systems = "this machine" if list(targets) == ["native"] else listed([*targets])
     built = [f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"] if versions else []
-    built += [f"{name}, a model of the platform {platform} for MuJoCo" for name in files if name.endswith(".xml")]
+    built += [f"model of the platform {platform} for MuJoCo in {name}" for name in files if name.endswith(".xml")]
     built.append("six actuator forces in, pose and leg lengths out")
-    title, written = f"FMU of {platform}", Number("files", "files written", float(len(files)), COUNT)
+    title, written = (
+        f"FMU of {platform}" if versions else f"Model of {platform} for MuJoCo",
+        Number("files", "files written", float(len(files)), COUNT),
+    )
     if checks is None:
-        verdict = Verdict(sentence([*built, "not yet run: `--check` runs and compares them"]), "good")
+        unchecked = ["not yet run: `--check` runs and compares them"] if versions else []
+        verdict = Verdict(sentence([*built, *unchecked]), "good")
         return Report(title, verdict, study="build", numbers=(written,))
     from gough_stewart.harness.plants.unit_check import EXPLANATION
 

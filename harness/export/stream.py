@@ -37,6 +37,8 @@ ROW, REFERENCE = struct.Struct("<19d"), struct.Struct("<6d")
 # Of a datagram [bytes], and how many a period takes; the rest waits.
 _LARGEST, _MOST = 512, 64
 _LISTENERS, _HEARD_FOR = 8, 10.0  # [s]
+# By how much a sleep of the system may be too long; the rest is waited for awake [s].
+_OVERSLEPT = 1.5e-3
 _FAR_BEHIND = 1.0  # a clock that was asleep; the loop does not catch up [s]
 
 
@@ -126,7 +128,9 @@ class Stream:
         try:
             while (period + 0.5) * self._period < duration and not (tally.ended or (self._stops and tally.losses)):
                 period += 1
-                time.sleep(max(0.0, start + period * self._period - time.monotonic()))
+                time.sleep(max(0.0, start + period * self._period - _OVERSLEPT - time.monotonic()))
+                while time.monotonic() < start + period * self._period:
+                    time.sleep(0)
                 behind = time.monotonic() - start - period * self._period
                 start += behind if behind > _FAR_BEHIND else 0.0
                 self._receive(time.monotonic())

@@ -308,7 +308,9 @@ def _judged(rows: Whitened, raw: FloatArray) -> tuple[str, tuple[Finding, ...], 
     after = tested(best.columns, best.raw)
     is_far = "gain" not in best.hypothesis.name and bool((np.abs(best.eta) > _FAR * best.hypothesis.sizes).any())
     if best.hypothesis.cause == GEOMETRY:
-        return "", (replace(_finding(rows, best, 1.0), text=GEOMETRY),), after.combined
+        share = (alone - best.chi_square - len(best.eta)) / excess
+        geometry = replace(_finding(rows, best, share), text=GEOMETRY)
+        return "", (geometry,) if fits(after) else (), after.combined
     most = max(alone - refit.chi_square for refit in refits)
     if is_far or not fits(after) or alone - best.chi_square < _EXPLAINS * most:
         return "", (), after.combined

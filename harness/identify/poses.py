@@ -11,7 +11,7 @@ from gough_stewart.harness.identify.log import Log, check_poses
 from gough_stewart.harness.motion.recorded.recording import LegLengths, absolute_lengths, poses_of_lengths
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, COUNT, LENGTH, NUMBER, POSITION, Quantity
 from gough_stewart.harness.report.table import Column, Table, Value
 from gough_stewart.harness.report.words import counted, sentence
@@ -114,8 +114,12 @@ def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseCon
             f"condition number {NUMBER.text(least)} to {NUMBER.text(worst)}, the largest in row "
             f"{np.flatnonzero(known)[condition.argmax()] + 1}",
             away and f"largest deviation from the measured poses {LENGTH.text(away[0])} and {ANGLE.text(away[1])}",
+            None if margin is None or margin >= 0 else f"lengths up to {LENGTH.text(-margin)} beyond the stroke",
         ]
     )
+    status: Status = "good" if known.all() else "told"
+    if margin is not None and margin < 0:
+        status = "marginal"
     pose = np.hstack([found.position, found.orientation])
     ranges = Table(
         "Range of the poses",
@@ -127,7 +131,7 @@ def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseCon
     )
     return Report(
         _title(platform),
-        Verdict(text, "good" if known.all() else "told", tuple(numbers)),
+        Verdict(text, status, tuple(numbers)),
         (Section("Poses", (ranges, *_charts(log, pose))),),
         study="poses",
         lead=f"{counted(n, 'row')} of {log.where}, by forward kinematics from the home pose",

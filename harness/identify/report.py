@@ -207,7 +207,7 @@ def _p(value: float | None) -> Cell:
 
 
 def _findings(diagnosis: Diagnosis) -> Table:
-    others = "" if len(diagnosis.findings) == 1 else ", between which the log does not tell"
+    others = "" if len(diagnosis.findings) == 1 else "; the log does not tell which"
     # what a hypothesis explains is not known better than to whole percent
     shares = [(finding.text, finding.improvement) for finding in diagnosis.findings]
     rows = tuple((text, round(share, 2) if math.isfinite(share) else share) for text, share in shares)

@@ -166,7 +166,7 @@ def test_tables_without_validation_tests_or_findings_say_so() -> None:
     ):
         assert len(estimate_tables(replace(bare, diagnosis=diagnosis))) == tables
     several = replace(bare, diagnosis=replace(DIAGNOSIS, cause="", findings=(FINDING, OTHER)))
-    assert estimate_tables(several)[4].title == "Diagnosis: no cause is sure, between which the log does not tell"
+    assert estimate_tables(several)[4].title == "Diagnosis: no cause is sure; the log does not tell which"
 
 
 def test_the_file_of_numbers_has_all_of_them() -> None:
