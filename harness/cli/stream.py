@@ -47,7 +47,8 @@ def serve_command(
         tally = stream.run(duration)
         Terminal().say(
             f"{tally.time:.1f} s simulated: {tally.rows} rows out, {tally.packets} packets in, {tally.malformed} "
-            f"malformed, {tally.out_of_reach} out of reach, {tally.late} late rows, {tally.losses} losses of the sender."
+            f"malformed, {tally.out_of_reach} out of reach, {tally.late} late rows, "
+            f"{tally.losses} losses of the sender."
         )
         if tally.ended:
             raise MissedError(f"the loop ended at {tally.time:.3f} s: {tally.ended}")
