@@ -197,7 +197,7 @@ def _quantity(flag: str, value: str, name: str, text: str) -> float:
 
     unit = COORDINATES[name]
     # numbers without a unit are in SI units here as well
-    has_unit = text[-1:].isalpha()
+    has_unit = text[-1:].isalpha() or text.endswith("°")
     try:
         return number(text if has_unit else text + unit, unit)
     except ValueError as error:

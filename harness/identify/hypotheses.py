@@ -167,7 +167,7 @@ def families_of(model: RowModel, fit: RowFit, not_excited: Sequence[str]) -> lis
             "estimate leg_viscous_friction[1..6], leg_coulomb_friction[1..6]",
         ),
         Family(
-            FRICTION_LAW, tuple(f"friction_law[{k}]" for k in range(1, laws.shape[2] + 1)),
+            FRICTION_LAW, tuple(name or f"term {k} of the law of friction" for k, name in enumerate(law_names, 1)),
             ("N·s²/m²", "N·s/m", *("N",) * 6, "%"), laws,
             load * np.array([_FRICTION / speed**2, _FRICTION / speed, *(_FRICTION,) * 6, _FRICTION / load]),
             {name: (FRICTION_LAW, (k,)) for k, name in enumerate(law_names) if name}

@@ -132,6 +132,16 @@ def test_a_volume_that_goes_on_beyond_the_grid_is_cut_at_its_end() -> None:
     assert enclosed(isosurface(axes, x - 0.3, x)) == pytest.approx(8.4)
 
 
+def test_an_angle_may_have_the_sign_of_degrees(tmp_path: Path) -> None:
+    """Expected: the same poses as with "deg"."""
+    tables = []
+    for unit in ("deg", "°"):
+        few = ("--over", "x,z", "--points", "5", "--at", f"yaw=5{unit}", "--out", str(tmp_path / unit))
+        assert run("--preset", "motion_base", *few).exit_code == 0
+        tables.append((tmp_path / unit / "workspace.csv").read_text())
+    assert tables[0] == tables[1]
+
+
 def test_nothing_reached_is_a_warning(tmp_path: Path) -> None:
     done = run("--preset", "motion_base", "--at", "z=5", "--points", "5", "--out", str(tmp_path))
     assert done.exit_code == 0
