@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 # Before NumPy comes: six legs keep no second thread busy, and each worker of pytest-xdist has a core of its own.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -22,6 +23,13 @@ from tests.support.shared import shared_folder
 settings.register_profile("test", max_examples=40, deadline=None, derandomize=True)
 settings.register_profile("evidence", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "test"))
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not import slow evidence that is not asked for: it takes seconds, in each worker."""
+    if collection_path.name == "evidence" and config.option.markexpr == "not evidence":
+        return True
+    return None
 
 
 @pytest.hookimpl(optionalhook=True)  # without pytest-xdist, nobody asks

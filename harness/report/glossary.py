@@ -7,7 +7,7 @@ from markupsafe import Markup, escape
 
 from gough_stewart.harness.report.words import with_minus
 
-# docs/notation.md lists the same words.
+# docs/hooks/glossary.py shows them on the page of notation.
 GLOSSARY: dict[str, str] = {
     "actuator force": "The force of a leg's actuator along the leg; positive extends the leg.",
     "bandwidth": "The frequency up to which the closed loop follows its reference, here where its gain falls by 3 dB.",

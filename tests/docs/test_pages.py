@@ -1,12 +1,13 @@
 """Every code block of README, CONTRIBUTING and docs/ runs, or is checked otherwise if it is slow or needs other tools.
 
-Commands and programs of a page run in order in one folder (`tools/pages/story.py`), but for
+README's in `make test`, those of the other pages in `make evidence`. Commands and programs of a page run in order in
+one folder (`tools/pages/story.py`), but for
 
 - what `make demo` or another test runs;
 - `make …`: the target is there (`make -n`);
 - `pytest …`, also in tables: collects at least one test;
 - the build for all targets: its options are there (`--help`);
-- `pip install …`: the extra is there; `tests/test_install.py` installs;
+- `pip install …`: the extra is there; `tests/evidence/test_install.py` installs;
 - `. .venv/bin/activate`: nothing; the tests run in that environment.
 """
 
@@ -17,6 +18,7 @@ import subprocess
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -40,7 +42,7 @@ from tests.support.snippets import (
     commands_of,
     runner,
 )
-from tools.pages.blocks import ROOT, Block, text_of
+from tools.pages.blocks import ROOT, Block, commands_in, text_of
 from tools.pages.story import run_in_shell, run_page
 from tools.pages.tables import PAGE, page_with_tables
 
@@ -58,6 +60,26 @@ BUILD = "gough-stewart build"
 EXPORT = "gough-stewart export heave_step --as c,fmu,ssp --out exported"
 # Pages that run, but for the tutorial, which tests/docs/test_tutorial.py runs.
 RUNNING = sorted({b.page for b in BLOCKS if b.language in {"sh", "python"}} - {"docs/tutorial.md", "CONTRIBUTING.md"})
+
+
+class Task(NamedTuple):
+    """What somebody comes for, the page that says how, the beginnings of its blocks, and the file that is wanted."""
+
+    page: str
+    blocks: str
+    file: str
+
+
+TASKS = (
+    Task("docs/motion.md", r"gough-stewart (check pitch_sine|run pitch_sine)", "results/check/needs.csv"),
+    Task("docs/ensembles.md", r"gough-stewart (ensemble|tune) heave_tolerances", "results/tuned/tuned.toml"),
+    Task("docs/control.md", r".*(pid\.toml|results/pid|pid\.o)", "pid.o"),
+    Task(
+        "docs/export.md",
+        r"gough-stewart export heave_step --as c,ssp|import gough_stewart as gs\nfrom fmpy",
+        "exported/heave_step.ssp",
+    ),
+)
 # A file that a page's commands are for.
 LEFT_BY = {
     "README.md": "report.html",
@@ -111,7 +133,9 @@ def check_of(block: Block) -> str:
     return "".join(f"\n{line}\n" for word, line in CLAIMS.items() if word in block.text)
 
 
-@pytest.mark.parametrize("page", RUNNING)
+@pytest.mark.parametrize(
+    "page", ["README.md", *(pytest.param(p, marks=pytest.mark.evidence) for p in RUNNING if p != "README.md")]
+)
 def test_the_blocks_of_a_page_run_in_order(
     page: str, fmus: dict[str, Fmu], demo: Demo, interpreter: Interpreter, tmp_path: Path
 ) -> None:
@@ -135,13 +159,24 @@ def test_the_blocks_of_a_page_run_in_order(
     assert (tmp_path / LEFT_BY.get(page, ".")).exists()
 
 
-def test_a_controller_of_ones_own_goes_from_its_class_to_c_in_an_empty_folder(
+@pytest.mark.evidence
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.file)
+def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(
+    task: Task, interpreter: Interpreter, tmp_path: Path
+) -> None:
+    """Expected: the page's blocks, as they stand, leave the file that the task is for."""
+    printed = run_page(task.page, tmp_path, runner(interpreter), left_out=lambda text: not re.match(task.blocks, text))
+    commands = [c for block in printed for c in commands_in(block) if re.match(task.blocks, c)]
+    assert 1 <= len(commands) <= 4
+    assert (tmp_path / task.file).stat().st_size > 0
+
+
+def test_the_controller_of_the_page_leaves_with_the_gain_that_its_search_found(
     interpreter: Interpreter, tmp_path: Path
 ) -> None:
-    """Expected: the object file of the C that is traced from the page's class, with the gain that `tune` found."""
-    of_class = re.compile(r"from pid import|.*(pid\.toml|results/pid|pid\.o)")
-    run_page("docs/control.md", tmp_path, runner(interpreter), left_out=lambda command: not of_class.match(command))
-    assert (tmp_path / "pid.o").stat().st_size > 0
+    """Expected: the gain of the tuned experiment, in the C that is traced from the page's class."""
+    own = re.compile(r"gough-stewart (tune|export results/pid)")
+    run_page("docs/control.md", tmp_path, runner(interpreter), left_out=lambda command: not own.match(command))
     tuned = tomllib.loads((tmp_path / "results/pid/tuned.toml").read_text(encoding="utf-8"))["controller"]["parameters"]
     assert 1e5 <= tuned["kp"] <= 3e5
     assert f"(real){tuned['kp']:g}" in (tmp_path / "own/tuned_controller.c").read_text(encoding="utf-8")

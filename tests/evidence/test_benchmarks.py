@@ -9,7 +9,8 @@ import pytest
 
 from tests.support.interpreter import Interpreter
 
-FOLDER = Path(__file__).parents[1] / "benchmarks"
+pytestmark = pytest.mark.evidence
+FOLDER = Path(__file__).parents[2] / "benchmarks"
 # They compare with engines of the extra `evidence`.
 NEEDS = {"run.py": "pinocchio", "peers.py": "mujoco"}
 
@@ -24,7 +25,6 @@ def test_a_benchmark_can_be_imported(name: str, interpreter: Interpreter, tmp_pa
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.evidence
 def test_the_timers_in_c_compile(tmp_path: Path) -> None:
     """Expected: programs, of the sources as they are today."""
     for name in ("fmu.py", "coupled.py"):
@@ -33,7 +33,6 @@ def test_the_timers_in_c_compile(tmp_path: Path) -> None:
         assert runpy.run_path(str(FOLDER / name))["compiled_timer"](folder).is_file()
 
 
-@pytest.mark.evidence
 def test_units_that_stick_and_give_are_timed_in_the_motion_of_the_ideal_one(tmp_path: Path) -> None:
     """Expected: a time each, and ends that fixed steps share with those under error control."""
     cost, errors = runpy.run_path(str(FOLDER / "machine.py"))["microseconds_a_step"](1, tmp_path)

@@ -24,7 +24,8 @@ from packaging.requirements import Requirement
 
 from gough_stewart.fmu_build.toolchain import native
 
-ROOT = Path(__file__).parent.parent
+pytestmark = pytest.mark.evidence
+ROOT = Path(__file__).parents[2]
 FOLDERS = ("model", "fmu_build", "harness")
 PREBUILT = "gough_stewart/prebuilt/"
 PACKED = (
@@ -145,7 +146,6 @@ def test_the_sdist_has_no_tests_that_cannot_run_and_what_a_reader_looks_for(inst
     assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"} <= names
 
 
-@pytest.mark.evidence
 def test_a_plain_install_has_all_it_needs_to_run_and_show_an_experiment(install: Install) -> None:
     done = install.run("gough-stewart", "--help")
     assert (done.returncode, "experiments" in done.stdout) == (0, True), done.stderr
@@ -178,7 +178,6 @@ def test_the_wheel_has_compiled_code_in_its_record(install: Install) -> None:
             assert (digest, int(size)) == (f"sha256={raw}", len(contents[name])), name
 
 
-@pytest.mark.evidence
 def test_a_plain_install_builds_runs_varies_and_plays_without_a_compiler(install: Install) -> None:
     """Expected: units that FMPy's check finds right, a run on one, an ensemble, a page; no compiler is used."""
     heavy = ("casadi", "ziglang", "pandas")
