@@ -375,7 +375,7 @@ class SteppingModel:
         lengths = leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
         if not lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
             return
-        check_leg_com_offsets(self._platform, float(lengths.min()), "start")
+        check_leg_com_offsets(self._platform, lengths, "start")
         motors = self._current.get("motor_position", lengths)
         leg = int(np.argmax(np.abs(motors - lengths) / lengths))
         if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:

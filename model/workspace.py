@@ -3,7 +3,7 @@
 Functions of poses are NumPy only and broadcast over leading axes of poses.
 
 With motors that hold, a compliant leg i is a spring k along its direction, so that a wrench w at Op moves the platform
-by the small twist K⁻¹ w, K = k Jᵀ J. What gravity adds by turning the legs is left out: mg/L, a millionth of k.
+by the small twist K⁻¹ w, K = Jᵀ k J. What gravity adds by turning the legs is left out: mg/L, a millionth of k.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,11 +25,11 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     scaled_jacobian_of_legs,
 )
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
-from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
+from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
 CHUNK = 4096
@@ -111,7 +111,7 @@ def evaluate_poses(
     home (otherwise every path from home passes a singular pose). Payload and force margin are static, for leg forces
     within ±`actuator_force_max`; they are 0 where the actuators cannot hold the platform, and at poses with a condition
     number of J above `LARGEST_CONDITION_NUMBER`. The largest speed is the s for which no leg exceeds
-    V = `leg_velocity_max` in any direction of motion with √(|v|² + ρ² |ω|²) = s: s = V/max_i |row_i|, with the rows of
+    V = `leg_velocity_max` in any direction of motion with √(|v|² + ρ² |ω|²) = s: s = min_i V/|row_i|, with the rows of
     the scaled leg Jacobian. For translation alone it would be V at every pose.
 
     Parameters
@@ -166,9 +166,9 @@ def _reach(
         legs = leg_geometry(platform, position, orientation)
         side = side_of_singular_poses(platform, legs)
         if platform.leg_length_min is not None:
-            margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
+            margins[Limit.LEG_TOO_SHORT] = np.asarray((legs.length - platform.leg_length_min).min(axis=-1))
         if platform.leg_length_max is not None:
-            margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+            margins[Limit.LEG_TOO_LONG] = np.asarray((platform.leg_length_max - legs.length).min(axis=-1))
         if platform.joint_angle_max is not None:
             angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
             for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
@@ -184,8 +184,8 @@ def _reach(
 def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Compliance K⁻¹ (..., 6, 6) of a platform whose motors hold: small twist [m, rad] per wrench at Op [N, N m].
 
-    K⁻¹ = J⁻¹ J⁻ᵀ/k with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m], orientation
-    [rad] (..., 3).
+    K⁻¹ = J⁻¹ diag(1/k_i) J⁻ᵀ with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m],
+    orientation [rad] (..., 3).
 
     Returns
     -------
@@ -202,34 +202,34 @@ def compliance(parameters: Parameters, position: Array, orientation: Array) -> A
     >>> soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7})
     >>> 1e6 * gs.compliance(soft, soft.home_position, soft.home_orientation)[2, 2]  # µm/N
     """
-    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
+    k = np.asarray(of_legs(parameters, "leg_stiffness"), dtype=float)
     if not (k > 0).all():
         raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
     J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
     inverse = np.linalg.inv(J)
-    return np.asarray(inverse @ transpose(inverse) / k[..., None])
+    return np.asarray(inverse @ (transpose(inverse) / k[..., :, None]))
 
 
 def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray, J: FloatArray) -> list[FloatArray]:
     """The `STIFFNESS` at poses (n, 3) with leg Jacobians J (n, 6, 6).
 
     In all directions but one the platform is free to move: stiffness is the inverse of an eigenvalue of a 3×3 block of
-    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr). Natural frequencies with damping left out are det(k Jᵀ J − ω² M) = 0 with M
-    without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ.
+    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr). Natural frequencies with damping left out are det(Jᵀ k J − ω² M) = 0 with M
+    without armature: ω² are eigenvalues of √k J M⁻¹ Jᵀ √k.
     """
-    k = platform.leg_stiffness
+    root = np.sqrt(of_legs(platform, "leg_stiffness"))
     regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
     stiffness = []
     with np.errstate(all="ignore"):
-        inverse = np.linalg.inv(np.where(regular[:, None, None], J, np.eye(6)))
+        inverse = np.linalg.inv(np.where(regular[:, None, None], J, np.eye(6))) / root
         for rows in (inverse[:, :3], inverse[:, 3:]):
             sigma = np.linalg.svd(rows, compute_uv=False)
-            stiffness += [np.where(regular, k / sigma[:, edge] ** 2, 0.0) for edge in (0, -1)]
+            stiffness += [np.where(regular, 1 / sigma[:, edge] ** 2, 0.0) for edge in (0, -1)]
     frequency = np.zeros(len(J))
     M = mass_matrix(platform_side(Variant(springs=True), platform), position[regular], orientation[regular])
-    J = J[regular]
+    J = root[:, None] * J[regular]
     mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
-    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
+    squares = np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
     frequency[regular] = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
     return [*stiffness, frequency]
 
@@ -242,7 +242,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     if platform.leg_velocity_max is not None:
         with np.errstate(all="ignore"):
             rows, _ = scaled_jacobian_of_legs(legs)
-            speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
+            speed = np.nan_to_num((platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1))).min(axis=-1))
     payload = force_margin = None
     if platform.actuator_force_max is not None:
         payload, force_margin = np.zeros((2, len(position)))
@@ -272,7 +272,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
 
 
 def _load_capacity(
-    platform: Platform, position: FloatArray, orientation: FloatArray, F: float
+    platform: Platform, position: FloatArray, orientation: FloatArray, F: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Largest payload [kg] and largest force in any direction [N] that leg forces within ±F hold at rest.
 

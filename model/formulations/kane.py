@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.rotations import (
     matrix_from_orientation,
@@ -104,31 +104,30 @@ def leg_equations(
     g = parameters.gravity[..., None, :]
     # of both parts, constant; (8a), (8b)
     w = np.eye(3, 4)
-    viscous = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
-    coulomb = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
+    viscous, coulomb = (of_legs(parameters, f"leg_{kind}_friction") for kind in ("viscous", "coulomb"))
     sliding = viscous * slide_rate + coulomb * np.tanh(slide_rate / per_leg(parameters.leg_friction_velocity))
     push = (actuator_force - sliding)[..., None] * u
 
-    r1 = per_leg(parameters.leg_lower_com)[..., None] * u
-    s_r2 = (configuration.slide - per_leg(parameters.leg_upper_com))[..., None] * u
+    r1 = of_legs(parameters, "leg_lower_com")[..., None] * u
+    s_r2 = (configuration.slide - of_legs(parameters, "leg_upper_com"))[..., None] * u
     v1, dv1 = partial_velocity(r1, None), partial_velocity_rate(r1, omega, u, None)
     v2, dv2 = partial_velocity(s_r2, u), partial_velocity_rate(s_r2, omega, u, slide_rate)
-    m1, m2 = (per_leg(m)[..., None] for m in (parameters.leg_lower_mass, parameters.leg_upper_mass))
+    m1, m2 = (of_legs(parameters, f"leg_{part}_mass")[..., None] for part in ("lower", "upper"))
 
     A = np.zeros((*u.shape[:-1], 4, 4))
     D = np.zeros((*u.shape[:-1], 4))
     parts = (
-        (m1, v1, dv1, m1 * g - push, parameters.leg_lower_inertia),
-        (m2, v2, dv2, m2 * g + push, parameters.leg_upper_inertia),
+        (m1, v1, dv1, m1 * g - push, of_legs(parameters, "leg_lower_inertia")),
+        (m2, v2, dv2, m2 * g + push, of_legs(parameters, "leg_upper_inertia")),
     )
     for m, v, dv, F, transverse_inertia in parts:
         # R diag(J_x, J, J) Rᵀ = J 1 + (J_x − J) u uᵀ
-        J_t = per_leg(transverse_inertia)[..., None, None]
+        J_t = transverse_inertia[..., None, None]
         J = J_t * np.eye(3) + (axial_inertia - J_t) * outer(u, u)
         A += m[..., None] * transpose(v) @ v + w.T @ J @ w
         b = m[..., None] * transpose(v) @ dv + w.T @ skew(omega) @ J @ w
         D += apply(transpose(v), F) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
-    A[..., 3, 3] += per_leg(parameters.leg_armature)
+    A[..., 3, 3] += of_legs(parameters, "leg_armature")
     return A, D
 
 
