@@ -3,7 +3,7 @@
 Conditions broadcast over leading axes, so that they hold for one platform and for a batch; messages are of one.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from typing import Any
 
@@ -40,201 +40,149 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
     From the fields of N platforms, with a leading axis, it raises none, and returns which of them (N,) it may refuse
     one by one; a limit that one of them lacks is NaN.
     """
-    wrong, concerned = np.zeros(np.shape(platform.platform_mass), dtype=bool), set(changed)
+    wrong, leg, concerned = np.zeros(np.shape(platform.platform_mass), dtype=bool), 0, set(changed)
     concerned |= {name for name, factor in FACTOR_OF.items() if factor in concerned}
 
-    def refuse(is_wrong: Any, name: str, text: Callable[[int], str]) -> None:
-        """Note what is wrong of platforms (...) or of their legs (..., 6), or raise it with the leg, from 0."""
-        nonlocal wrong
-        is_of_legs = np.ndim(is_wrong) > wrong.ndim
-        wrong = wrong | (is_wrong.any(axis=-1) if is_of_legs else is_wrong)
-        if wrong.ndim == 0 and wrong:
-            raise PlatformError(name, text(int(np.argmax(is_wrong)) if is_of_legs else 0))
+    def refused(is_wrong: Any) -> bool:
+        """Note what is wrong of platforms (...), or of their legs (..., 6); of one, whether it is, and in which leg."""
+        nonlocal wrong, leg
+        if np.ndim(is_wrong) > wrong.ndim:
+            leg, is_wrong = int(np.argmax(is_wrong)), is_wrong.any(axis=-1)
+        wrong = wrong | is_wrong
+        return wrong.ndim == 0 and bool(wrong)
 
     for name, row in TABLE.items():
         value = getattr(platform, name) if row.lower_bound and name in changed else None
-        if value is not None:
-            is_beyond = _is_beyond_bound(name, value)
-            wrong = wrong | (is_beyond.any(axis=-1) if is_beyond.ndim > wrong.ndim else is_beyond)
-            if wrong.ndim == 0 and wrong:
-                check_bound(name, value)
+        if value is not None and refused(_is_beyond_bound(name, value)):
+            check_bound(name, value)
 
     if "platform_inertia" in concerned:
-        J = platform.platform_inertia
+        J, field = platform.platform_inertia, "platform_inertia"
         asymmetry = np.abs(J - transpose(J))
-        a, b = divmod(int(asymmetry.argmax()), 3)
-        refuse(
-            asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1)),
-            "platform_inertia",
-            lambda _: (
-                f"is not symmetric: [{a + 1},{b + 1}] = {J[a, b]:g} but [{b + 1},{a + 1}] = {J[b, a]:g} kg m²; "
-                "set both to the same value (minus the product of inertia)"
-            ),
-        )
+        if refused(asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1))):
+            a, b = divmod(int(asymmetry.argmax()), 3)
+            both = f"[{a + 1},{b + 1}] = {J[a, b]:g} but [{b + 1},{a + 1}] = {J[b, a]:g} kg m²"
+            raise PlatformError(
+                field, f"is not symmetric: {both}; set both to the same value (minus the product of inertia)"
+            )
         moments = np.linalg.eigvalsh(J)
         least, middle, most = np.moveaxis(moments, -1, 0)
-        refuse(
-            ~(least > 0),
-            "platform_inertia",
-            lambda _: f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0",
-        )
-        refuse(
-            most > (least + middle) * (1 + INERTIA_SLACK),
-            "platform_inertia",
-            lambda _: (
-                f"is unphysical: principal moments {_list(moments)} kg m², the largest exceeds the sum of the "
-                "others (triangle inequality); check the units and that they are about the centre of mass"
-            ),
-        )
+        if refused(~(least > 0)):
+            text = f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0"
+            raise PlatformError(field, text)
+        if refused(most > (least + middle) * (1 + INERTIA_SLACK)):
+            raise PlatformError(
+                field,
+                f"is unphysical: principal moments {_list(moments)} kg m², the largest exceeds the sum of the others "
+                "(triangle inequality); check the units and that they are about the centre of mass",
+            )
 
     base, tips = platform.base_points, platform.platform_points
     if concerned & {"base_points", "platform_points"}:
         is_same = shared_joints(base) & shared_joints(tips)
-        i, j = divmod(int(is_same.argmax()), 6) if wrong.ndim == 0 else (0, 0)
-        refuse(
-            is_same.any(axis=(-2, -1)),
-            "base_points, platform_points",
-            lambda _: (
-                f"legs {i + 1} and {j + 1} share both joints, at {_list(base[i])} m and {_list(tips[i])} m; "
-                "expected at most one of the two, so that no two legs are one"
-            ),
-        )
+        if refused(is_same.any(axis=(-2, -1))):
+            i, j = divmod(int(is_same.argmax()), 6)
+            raise PlatformError(
+                "base_points, platform_points",
+                f"legs {i + 1} and {j + 1} share both joints, at {_list(base[i])} m and {_list(tips[i])} m; expected "
+                "at most one of the two, so that no two legs are one",
+            )
 
     home = cache(lambda: leg_geometry(platform, platform.home_position, platform.home_orientation))
     if concerned & {*_GEOMETRY}:
         pitch, lengths = platform.home_orientation[..., 1], home().length
-        refuse(
-            ~(np.abs(pitch) < LARGEST_PITCH),
-            "home_orientation",
-            lambda _: f"has pitch {pitch:g} rad; expected less than ±90°",
-        )
-        refuse(
-            lengths.min(axis=-1) <= COINCIDENCE * np.abs(base).max(axis=(-2, -1)),
-            "home_position",
-            lambda _: (
-                f"base joint and platform joint {int(lengths.argmin()) + 1} coincide in the home pose; raise "
-                "home_position"
-            ),
-        )
+        if refused(~(np.abs(pitch) < LARGEST_PITCH)):
+            raise PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°")
+        if refused(lengths.min(axis=-1) <= COINCIDENCE * np.abs(base).max(axis=(-2, -1))):
+            which = f"base joint and platform joint {int(lengths.argmin()) + 1}"
+            raise PlatformError("home_position", f"{which} coincide in the home pose; raise home_position")
         number = conditioning_of_legs(home()).condition_number
-        refuse(
-            ~(number < SINGULAR_CONDITION_NUMBER),
-            ", ".join(_GEOMETRY),
-            lambda _: (
+        if refused(~(number < SINGULAR_CONDITION_NUMBER)):
+            raise PlatformError(
+                ", ".join(_GEOMETRY),
                 f"the leg Jacobian is singular at the home pose (condition number {number:.3g}, expected below "
                 f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; choose different azimuths "
-                "for base and platform joints or another home pose"
-            ),
-        )
+                "for base and platform joints or another home pose",
+            )
 
     if concerned & {*_GEOMETRY, "leg_lower_com", "leg_upper_com", "platform_com"}:
-        wrong = wrong | are_too_short(platform, home().length)
-        if wrong.ndim == 0 and wrong:
+        if refused(are_too_short(platform, home().length)):
             check_leg_com_offsets(platform, home().length, "home")
         reach, offset = np.linalg.norm(tips, axis=-1).max(axis=-1), np.linalg.norm(platform.platform_com, axis=-1)
-        refuse(
-            offset > 10 * reach,
-            "platform_com",
-            lambda _: (
-                f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units"
-            ),
-        )
+        if refused(offset > 10 * reach):
+            far = f"more than ten times the farthest platform joint ({reach:g} m)"
+            raise PlatformError("platform_com", f"is {offset:g} m from Op, {far}; check units")
 
     if concerned & {*_GEOMETRY, "leg_length_min", "leg_length_max", "joint_angle_max"}:
         lengths, angle = home().length, platform.joint_angle_max
         low, high = of_legs(platform, "leg_length_min", np.nan), of_legs(platform, "leg_length_max", np.nan)
-        refuse(
-            low >= high, "leg_length_min", lambda k: f"is {low[k]:g} m; expected below leg_length_max = {high[k]:g} m"
-        )
-        for name, ends, beyond in (("leg_length_min", low, low - lengths), ("leg_length_max", high, lengths - high)):
-            worst = int(np.argmax(beyond)) if wrong.ndim == 0 else 0
-            refuse(
-                beyond > 0,
-                name,
-                lambda _, ends=ends, k=worst: f"is {ends[k]:g} m, but a home leg is {lengths[k]:g} m long",  # type: ignore[misc]
-            )
-        if angle is not None:
-            refuse(
-                np.greater(angle, np.pi),
-                "joint_angle_max",
-                lambda _: f"is {angle:g} rad; expected at most π (radians, not degrees)",
-            )
+        if refused(low >= high):
+            text = f"is {low[leg]:g} m; expected below leg_length_max = {high[leg]:g} m"
+            raise PlatformError("leg_length_min", text)
+        for name, end, beyond in (("leg_length_min", low, low - lengths), ("leg_length_max", high, lengths - high)):
+            if refused((beyond > 0).any(axis=-1)):
+                k = int(beyond.argmax())
+                raise PlatformError(name, f"is {end[k]:g} m, but a home leg is {lengths[k]:g} m long")
+        if angle is not None and refused(np.greater(angle, np.pi)):
+            raise PlatformError("joint_angle_max", f"is {angle:g} rad; expected at most π (radians, not degrees)")
 
     if concerned & {"leg_coulomb_friction", *_OF_BRISTLES}:
         model, words = np.asarray(platform.leg_friction_model), TABLE["leg_friction_model"].words
-        refuse(
-            ~np.isin(model, np.arange(len(words))),
-            "leg_friction_model",
-            lambda _: f"is {model:g}; expected {', '.join(words)}",
-        )
+        if refused(~np.isin(model, np.arange(len(words)))):
+            raise PlatformError("leg_friction_model", f"is {model:g}; expected {', '.join(words)}")
         sticks, static = (model != 0)[..., None], static_friction(platform)
         coulomb = of_legs(platform, "leg_coulomb_friction")
-
-        def static_text(k: int) -> str:
-            is_by_leg = bool(platform.leg_static_friction_factor.any())
-            both, where = (static[k], coulomb[k]), f" in leg {k + 1}"
-            if not is_by_leg:
-                both, where = (platform.leg_static_friction, platform.leg_coulomb_friction), ""
-            return (
-                f"is {both[0]:g} N, below leg_coulomb_friction = {both[1]:g} N{where}; expected at least that, or 0 "
-                "for the same friction at rest as in motion"
+        if refused((static > 0) & (static < coulomb)):
+            # without factors of its own, as it is stated
+            is_by_leg = platform.leg_static_friction_factor.any()
+            share = 1.0 if is_by_leg else platform.leg_coulomb_friction_factor[leg]
+            raise PlatformError(
+                "leg_static_friction",
+                f"is {static[leg] / share:g} N, below leg_coulomb_friction = {coulomb[leg] / share:g} N"
+                f"{f' in leg {leg + 1}' if is_by_leg else ''}; expected at least that, or 0 for the same friction at "
+                "rest as in motion",
             )
-
-        refuse((static > 0) & (static < coulomb), "leg_static_friction", static_text)
-        weakest = coulomb.min(axis=-1)
-        refuse(
-            sticks[..., 0] & ~(weakest > 0),
-            "leg_coulomb_friction",
-            lambda _: (
-                f"is {weakest:g} N in a leg; friction that sticks needs > 0 in each: set leg_coulomb_friction, or "
-                "leg_friction_model = 'smooth'"
-            ),
-        )
+        if refused((sticks & ~(coulomb > 0)).any(axis=-1)):
+            raise PlatformError(
+                "leg_coulomb_friction",
+                f"is {coulomb.min():g} N in a leg; friction that sticks needs > 0 in each: set leg_coulomb_friction, "
+                "or leg_friction_model = 'smooth'",
+            )
         stiffness, share = of_legs(platform, "leg_bristle_stiffness"), of_legs(platform, "leg_breakaway_share")
         breakaway = np.maximum(static, coulomb)
         distance = breakaway / np.where(stiffness > 0, stiffness, np.inf)
-        refuse(
-            sticks & (distance > LONGEST_PRESLIDING),
-            "leg_bristle_stiffness",
-            lambda k: (
-                f"is {stiffness[k]:g} N/m: legs would stick over {distance[k]:.3g} m before they slide"
-                f"{_where(distance, k)}; expected at most {LONGEST_PRESLIDING:g} m, that is "
-                f"{breakaway[k] / LONGEST_PRESLIDING:g} N/m or more (real legs: 5 to 10 um), or 0 to derive it"
-            ),
-        )
-        refuse(
-            share > LARGEST_SHARE,
-            "leg_breakaway_share",
-            lambda k: f"is {share[k]:g}{_where(share, k)}; expected at most {LARGEST_SHARE:g}, or 0 for the default",
-        )
+        if refused(sticks & (distance > LONGEST_PRESLIDING)):
+            raise PlatformError(
+                "leg_bristle_stiffness",
+                f"is {stiffness[leg]:g} N/m: legs would stick over {distance[leg]:.3g} m before they slide"
+                f"{_where(distance, leg)}; expected at most {LONGEST_PRESLIDING:g} m, that is "
+                f"{breakaway[leg] / LONGEST_PRESLIDING:g} N/m or more (real legs: 5 to 10 um), or 0 to derive it",
+            )
+        if refused(share > LARGEST_SHARE):
+            expected = f"expected at most {LARGEST_SHARE:g}, or 0 for the default"
+            raise PlatformError("leg_breakaway_share", f"is {share[leg]:g}{_where(share, leg)}; {expected}")
 
     if concerned & {"leg_stiffness", "leg_damping", "leg_armature", "leg_upper_mass", "platform_mass"}:
         is_elastic = (np.asarray(platform.leg_stiffness) > 0)[..., None]
         spring, damping = of_legs(platform, "leg_stiffness"), of_legs(platform, "leg_damping")
         mass = of_legs(platform, "leg_upper_mass") + np.asarray(platform.platform_mass)[..., None] / 6
         armature, frequency = of_legs(platform, "leg_armature"), np.sqrt(spring / mass) / (2 * np.pi)
-        refuse(
-            is_elastic & ~(armature > 0),
-            "leg_armature",
-            lambda k: (
-                f"is 0 kg{_where(armature, k)}; a leg with leg_stiffness needs a motor with inertia: set "
-                "leg_armature = J (2 pi/lead)^2, or leg_stiffness = 0, which is rigid"
-            ),
-        )
-        refuse(
-            is_elastic & (frequency < SLOWEST_MODE),
-            "leg_stiffness",
-            lambda k: (
-                f"is {spring[k]:g} N/m{_where(frequency, k)}: the platform would bounce at about "
-                f"{frequency[k]:.2g} Hz; expected {(2 * np.pi * SLOWEST_MODE) ** 2 * mass[k]:.3g} N/m "
-                f"({SLOWEST_MODE:g} Hz) or more, or 0 for rigid legs"
-            ),
-        )
-        refuse(
-            (damping > 0) & ~is_elastic,
-            "leg_damping",
-            lambda k: f"is {damping[k]:g} N s/m, but legs are rigid; set leg_stiffness, or remove leg_damping",
-        )
+        if refused(is_elastic & ~(armature > 0)):
+            raise PlatformError(
+                "leg_armature",
+                f"is 0 kg{_where(armature, leg)}; a leg with leg_stiffness needs a motor with inertia: set "
+                "leg_armature = J (2 pi/lead)^2, or leg_stiffness = 0, which is rigid",
+            )
+        if refused(is_elastic & (frequency < SLOWEST_MODE)):
+            least = (2 * np.pi * SLOWEST_MODE) ** 2 * mass[leg]
+            raise PlatformError(
+                "leg_stiffness",
+                f"is {spring[leg]:g} N/m{_where(frequency, leg)}: the platform would bounce at about "
+                f"{frequency[leg]:.2g} Hz; expected {least:.3g} N/m ({SLOWEST_MODE:g} Hz) or more, or 0 for rigid legs",
+            )
+        if refused((damping > 0) & ~is_elastic):
+            text = f"is {damping[leg]:g} N s/m, but legs are rigid; set leg_stiffness, or remove leg_damping"
+            raise PlatformError("leg_damping", text)
     return wrong
 
 
