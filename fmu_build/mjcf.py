@@ -7,10 +7,16 @@ import numpy as np
 from gough_stewart.fmu_build.documents import installed_package, rendered
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 
+_OF_LEGS = (
+    *("leg_lower_mass", "leg_upper_mass", "leg_lower_com", "leg_upper_com", "leg_armature"),
+    *("leg_viscous_friction", "leg_coulomb_friction"),
+)
+_LIMITS = ("leg_length_min", "leg_length_max", "actuator_force_max")
 # MuJoCo needs an inertia of every body; that of a leg about its own axis has no effect, see `kane`.
 _LEAST_INERTIA = 1e-9
 
@@ -32,7 +38,7 @@ def mjcf(platform: Platform) -> bytes:
     `PlatformError` if legs have no mass.
     """
     for name in ("leg_lower_mass", "leg_upper_mass"):
-        if not getattr(platform, name) > 0:
+        if not (of_legs(platform, name) > 0).all():
             raise PlatformError(
                 name,
                 "is 0 kg; MuJoCo needs a mass in each moving body, and closes loops of nearly massless ones badly: "
@@ -42,16 +48,19 @@ def mjcf(platform: Platform) -> bytes:
     R, first = matrix_from_orientation(platform.home_orientation), platform.platform_points[0]
     legs = []
     for k in range(6):
-        length, low, high = float(home.length[k]), platform.leg_length_min, platform.leg_length_max
+        length = float(home.length[k])
+        low, high, force = (float(of_legs(platform, name, np.nan)[k]) for name in _LIMITS)
         legs.append(
             {
                 "number": k + 1,
                 "base": platform.base_points[k],
                 "quaternion": _quaternion(_along(home.direction[k])),
                 "length": length,
-                "range": None if low is None or high is None else (low - length, high - length),
-                "viscous": platform.leg_viscous_friction * platform.leg_viscous_friction_factor[k],
-                "coulomb": platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor[k],
+                "range": (low - length, high - length) if np.isfinite([low, high]).all() else None,
+                "force": (-force, force) if np.isfinite(force) else None,
+                **{name.removeprefix("leg_"): of_legs(platform, name)[k] for name in _OF_LEGS},
+                "lower_inertia": _transverse(float(of_legs(platform, "leg_lower_inertia")[k])),
+                "upper_inertia": _transverse(float(of_legs(platform, "leg_upper_inertia")[k])),
                 "from_first": platform.platform_points[k] - first,
             }
         )
@@ -62,8 +71,6 @@ def mjcf(platform: Platform) -> bytes:
         version=installed_package()[0]["Version"],
         left_out=left_out(platform),
         legs=legs,
-        lower_inertia=_transverse(platform.leg_lower_inertia),
-        upper_inertia=_transverse(platform.leg_upper_inertia),
         radius=0.01 * float(home.length.mean()),
         # leg 1's frame to that of the platform
         platform_quaternion=_quaternion(_along(home.direction[0]).T @ R),

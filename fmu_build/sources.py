@@ -109,6 +109,8 @@ def model_header(component: UnitComponent) -> str:
         count += len(numbers)
     n_inputs, n_states = len(values["START_INPUTS"]), len(values["START_STATES"])
     n_results = size(layout.of_role(Role.STATE, Role.RESULT))
+    parameters = layout.of_role(*PARAMETER_ROLES)
+    later = [row.first for row in parameters if row.first > time.first]
     sizes = {
         "N_INPUTS": n_inputs,
         "N_STATES": n_states,
@@ -124,6 +126,8 @@ def model_header(component: UnitComponent) -> str:
         "FIRST_STATE": n_inputs,
         "FIRST_RESULT": n_inputs,
         "FIRST_PARAMETER": n_inputs + n_results,
+        "N_OLDER_PARAMETERS": size(row for row in parameters if row.variable.name not in component.settings),
+        "FIRST_LATER_PARAMETER": min(later, default=sizes["N_SLOTS"]),
         "FIRST_DERIVATIVE": time.first - n_states,
         "TIME": time.first,
     }

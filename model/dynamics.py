@@ -47,7 +47,7 @@ from gough_stewart.model.kinematics import (
     rates_of_legs,
 )
 from gough_stewart.model.operations import greater, where
-from gough_stewart.model.parameters import PHYSICAL, Parameters
+from gough_stewart.model.parameters import PHYSICAL, Parameters, of_legs
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import (
@@ -225,12 +225,12 @@ def _leg_moments(parameters: Parameters, length: Array) -> tuple[Array, Array, A
 
     And the masses at P that they amount to [kg]: t = I/L² in all directions, and m2 + m_a − t in addition along u.
     """
-    m1, r1 = per_leg(parameters.leg_lower_mass), per_leg(parameters.leg_lower_com)
-    m2, s2 = per_leg(parameters.leg_upper_mass), length - per_leg(parameters.leg_upper_com)
-    J = per_leg(parameters.leg_lower_inertia) + per_leg(parameters.leg_upper_inertia)
+    m1, r1 = of_legs(parameters, "leg_lower_mass"), of_legs(parameters, "leg_lower_com")
+    m2, s2 = of_legs(parameters, "leg_upper_mass"), length - of_legs(parameters, "leg_upper_com")
+    J = of_legs(parameters, "leg_lower_inertia") + of_legs(parameters, "leg_upper_inertia")
     I = m1 * r1 * r1 + J + m2 * s2 * s2
     t = np.asarray(I * (1 / length) * (1 / length))
-    return m1 * r1 + m2 * s2, I, t, np.asarray(m2 + per_leg(parameters.leg_armature) - t)
+    return m1 * r1 + m2 * s2, I, t, np.asarray(m2 + of_legs(parameters, "leg_armature") - t)
 
 
 def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
@@ -238,9 +238,9 @@ def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> A
 
     b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
     """
-    u, L, m2 = legs.direction, legs.length, per_leg(parameters.leg_upper_mass)
+    u, L, m2 = legs.direction, legs.length, of_legs(parameters, "leg_upper_mass")
     du, dL, g = rates.direction_rate, rates.length_rate, parameters.gravity[..., None, :]
-    d, m_a = per_leg(parameters.leg_upper_com), per_leg(parameters.leg_armature)
+    d, m_a = of_legs(parameters, "leg_upper_com"), of_legs(parameters, "leg_armature")
     h, I, _, _ = _leg_moments(parameters, L)
     per_g = h * (1 / L)
     along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * dot(u, g) + friction_force(parameters, dL)
@@ -292,7 +292,7 @@ def plant_equations(
     elif variant.springs:
         leg_force = leg_force - friction_force(parameters, sliding)
     if variant.springs:
-        k, m_a, motor_force = per_leg(parameters.leg_stiffness), per_leg(parameters.leg_armature), leg_force
+        k, m_a, motor_force = of_legs(parameters, "leg_stiffness"), of_legs(parameters, "leg_armature"), leg_force
         # positive extends the leg
         stretch, stretch_rate = parts["motor_position"] - legs.length, sliding - rates.length_rate
         leg_force = k * stretch + leg_damping(parameters) * stretch_rate
@@ -310,7 +310,7 @@ def plant_equations(
     twist = concatenate([platform.velocity, platform.angular_velocity])
     kinetic = 0.5 * dot(twist, apply(M, twist))
     G = platform.position + apply(matrix_from_orientation(platform.orientation), parameters.platform_com)
-    leg_mass = per_leg(parameters.leg_lower_mass) + per_leg(parameters.leg_upper_mass)
+    leg_mass = of_legs(parameters, "leg_lower_mass") + of_legs(parameters, "leg_upper_mass")
     moment = (leg_mass[..., None] * parameters.base_points + h[..., None] * u).sum(axis=-2)
     potential = -dot(parameters.gravity, np.asarray(parameters.platform_mass)[..., None] * G + moment)
     if variant.springs:
@@ -351,7 +351,7 @@ def grip_of_legs(variant: Variant, parameters: Parameters, x: Array, solve: Solv
     law, legs = law_of_bristles(variant, parameters), leg_geometry(parameters, platform.position, platform.orientation)
     if variant.springs:
         sliding = parts["motor_velocity"]
-        gain = np.eye(6) * (law.damping / per_leg(parameters.leg_armature))[..., None]
+        gain = np.eye(6) * (law.damping / of_legs(parameters, "leg_armature"))[..., None]
     else:
         sliding = rates_of_legs(legs, platform).length_rate
         M, wrenches = mass_matrix(parameters, platform.position, platform.orientation), jacobian_of_legs(legs)
@@ -362,11 +362,11 @@ def grip_of_legs(variant: Variant, parameters: Parameters, x: Array, solve: Solv
 
 
 def leg_damping(parameters: Parameters) -> Array:
-    """C (..., 1) [N s/m]: `leg_damping`, or where that is 0 `LEG_DAMPING_RATIO` of critical."""
-    motor = per_leg(parameters.leg_armature)
-    load = per_leg(parameters.leg_upper_mass) + np.asarray(per_leg(parameters.platform_mass) / 6)
-    critical = 2 * np.sqrt(per_leg(parameters.leg_stiffness) * motor * load / (motor + load))
-    damping = per_leg(parameters.leg_damping)
+    """C (..., 6) [N s/m]: `leg_damping`, or where that is 0 `LEG_DAMPING_RATIO` of critical."""
+    motor = of_legs(parameters, "leg_armature")
+    load = of_legs(parameters, "leg_upper_mass") + np.asarray(per_leg(parameters.platform_mass) / 6)
+    critical = 2 * np.sqrt(of_legs(parameters, "leg_stiffness") * motor * load / (motor + load))
+    damping = of_legs(parameters, "leg_damping")
     return where(greater(damping, 0.0), damping, LEG_DAMPING_RATIO * critical)
 
 
@@ -382,7 +382,7 @@ def holding_motor_position(parameters: Parameters, position: Array, orientation:
     if not np.all(parameters.leg_stiffness > 0):
         return length
     forces = static_leg_forces(parameters, position, orientation)
-    return np.asarray(length + forces / per_leg(parameters.leg_stiffness))
+    return np.asarray(length + forces / of_legs(parameters, "leg_stiffness"))
 
 
 def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:

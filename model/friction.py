@@ -23,7 +23,7 @@ import numpy as np
 
 from gough_stewart.model.interface import LUGRE, Variant
 from gough_stewart.model.operations import clip, greater, maximum, reached, sign, where
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.vectors import Array, Scalars, per_leg
 
 # Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.
@@ -62,8 +62,7 @@ def friction_force(parameters: Parameters, length_rate: Array) -> Array:
     c_i is `leg_viscous_friction` times the leg's `leg_viscous_friction_factor`, C_i likewise `leg_coulomb_friction`
     times its factor; `leg_friction_velocity` v_s smooths the sign of the Coulomb part.
     """
-    c = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
-    C = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
+    c, C = of_legs(parameters, "leg_viscous_friction"), of_legs(parameters, "leg_coulomb_friction")
     return np.asarray(c * length_rate + C * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity)))
 
 
@@ -72,27 +71,31 @@ def law_of_bristles(variant: Variant, parameters: Parameters) -> Bristles:
 
     F_s = F_c, σ0 = F_s / `PRESLIDING`, σ1 = 2 ζ √(σ0 m) with ζ = `DAMPING_RATIO`, and a breakaway share of
     `BREAKAWAY_SHARE`. m is the mass behind a leg's friction: the armature of a leg with a spring, of a rigid one also
-    its upper part and a sixth of the platform. Each leg's `leg_coulomb_friction_factor` is also that of its static
-    friction.
+    its upper part and a sixth of the platform.
     """
-    mass = per_leg(parameters.leg_armature)
+    mass = of_legs(parameters, "leg_armature")
     if not variant.springs:
-        mass = per_leg(parameters.leg_upper_mass) + mass + np.asarray(per_leg(parameters.platform_mass) / 6)
-    factor = parameters.leg_coulomb_friction_factor
-    coulomb = per_leg(parameters.leg_coulomb_friction) * factor
-    static = _or(per_leg(parameters.leg_static_friction) * factor, coulomb)
-    stiffness = _or(per_leg(parameters.leg_bristle_stiffness) * (0 * factor + 1), static / PRESLIDING)
+        mass = of_legs(parameters, "leg_upper_mass") + mass + np.asarray(per_leg(parameters.platform_mass) / 6)
+    coulomb = of_legs(parameters, "leg_coulomb_friction")
+    static = _or(static_friction(parameters), coulomb)
+    stiffness = _or(of_legs(parameters, "leg_bristle_stiffness"), static / PRESLIDING)
     critical = 2 * np.sqrt(stiffness * mass)
     return Bristles(
         coulomb,
         static,
-        per_leg(parameters.leg_stribeck_velocity),
+        of_legs(parameters, "leg_stribeck_velocity"),
         stiffness,
-        _or(per_leg(parameters.leg_bristle_damping) * (0 * factor + 1), DAMPING_RATIO * critical),
-        per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor,
-        _or(per_leg(parameters.leg_breakaway_share), BREAKAWAY_SHARE) * coulomb / stiffness,
+        _or(of_legs(parameters, "leg_bristle_damping"), DAMPING_RATIO * critical),
+        of_legs(parameters, "leg_viscous_friction"),
+        _or(of_legs(parameters, "leg_breakaway_share"), BREAKAWAY_SHARE) * coulomb / stiffness,
         reached(per_leg(parameters.leg_friction_model), LUGRE),
     )
+
+
+def static_friction(parameters: Parameters) -> Array:
+    """F_s as it is stated (..., 6) [N]: where `leg_static_friction_factor` is 0, the factor is that of F_c."""
+    factor = _or(np.asarray(parameters.leg_static_friction_factor), parameters.leg_coulomb_friction_factor)
+    return np.asarray(per_leg(parameters.leg_static_friction) * factor)
 
 
 def bristle_friction(law: Bristles, velocity: Array, bristle: Array) -> tuple[Array, Array]:

@@ -147,7 +147,7 @@ class Variant:
     @cached_property
     def parameters(self) -> tuple[Variable, ...]:
         """The platform's parameters that act, in the order of p."""
-        return (*PLATFORM_PARAMETERS, *(v for v in self._of_parts if v.causality == "parameter"))
+        return tuple(row for row in PHYSICAL if row.part is None or row.part in self.parts)
 
     @cached_property
     def tunable(self) -> tuple[Variable, ...]:

@@ -59,22 +59,28 @@ def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArra
 def kernel_library() -> ctypes.PyDLL | None:
     """The library of the ideal plant that came with the package; None if there is none, or with a warning if it fails.
 
-    It keeps the interpreter's lock: a call takes microseconds.
+    It keeps the interpreter's lock: a call takes microseconds. It fails if it does not compute what came with it.
     """
     path = prebuilt(f"{this_machine()}/kernel", state_of_texts())
     if path is None:
         return None
+    shipped, (block, parts), gap = prebuilt_numbers(), new_block(), 0.0
+    for name in ("x", "u", "p"):
+        parts[name][:] = shipped[name]
     try:
         library = ctypes.PyDLL(str(path))
-        gap = _gap(library)
+        for name, (_, results) in FUNCTIONS.items():
+            getattr(library, PREFIX + name)(address_of(block))
+            for part in results:
+                expected = np.array(shipped[part])
+                # as a share of the largest number of a part
+                gap = max(gap, float(np.max(np.abs(parts[part] - expected)) / np.max(np.abs(expected))))
     except (OSError, AttributeError) as error:
         warnings.warn(f"{path} does not load here, and CasADi evaluates the equations: {error}", stacklevel=2)
         return None
     if not gap <= _AGREES:
-        warnings.warn(
-            f"{path} differs by {gap:.2g} from the numbers that came with it, and CasADi evaluates the equations",
-            stacklevel=2,
-        )
+        differs = f"{path} differs by {gap:.2g} from the numbers that came with it"
+        warnings.warn(f"{differs}, and CasADi evaluates the equations", stacklevel=2)
         return None
     return library
 
@@ -88,19 +94,6 @@ def processor_level() -> int | None:
 def address_of(block: NDArray[Any]) -> ctypes.c_void_p:
     """The argument of the functions; the block must live as long as it is used."""
     return ctypes.c_void_p(block.ctypes.data)
-
-
-def _gap(library: ctypes.PyDLL) -> float:
-    """The largest difference from the shipped evaluation, as a share of the largest number of a part."""
-    shipped, (block, parts), gap = prebuilt_numbers(), new_block(), 0.0
-    for name in ("x", "u", "p"):
-        parts[name][:] = shipped[name]
-    for name, (_, results) in FUNCTIONS.items():
-        getattr(library, PREFIX + name)(address_of(block))
-        for part in results:
-            expected = np.array(shipped[part])
-            gap = max(gap, float(np.max(np.abs(parts[part] - expected)) / np.max(np.abs(expected))))
-    return gap
 
 
 class Linearisation(NamedTuple):
@@ -128,38 +121,36 @@ class Kernel:
     def __init__(self, variant: Variant = IDEAL) -> None:
         self._variant = variant
         self._block, self._parts = new_block(variant)
-        self._x, self._u, self._p, self._xdot, self._y = (self._parts[name] for name in ("x", "u", "p", "xdot", "y"))
-        n, m = len(self._x), len(self._y)
-        shapes = {"A": (n, n), "B": (n, N_INPUTS), "C": (m, n), "D": (m, N_INPUTS)}
-        self._matrices = Linearisation(*(self._parts[name].reshape(shape, order="F") for name, shape in shapes.items()))
         self._calls: dict[str, Callable[[], object]] = {}
 
     def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
-        self._evaluate("derivatives", x, u, p)
-        return self._xdot
+        return self._evaluate("derivatives", x, u, p)["xdot"]
 
     def outputs(self, x: Array, u: Array, p: Array) -> FloatArray:
         """Outputs and locals y (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`."""
-        self._evaluate("outputs", x, u, p)
-        return self._y
+        return self._evaluate("outputs", x, u, p)["y"]
 
     def jacobians(self, x: Array, u: Array, p: Array) -> Linearisation:
         """Exact Jacobians at (x, u)."""
-        self._evaluate("jacobians", x, u, p)
-        return self._matrices
+        parts = self._evaluate("jacobians", x, u, p)
+        n, m = len(parts["x"]), len(parts["y"])
+        shapes = {"A": (n, n), "B": (n, N_INPUTS), "C": (m, n), "D": (m, N_INPUTS)}
+        return Linearisation(*(parts[name].reshape(shape, order="F") for name, shape in shapes.items()))
 
-    def _evaluate(self, name: str, x: Array, u: Array, p: Array) -> None:
+    def _evaluate(self, name: str, x: Array, u: Array, p: Array) -> dict[str, FloatArray]:
+        parts = self._parts
         if name not in self._calls:
             library = kernel_library() if self._variant == IDEAL else None
             if library is None:
-                self._calls[name] = traced_call(name, self._parts, self._variant)
+                self._calls[name] = traced_call(name, parts, self._variant)
             else:
                 function = getattr(library, PREFIX + name)
                 function.restype = None
                 self._calls[name] = partial(function, address_of(self._block))
-        self._x[:], self._u[:], self._p[:] = x, u, p
+        parts["x"][:], parts["u"][:], parts["p"][:] = x, u, p
         self._calls[name]()
+        return parts
 
 
 def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = IDEAL) -> Callable[[], object]:

@@ -14,7 +14,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
-from gough_stewart.model.vectors import Array, FloatArray, Scalars
+from gough_stewart.model.vectors import Array, FloatArray, Scalars, per_leg
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "discrete", "fixed", "tunable"]
@@ -48,6 +48,8 @@ class Variable:
     default: Any = ...
     # The words that files have for the values 0, 1, 2 …; none for a quantity.
     words: tuple[str, ...] = ()
+    # A number for all legs, or an array of six.
+    is_by_leg: bool = False
     # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
     part: Part | None = None
 
@@ -89,8 +91,9 @@ def _row(
 
 _tunable = partial(_row, variability="tunable")
 _factor = partial(_tunable, lower_bound=">= 0", default=(1.0,) * 6, shape=(6,))
+_fixed_factor = partial(_factor, "1", variability="fixed")
 _bristle, _spring = partial(_tunable, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
-_limit = partial(_row, lower_bound="> 0", default=None)
+_limit = partial(_row, lower_bound="> 0", default=None, is_by_leg=True)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,6 +147,29 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0"
     )
     leg_damping: _Number_co = _spring("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0")
+    leg_lower_mass_factor: _Array_co = _fixed_factor("each leg's mass over leg_lower_mass")
+    leg_upper_mass_factor: _Array_co = _fixed_factor("each leg's mass over leg_upper_mass")
+    leg_lower_com_factor: _Array_co = _fixed_factor("each leg's distance over leg_lower_com")
+    leg_upper_com_factor: _Array_co = _fixed_factor("each leg's distance over leg_upper_com")
+    leg_lower_inertia_factor: _Array_co = _fixed_factor("each leg's inertia over leg_lower_inertia")
+    leg_upper_inertia_factor: _Array_co = _fixed_factor("each leg's inertia over leg_upper_inertia")
+    leg_armature_factor: _Array_co = _fixed_factor("each leg's inertia over leg_armature")
+    leg_static_friction_factor: _Array_co = _factor(
+        "1",
+        "each leg's friction over leg_static_friction, 0 for that of Coulomb's",
+        default=(0.0,) * 6,
+        part="bristles",
+    )
+    leg_stribeck_velocity_factor: _Array_co = _factor(
+        "1", "each leg's velocity over leg_stribeck_velocity", lower_bound="> 0", part="bristles"
+    )
+    leg_bristle_stiffness_factor: _Array_co = _factor(
+        "1", "each leg's stiffness over leg_bristle_stiffness", part="bristles"
+    )
+    leg_bristle_damping_factor: _Array_co = _factor("1", "each leg's damping over leg_bristle_damping", part="bristles")
+    leg_breakaway_share_factor: _Array_co = _factor("1", "each leg's share over leg_breakaway_share", part="bristles")
+    leg_stiffness_factor: _Array_co = _fixed_factor("each leg's stiffness over leg_stiffness", part="springs")
+    leg_damping_factor: _Array_co = _fixed_factor("each leg's damping over leg_damping", part="springs")
 
 
 # The argument of the equations: a `Platform`, a batch of platforms, or CasADi symbols.
@@ -161,13 +187,13 @@ class PlatformFields(ParametersOf[FloatArray, float]):
     home_orientation: FloatArray = _row(
         "rad", "roll, pitch, yaw in the home pose, the start value of orientation", None, (0.0, 0.0, 0.0), (3,)
     )
-    leg_length_min: float | None = _limit("m", "shortest leg")
-    leg_length_max: float | None = _limit("m", "longest leg")
-    leg_velocity_max: float | None = _limit("m/s", "maximum leg velocity")
-    actuator_force_max: float | None = _limit("N", "maximum actuator force")
-    actuator_power_max: float | None = _limit("W", "maximum actuator power")
-    joint_angle_max: float | None = _limit("rad", "maximum joint angle from home")
-    leg_acceleration_max: float | None = _limit("m/s2", "maximum leg acceleration")
+    leg_length_min: float | FloatArray | None = _limit("m", "shortest leg")
+    leg_length_max: float | FloatArray | None = _limit("m", "longest leg")
+    leg_velocity_max: float | FloatArray | None = _limit("m/s", "maximum leg velocity")
+    actuator_force_max: float | FloatArray | None = _limit("N", "maximum actuator force")
+    actuator_power_max: float | FloatArray | None = _limit("W", "maximum actuator power")
+    joint_angle_max: float | None = _limit("rad", "maximum joint angle from home", is_by_leg=False)
+    leg_acceleration_max: float | FloatArray | None = _limit("m/s2", "maximum leg acceleration")
     name: str = "unnamed"
     source: str = ""
 
@@ -175,6 +201,12 @@ class PlatformFields(ParametersOf[FloatArray, float]):
     def characteristic_length(self) -> float:
         """Root-mean-square distance ρ of the platform joints from Op [m]; scales angles against lengths."""
         return float(np.sqrt((self.platform_points**2).sum(axis=1).mean()))
+
+    @property
+    def stroke(self) -> float | None:
+        """The stroke of a leg, the shortest of six [m]; None if it has no limits."""
+        low, high = self.leg_length_min, self.leg_length_max
+        return None if low is None or high is None else float(np.min(np.subtract(high, low)))
 
 
 # All numeric fields of a platform by name.
@@ -185,8 +217,21 @@ NEEDED = tuple(name for name, row in TABLE.items() if row.default is ...)
 LIMITS = tuple(row for row in TABLE.values() if row.default is None)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(TABLE[f.name] for f in fields(ParametersOf))
-# Numbers that can also be given per leg, with the parameter of their factors: see `by_leg`.
+# Numbers that can also be given as six, with the parameter of their factors: see `by_leg`.
 FACTOR_OF = {name.removesuffix("_factor"): name for name in TABLE if name.endswith("_factor")}
+
+
+def of_legs(parameters: Any, name: str, absent: float | None = None) -> Array:
+    """A parameter of each leg (..., 6): one that has factors, or a limit, with a value for legs without one."""
+    value = getattr(parameters, name)
+    if name in FACTOR_OF:
+        return np.asarray(per_leg(value) * getattr(parameters, FACTOR_OF[name]))
+    value, of_platforms = (
+        np.asarray(absent if value is None else value, dtype=float),
+        np.shape(parameters.platform_mass),
+    )
+    by_leg = value if value.ndim > len(of_platforms) else value[..., None]
+    return np.broadcast_to(by_leg, (*of_platforms, 6))
 
 
 def in_words(name: str, value: Any) -> Any:

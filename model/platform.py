@@ -30,7 +30,9 @@ from gough_stewart.model.parameters import (
     TEXTS,
     Parameters,
     PlatformFields,
+    Variable,
     in_words,
+    of_legs,
 )
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints
@@ -57,11 +59,12 @@ _PRESETS = ("gough_stewart.model", "presets")
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Platform(PlatformFields):
-    """A Gough–Stewart platform with six identical legs; every parameter by name, in SI units.
+    """A Gough–Stewart platform; every parameter by name, in SI units.
 
-    Arrays are copied, converted to float64 and read-only. To change a parameter, make a new platform with
-    `dataclasses.replace`, which validates it again, or `with_parameters`, which also replaces the factors of friction
-    by six values. Parameters, frames and signs: docs/notation.md.
+    A number of the legs may be six numbers, one for each: it is then their mean, beside six factors. Arrays are copied,
+    converted to float64 and read-only. To change a parameter, make a new platform with `dataclasses.replace`, which
+    validates it again, or `with_parameters`, which also replaces factors by six values. Parameters, frames and signs:
+    docs/notation.md.
 
     Raises
     ------
@@ -80,14 +83,15 @@ class Platform(PlatformFields):
             if not isinstance(getattr(self, text), str):
                 raise PlatformError(text, f"is {getattr(self, text)!r}; expected a text")
         for name, factor in FACTOR_OF.items():
-            # factors of 1, the default, contradict nothing
-            keys = (name,) if np.array_equal(getattr(self, factor), np.ones(6)) else (name, factor)
+            # the default factors contradict nothing
+            is_default = np.array_equal(getattr(self, factor), TABLE[factor].default)
+            keys = (name,) if is_default else (name, factor)
             for key, value in by_leg({key: getattr(self, key) for key in keys}).items():
                 object.__setattr__(self, key, value)
         for name, row in TABLE.items():
             value = getattr(self, name)
             if value is not None or row.default is not None:
-                object.__setattr__(self, name, _frozen(name, value, row.shape))
+                object.__setattr__(self, name, _frozen(row, value))
         platform_checks.check(self)
 
     def __eq__(self, other: object) -> bool:
@@ -108,14 +112,14 @@ class Platform(PlatformFields):
             for name, row in TABLE.items()
             if row.default is None and getattr(self, name) is not None
         ]
+        masses = [_range(of_legs(self, f"leg_{part}_mass"), ".6g") for part in ("lower", "upper")]
         base, joints = (
             _range(np.linalg.norm(points - points.mean(axis=0), axis=1))
             for points in (self.base_points, self.platform_points)
         )
         return (
             f"Platform {self.name}\n"
-            f"  masses   platform {self.platform_mass:.6g} kg, legs 6 × ({self.leg_lower_mass:.6g} + "
-            f"{self.leg_upper_mass:.6g}) kg\n"
+            f"  masses   platform {self.platform_mass:.6g} kg, legs 6 × ({masses[0]} + {masses[1]}) kg\n"
             f"  joints   {base} m about the base's middle, {joints} m about the platform's\n"
             f"  home     position ({_shown(self.home_position)}) m, orientation ({_shown(self.home_orientation)}) rad, "
             f"legs {_range(legs)} m\n"
@@ -249,7 +253,7 @@ class Platform(PlatformFields):
             if name not in TABLE:
                 raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
             row = TABLE[name]
-            new.__dict__[name] = None if value is None and row.default is None else _frozen(name, value, row.shape)
+            new.__dict__[name] = None if value is None and row.default is None else _frozen(row, value)
         return new
 
     def as_dict(self) -> dict[str, Any]:
@@ -304,9 +308,8 @@ def platform_to_toml(platform: Platform) -> str:
     """
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
-        if key in FACTOR_OF.values() and np.all(value == 1):
-            continue  # identical legs
-        if key in TABLE and TABLE[key].part is not None and getattr(platform, key) == TABLE[key].default:
+        is_optional = key in TABLE and (key in FACTOR_OF.values() or TABLE[key].part is not None)
+        if is_optional and np.array_equal(getattr(platform, key), TABLE[key].default):
             continue
         item = toml_item(value)
         if key in TABLE:
@@ -457,7 +460,8 @@ class Platforms(Sequence[Platform]):
         """One parameter of all (N, *shape)."""
         if name in self._values:
             return self._values[name]
-        values = np.stack([np.asarray(getattr(base, name), dtype=float) for base in self._bases])
+        of_bases = [np.asarray(getattr(base, name), dtype=float) for base in self._bases]
+        values = np.stack(np.broadcast_arrays(*(value.T for value in of_bases)), axis=-1).T
         return values[self._base_of] if len(values) > 1 else np.broadcast_to(values, (len(self), *values.shape[1:]))
 
     @property
@@ -510,11 +514,13 @@ def platforms_with(
     return platforms, errors
 
 
-def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
-    """A float, or a read-only float64 array of this shape."""
+def _frozen(row: Variable, value: object) -> FloatArray | float:
+    """A float, or a read-only float64 array of the row's shape."""
+    name, shape, words = row.name, row.shape, row.words
     if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, a shortcut
         return value
-    words = TABLE[name].words
+    if row.is_by_leg and isinstance(value, list | tuple | np.ndarray) and len(np.shape(value)) == 1:
+        shape = (6,)
     if words and isinstance(value, str):
         if value not in words:
             raise PlatformError(name, f"is {value!r}; expected {', '.join(words)}")
@@ -525,14 +531,14 @@ def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | fl
         raise PlatformError(name, str(error)) from None
     if np.abs(array).max() > LARGEST_NUMBER:
         raise PlatformError(name, f"is {array.tolist()}; expected numbers below {LARGEST_NUMBER:g} in SI units")
-    if shape == ():
-        return float(array)
+    if shape == () or (row.is_by_leg and np.ptp(array) == 0):
+        return float(array.flat[0])
     array.setflags(write=False)
     return array
 
 
-def _range(values: FloatArray) -> str:
-    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+def _range(values: FloatArray, digits: str = ".4g") -> str:
+    low, high = format(values.min(), digits), format(values.max(), digits)
     return low if low == high else f"{low} to {high}"
 
 

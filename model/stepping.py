@@ -7,9 +7,11 @@ import math
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from ctypes import PyDLL, c_double, c_size_t
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from itertools import count
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -132,54 +134,47 @@ class SteppingModel:
     ) -> None:
         if not isinstance(platform, Platform):
             raise InterfaceError("platform", f"is {platform!r}; expected a Platform, such as load_preset('liu2000')")
-        self._tolerance = _number("tolerance", tolerance)
+        tolerance, fixed = _number("tolerance", tolerance), _number("fixed_step_size", fixed_step_size)
         low, high = TOLERANCES
-        if not low <= self._tolerance <= high:
-            raise InterfaceError(
-                "tolerance", f"is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}"
-            )
-        self._fixed = _number("fixed_step_size", fixed_step_size)
-        if self._fixed < 0:
+        if not low <= tolerance <= high:
+            expected = f"expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}"
+            raise InterfaceError("tolerance", f"is {tolerance!r}; {expected}")
+        if fixed < 0:
             raise InterfaceError("fixed_step_size", f"is {fixed_step_size!r} s; expected 0 for error control, or > 0")
         if integrator not in get_args(Integrator):
             raise InterfaceError("integrator", f"is {integrator!r}; expected 'compiled' or 'scipy'")
-        if self._fixed and integrator == "scipy":
+        if fixed and integrator == "scipy":
             raise InterfaceError(
                 "fixed_step_size",
                 f"is {fixed_step_size!r} s, but the integrator 'scipy' controls its error; expected 0, or integrator "
                 "'compiled', which is that of the plant 'model'",
             )
-        self._integrator = integrator
-        self._time, self._started = 0.0, False
-        self._platform = self._initial_platform = platform
-        self._variant = variant = Variant.of(platform)
+        self._arguments, self._variant = (platform, tolerance, fixed, integrator), Variant.of(platform)
         self._stepper: CompiledStepper | ScipyStepper = (
-            CompiledStepper(variant, self._tolerance, self._fixed)
+            CompiledStepper(self._variant, tolerance, fixed)
             if integrator == "compiled"
-            else ScipyStepper(variant, self._tolerance)
+            else ScipyStepper(self._variant, tolerance)
         )
         # views, read and written in place
         self._x, self._u = self._stepper.x, self._stepper.u
         self._inputs = interface.unpack(interface.INPUTS, self._u)
-        self._current = {**self._inputs, **interface.unpack(variant.states, self._x)}
+        self._current = {**self._inputs, **interface.unpack(self._variant.states, self._x)}
         self.reset()
 
     def __repr__(self) -> str:
         """Platform, time and pose, on one line."""
-        pose = ", ".join(f"{value:.6g}" for value in self._x[:3]), ", ".join(f"{value:.6g}" for value in self._x[3:6])
+        x, y, z, *angles = (f"{value:.6g}" for value in self._x[:6])
         return (
-            f"<SteppingModel of {self._platform.name} at {self._time:.6g} s: position ({pose[0]}) m, orientation "
-            f"({pose[1]}) rad>"
+            f"<SteppingModel of {self._platform.name} at {self._time:.6g} s: position ({x}, {y}, {z}) m, orientation "
+            f"({', '.join(angles)}) rad>"
         )
 
     def reset(self) -> None:
         """Return to time 0 and the home pose at rest, with the parameters from the constructor (rules 1, 9)."""
-        platform = self._initial_platform
-        x, u = (
-            interface.pack(variables, interface.start_values(variables, platform)).tolist()
-            for variables in (self._variant.states, interface.INPUTS)
-        )
-        self.restore_state(Snapshot(0.0, tuple(x), tuple(u), platform, None, started=False))
+        platform, *_ = self._arguments
+        starts = interface.start_values((*self._variant.states, *interface.INPUTS), platform)
+        x, u = (interface.pack(variables, starts) for variables in (self._variant.states, interface.INPUTS))
+        self.restore_state(Snapshot(0.0, tuple(x.tolist()), tuple(u.tolist()), platform, None, started=False))
 
     @property
     def variant(self) -> Variant:
@@ -213,12 +208,10 @@ class SteppingModel:
         PlatformError
             An invalid parameter.
         """
-        if isinstance(name, str) and (target := self._inputs.get(name)) is not None:
-            try:
+        target = self._inputs.get(name) if isinstance(name, str) else None
+        if target is not None and isinstance(value, list | np.ndarray):  # the usual case, a shortcut
+            with suppress(ValueError):  # ragged
                 numbers = np.array(value)
-            except ValueError:  # ragged
-                pass
-            else:
                 is_plain = numbers.dtype == np.float64 and numbers.shape == target.shape
                 if is_plain and all(map(math.isfinite, numbers.tolist())):
                     target[:] = numbers
@@ -235,13 +228,10 @@ class SteppingModel:
         for name, value in values.items():
             variable, element = interface.find(name)
             self._refuse_unsettable(variable)
-            if variable.causality == "parameter":
-                current = parameters.get(variable.name, getattr(self._platform, variable.name))
-                target = parameters[variable.name] = np.array(current)
-            else:
-                target = targets[variable.name]
-            if variable.is_state:
-                moved.add(variable.name)
+            if variable.causality == "parameter" and variable.name not in parameters:
+                parameters[variable.name] = np.array(getattr(self._platform, variable.name))
+            target = parameters[variable.name] if variable.causality == "parameter" else targets[variable.name]
+            moved |= {variable.name} if variable.is_state else set()
             if element is None:
                 target[...] = interface.checked_value(variable, value)
             else:
@@ -340,32 +330,26 @@ class SteppingModel:
 
     def save_state(self) -> Snapshot:
         """Save the complete state (rule 9)."""
-        x, u = tuple(self._x.tolist()), tuple(self._u.tolist())
-        stepper = self._stepper
+        x, u, stepper = tuple(self._x.tolist()), tuple(self._u.tolist()), self._stepper
         return Snapshot(self._time, x, u, self._platform, stepper.internal_step, self._started, stepper.largest_step)
 
     def restore_state(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this model, or of another one that is stepped alike (rule 9)."""
         if not isinstance(snapshot, Snapshot):
             raise InterfaceError("snapshot", f"is {snapshot!r}; expected a snapshot from save_state()")
-        if Variant.of(snapshot.platform) != self._variant:
-            raise InterfaceError(
-                "snapshot",
-                f"is of a platform {Variant.of(snapshot.platform).words}; expected one {self._variant.words}, as this "
-                "model's",
-            )
+        variant = Variant.of(snapshot.platform)
+        if variant != self._variant:
+            expected = f"expected one {self._variant.words}, as this model's"
+            raise InterfaceError("snapshot", f"is of a platform {variant.words}; {expected}")
         self._time, self._started = snapshot.time, snapshot.started
         self._x[:], self._u[:], self._platform = snapshot.x, snapshot.u, snapshot.platform
         self._stepper.begin(self._platform, self._time, snapshot.internal_step, snapshot.largest_step)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The arguments and the state, for copies and pickles: models do not share memory."""
-        arguments = self._initial_platform, self._tolerance, self._fixed, self._integrator
-        return type(self), arguments, self.save_state()
+        return type(self), self._arguments, self.save_state()
 
     __setstate__ = restore_state
-
-    # --- private -----------------------------------------------------------------------------------------------
 
     def _check_start(self) -> None:
         """At the start the parts of each leg fit into it, and motors are near their legs: others are of another pose.
@@ -375,7 +359,7 @@ class SteppingModel:
         lengths = leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
         if not lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
             return
-        check_leg_com_offsets(self._platform, float(lengths.min()), "start")
+        check_leg_com_offsets(self._platform, lengths, "start")
         motors = self._current.get("motor_position", lengths)
         leg = int(np.argmax(np.abs(motors - lengths) / lengths))
         if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:
@@ -387,14 +371,13 @@ class SteppingModel:
             )
 
     def _refuse_unsettable(self, variable: Variable) -> None:
-        name = variable.name
+        name, kind = variable.name, "state" if variable.is_state else "fixed parameter"
         if name == "fixed_step_size":
             raise InterfaceError(name, "is a parameter of the FMU; of the stepping model it is an argument")
         self._refuse_absent(variable)
         if variable in self._variant.results and not variable.is_state:
             raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")
         if self._started and (variable.is_state or variable.variability == "fixed"):
-            kind = "state" if variable.is_state else "fixed parameter"
             raise InterfaceError(name, f"is a {kind}, which can only be set before the first step; call reset() first")
 
     def _refuse_absent(self, variable: Variable) -> None:
@@ -420,8 +403,7 @@ class CompiledStepper:
         # in the order of c/stepper/stepper.c: time, internal step, handedness, largest step; u, x, p, y; failure
         sizes = (1, 1, 1, 1, N_INPUTS, n, q, m, 1, 1)
         views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:11], sizes, strict=True)]
-        self._time, self._internal_step, _, self._largest_step = views[:4]
-        self.u, self.x, self.p, self.y, self._failed_at, self._failed_value = views[4:]
+        self._clock, (self.u, self.x, self.p, self.y, *self._failure) = views[:4], views[4:]
         self._texts = layout[11], layout[12]
         address, self._times = address_of(memory), (c_double(), c_double())
         library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))
@@ -439,34 +421,27 @@ class CompiledStepper:
     @property
     def internal_step(self) -> float | None:
         """Size of the next internal step [s]; None before the first."""
-        return float(self._internal_step[0]) or None
+        return float(self._clock[1][0]) or None
 
     @property
     def largest_step(self) -> float:
         """The largest fixed step that is stable, found in the first one under the present parameters [s]; 0 before."""
-        return float(self._largest_step[0])
+        return float(self._clock[3][0])
 
     def begin(self, platform: Platform, time: float, internal_step: float | None, largest_step: float = 0.0) -> None:
         """Go on with a platform from the state in x."""
         self.p[:] = parameter_vector(platform, self._variant)
-        self._time[0], self._internal_step[0], self._largest_step[0] = time, internal_step or 0.0, largest_step
+        for k, value in ((0, time), (1, internal_step or 0.0), (3, largest_step)):
+            self._clock[k][0] = value
         self._forget()
 
     def step(self, time: float, step: float) -> None:
-        """Integrate from the component's time to `time + step`.
-
-        Raises
-        ------
-        StepError
-            The plant cannot; it is as it was.
-        """
-        times = self._times
-        times[0].value, times[1].value = time, step
+        """Integrate from the component's time to `time + step`; a `StepError` leaves the plant as it was."""
+        self._times[0].value, self._times[1].value = time, step
         if not self._step():
-            quantity, reason = (
-                self._memory.view(np.uint8)[at:].tobytes().partition(b"\0")[0].decode() for at in self._texts
-            )
-            raise StepError(quantity, float(self._failed_value[0]), float(self._failed_at[0]), reason)
+            memory, (failed_at, value) = self._memory.view(np.uint8), self._failure
+            quantity, reason = (memory[at:].tobytes().partition(b"\0")[0].decode() for at in self._texts)
+            raise StepError(quantity, float(value[0]), float(failed_at[0]), reason)
 
 
 @cache
@@ -510,8 +485,7 @@ class ScipyStepper:
         self.internal_step: float | None = None
         self._variant, self._tolerance, self._kernel = variant, tolerance, Kernel(variant)
         self.y = self.find_results()
-        self.order = np.arange(len(self.y))
-        self.results = interface.unpack(variant.results, self.y)
+        self.order, self.results = np.arange(len(self.y)), interface.unpack(variant.results, self.y)
 
     def begin(self, platform: Platform, time: float, internal_step: float | None, _largest_step: float = 0.0) -> None:
         """Go on with a platform from the state in x."""
@@ -533,7 +507,7 @@ class ScipyStepper:
         """
         from scipy.integrate import DOP853, LSODA, Radau  # a third of a second of imports
 
-        start, end, tolerance, steps = self._time, time + step, self._tolerance, 0
+        start, end, tolerance = self._time, time + step, self._tolerance
         side = self._handedness or check_pose(self._platform, self.x, start)
 
         def derivatives(time: float, x: FloatArray) -> FloatArray:
@@ -548,26 +522,22 @@ class ScipyStepper:
         # a trial step can reach a pole: infinities there mean a rejected step and need no warning
         with np.errstate(all="ignore"):
             solver = rule(derivatives, start, self.x.copy(), end, **options)
-            while solver.t < end:
-                steps += 1
+            for steps in count(1):
+                at = float(solver.t)
+                if at >= end:
+                    break
                 if steps > MOST_INTERNAL_STEPS:
-                    raise StepError(
-                        "internal steps",
-                        steps,
-                        float(solver.t),
+                    cause = (
                         f"too many internal steps for one step to time {end:g} s at tolerance {tolerance:g}; forces "
-                        "too large, leg_friction_velocity too small, or step too long",
+                        "too large, leg_friction_velocity too small, or step too long"
                     )
+                    raise StepError("internal steps", steps, at, cause)
                 # LSODA only tells the last one
-                proposed = float(getattr(solver, "h_abs", solver.step_size or end - solver.t))
+                proposed = float(getattr(solver, "h_abs", solver.step_size or end - at))
                 # if ẋ overflows, SciPy finds no first step size and would reduce it for ever
                 if not proposed > 0 or solver.step() is not None or not np.isfinite(solver.y).all():
-                    raise StepError(
-                        "internal step size",
-                        proposed,
-                        float(solver.t),
-                        f"the tolerance {tolerance:g} cannot be met; forces too large, or pose nearly singular",
-                    )
+                    cause = f"the tolerance {tolerance:g} cannot be met; forces too large, or pose nearly singular"
+                    raise StepError("internal step size", proposed, float(solver.t), cause)
                 check_pose(self._platform, solver.y, float(solver.t), side)
         self.x[:], self._time, self._handedness = solver.y, end, side
         if not self._variant.bristles:

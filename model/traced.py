@@ -1,16 +1,36 @@
 """The task-space dynamics traced once into CasADi Functions, parameters as run-time inputs.
 
-    ẋ = f(x, u, p),  y = g(x, u, p),  and the exact Jacobians A, B, C, D of (ẋ, y) with respect to (x, u)
+x (12, or more of a variant with parts): position, orientation, velocity, angular_velocity, states of parts. u (12): the
+inputs of the interface table. p: its platform parameters. y: its outputs and locals. Every vector in table order
+(`gough_stewart.model.interface`).
 
-x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
-platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
+| function | of | gives |
+| --- | --- | --- |
+| derivatives | x, u, p | xdot = f(x, u, p) |
+| outputs | x, u, p | y = g(x, u, p) |
+| jacobians | x, u, p | A, B, C, D, dense: those of (ẋ, y) with respect to (x, u), exact |
+| tangent | x, u, p, dx, du | dxdot, dy: the change of (ẋ, y) in one direction |
+| forward | x, u, p, dx, du, dp | dxdot, dy: δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy |
+| reverse | x, u, p, wxdot, wy | gx, gu, gp: the gradient of wẋ·ẋ + wy·y |
+| decays | x, p | decay (6) [1/s], of the bristles: ż = v − decay · z |
+| grip | x, p | the parts of `friction.Grip`, the gain (36) column by column |
+| sliding | x, p | sliding (6) [m/s], the velocities at which friction acts |
+| legs | x, p | length (6), length_rate (6), jacobian (36), rho: for checks of poses, at a fifth of the cost |
+| posed | x, p | y, square, determinant, size, s: all that depends on the state alone |
+| motion | s, x, u | xdot, with s of `posed`: a wrench, and the solution of factors |
+
+Row i of the Jacobian of `legs` is (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length. In `posed`, y are
+the signals; L_i², det K and ρ² are distances to the pose limits. K has the rows (l_i, c_i × l_i), so det K = det J
+L_1 ⋯ L_6: no roots and quotients, for a fast check after every integration step. From s and the inputs, `motion` gives
+the derivatives. So a state that is looked at, checked, and driven by one input after the other is evaluated once. Of a
+variant with parts there is no s; with bristles, there are their rates instead, as `decay`.
 
 The Functions are traced by calling `plant_equations` and functions of `kinematics` with object arrays of `casadi.SX`
 scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from itertools import combinations
 from typing import Any
 
@@ -19,7 +39,6 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import equations_of_motion, grip_of_legs, plant_equations
-from gough_stewart.model.friction import Grip
 from gough_stewart.model.interface import IDEAL, N_INPUTS, N_STATES, Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
@@ -35,129 +54,80 @@ from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array, cross, dot
 
 
-def _traced_once(make: Callable[..., casadi.Function]) -> Callable[..., casadi.Function]:
-    """Makes a Function at the first call for a variant, without interrupts, and keeps it."""
-    return cache(interrupts_held_back()(make))
+@cache
+@interrupts_held_back()
+def traced_function(name: str, variant: Variant = IDEAL) -> casadi.Function:  # noqa: PLR0911
+    """The Function of a name in the table above, made at the first call for a variant, without interrupts."""
+    x, _, p = _symbols_of(variant)
+    match name:
+        case "derivatives" | "outputs" | "jacobians":
+            z, xdot, y = _equations(variant)
+            if name == "jacobians":
+                blocks = [casadi.densify(casadi.jacobian(f, v)) for f in (xdot, y) for v in z[:2]]
+                return _function(name, z, **dict(zip("ABCD", blocks, strict=True)))
+            return _function(name, z, xdot=xdot) if name == "derivatives" else _function(name, z, y=y)
+        case "tangent" | "forward":
+            z, *f = _equations(variant)
+            of = z[:2] if name == "tangent" else z
+            dz = [casadi.SX.sym(f"d{letter}", v.numel()) for letter, v in zip("xup", of, strict=False)]
+            dxdot, dy = (casadi.jtimes(part, casadi.vertcat(*of), casadi.vertcat(*dz)) for part in f)
+            return _function(name, (*z, *dz), dxdot=dxdot, dy=dy)
+        case "reverse":
+            z, *f = _equations(variant)
+            w = [casadi.SX.sym(f"w{of}", v.numel()) for of, v in zip(("xdot", "y"), f, strict=True)]
+            gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
+            parts = casadi.vertsplit(gradient, [0, *np.cumsum([v.numel() for v in z])])
+            return _function(name, (*z, *w), **dict(zip(("gx", "gu", "gp"), parts, strict=True)))
+        case "decays" | "grip" | "sliding":
+            grip = grip_of_legs(variant, _parameters(p, variant), _symbols(x), _solve_symbolically)
+            if name == "grip":
+                by_columns = grip._replace(gain=grip.gain.swapaxes(-1, -2))
+                return _function(name, (x, p), **{key: _column(part) for key, part in by_columns._asdict().items()})
+            key = "decay" if name == "decays" else "sliding"
+            return _function(name, (x, p), **{key: _column(getattr(grip, key))})
+        case "legs":
+            _, state, legs = _legs(variant)
+            scaled, rho = scaled_jacobian_of_legs(legs)
+            length, rates = _column(legs.length), _column(rates_of_legs(legs, state).length_rate)
+            results = {"length": length, "length_rate": rates, "jacobian": _column(scaled), "rho": _column(rho)}
+            return _function(name, (x, p), **results)
+        case "posed":
+            _, _, y = _equations(variant)
+            parameters, _, legs = _legs(variant)
+            vectors = (legs.vector, cross(legs.arm, legs.vector))
+            points = parameters.platform_points
+            results = {
+                "y": y[: interface.N_SIGNALS],
+                "square": _column(dot(legs.vector, legs.vector)),
+                "determinant": _determinant(
+                    *([[part[0, i, k] for k in range(3)] for i in range(6)] for part in vectors)
+                ),
+                "size": _column(dot(points, points).sum(axis=-1) / 6),
+            }
+            if variant == IDEAL:
+                results["s"], _ = _split()
+            if variant.bristles:
+                results["decay"] = decays_function(variant)(x, p)
+            return _function(name, (x, p), **results)
+        case _:  # motion
+            x, u, _ = _symbols_of(IDEAL)
+            shared, solved = _split()
+            s = casadi.SX.sym("s", shared.numel())
+            return _function(name, (s, x, u), xdot=solved(s))
 
 
-@_traced_once
-def derivatives_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `derivatives`: (x, u, p) -> xdot."""
-    z, xdot, _ = _equations(variant)
-    return _function("derivatives", z, xdot=xdot)
-
-
-@_traced_once
-def outputs_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `outputs`: (x, u, p) -> y, all outputs and locals of the interface."""
-    z, _, y = _equations(variant)
-    return _function("outputs", z, y=y)
-
-
-@_traced_once
-def jacobians_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
-    z, *results = _equations(variant)
-    blocks = [casadi.densify(casadi.jacobian(f, v)) for f in results for v in z[:2]]
-    return _function("jacobians", z, **dict(zip("ABCD", blocks, strict=True)))
-
-
-@_traced_once
-def tangent_function() -> casadi.Function:
-    """CasADi Function `tangent`: (x, u, p, dx, du) -> dxdot, dy; a column of the Jacobians for a unit direction."""
-    return _directional("tangent", IDEAL, 2)
-
-
-@_traced_once
-def forward_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
-
-    δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy; exact.
-    """
-    return _directional("forward", variant, 3)
-
-
-@_traced_once
-def reverse_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `reverse`: (x, u, p, wxdot, wy) -> gx, gu, gp; the gradient of wẋ·ẋ + wy·y, exact."""
-    z, *f = _equations(variant)
-    w = [casadi.SX.sym(f"w{name}", v.numel()) for name, v in zip(("xdot", "y"), f, strict=True)]
-    gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
-    parts = casadi.vertsplit(gradient, [0, *np.cumsum([v.numel() for v in z])])
-    return _function("reverse", (*z, *w), **dict(zip(("gx", "gu", "gp"), parts, strict=True)))
-
-
-@_traced_once
-def decays_function(variant: Variant) -> casadi.Function:
-    """CasADi Function `decays`: (x, p) -> decay (6) [1/s], of the bristles of a variant: ż = v − decay · z."""
-    z, grip = _grip(variant)
-    return _function("decays", z, decay=_column(grip.decay))
-
-
-@_traced_once
-def grip_function(variant: Variant) -> casadi.Function:
-    """CasADi Function `grip`: (x, p) -> the parts of `friction.Grip`, the gain (36) column by column."""
-    z, grip = _grip(variant)
-    by_columns = grip._replace(gain=grip.gain.swapaxes(-1, -2))
-    return _function("grip", z, **{name: _column(part) for name, part in by_columns._asdict().items()})
-
-
-@_traced_once
-def sliding_function(variant: Variant) -> casadi.Function:
-    """CasADi Function `sliding`: (x, p) -> sliding (6) [m/s], the velocities at which friction acts."""
-    z, grip = _grip(variant)
-    return _function("sliding", z, sliding=_column(grip.sliding))
-
-
-@_traced_once
-def legs_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
-
-    For checks of the pose limits, at a fifth of the cost of the derivatives. Row i of the Jacobian is
-    (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
-    """
-    z, _, state, legs = _legs(variant)
-    scaled, rho = scaled_jacobian_of_legs(legs)
-    rates = rates_of_legs(legs, state).length_rate
-    return _function(
-        "legs", z, length=_column(legs.length), length_rate=_column(rates), jacobian=_column(scaled), rho=_column(rho)
-    )
-
-
-@_traced_once
-def posed_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `posed`: (x, p) -> y, square, determinant, size, s: all that depends on the state alone.
-
-    y are the signals; L_i², det K and ρ² are distances to the pose limits. K has the rows (l_i, c_i × l_i), so det K =
-    det J L_1 ⋯ L_6: no roots and quotients, for a fast check after every integration step. From s and the inputs,
-    `motion` gives the derivatives. So a state that is looked at, checked, and driven by one input after the other is
-    evaluated once. Of a variant with parts there is no s; with bristles, there are their rates instead, as `decay`.
-    """
-    _, _, y = _equations(variant)
-    (x, p), parameters, _, legs = _legs(variant)
-    halves = [
-        [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
-    ]
-    results = {
-        "y": y[: interface.N_SIGNALS],
-        "square": _column(dot(legs.vector, legs.vector)),
-        "determinant": _determinant(*halves),
-        "size": _column(dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6),
-    }
-    if variant == IDEAL:
-        results["s"], _ = _split()
-    if variant.bristles:
-        results["decay"] = decays_function(variant)(x, p)
-    return _function("posed", (x, p), **results)
-
-
-@_traced_once
-def motion_function() -> casadi.Function:
-    """CasADi Function `motion`: (s, x, u) -> xdot, with s of `posed`: a wrench, and the solution of factors."""
-    x, u, _ = _symbols_of(IDEAL)
-    shared, solved = _split()
-    s = casadi.SX.sym("s", shared.numel())
-    return _function("motion", (s, x, u), xdot=solved(s))
+derivatives_function, outputs_function, jacobians_function = (
+    partial(traced_function, name) for name in ("derivatives", "outputs", "jacobians")
+)
+tangent_function, forward_function, reverse_function = (
+    partial(traced_function, name) for name in ("tangent", "forward", "reverse")
+)
+decays_function, grip_function, sliding_function = (
+    partial(traced_function, name) for name in ("decays", "grip", "sliding")
+)
+legs_function, posed_function, motion_function = (
+    partial(traced_function, name) for name in ("legs", "posed", "motion")
+)
 
 
 @cache
@@ -176,25 +146,11 @@ def _equations(variant: Variant) -> tuple[tuple[casadi.SX, ...], casadi.SX, casa
     return (x, u, p), _column(xdot), casadi.vertcat(*(_column(results[v.name]) for v in variant.results))
 
 
-def _directional(name: str, variant: Variant, count: int) -> casadi.Function:
-    """The derivative of (ẋ, y) in a direction of the first two or three of x, u, p."""
-    z, *f = _equations(variant)
-    dz = [casadi.SX.sym(f"d{letter}", v.numel()) for letter, v in zip("xup"[:count], z, strict=False)]
-    dxdot, dy = (casadi.jtimes(part, casadi.vertcat(*z[:count]), casadi.vertcat(*dz)) for part in f)
-    return _function(name, (*z, *dz), dxdot=dxdot, dy=dy)
-
-
-def _legs(variant: Variant) -> tuple[tuple[casadi.SX, ...], Parameters, State, LegGeometry]:
-    """The symbols (x, p), and the parameters, the platform's state and the legs in them."""
+def _legs(variant: Variant) -> tuple[Parameters, State, LegGeometry]:
+    """The parameters, the platform's state and the legs in the symbols x and p."""
     x, _, p = _symbols_of(variant)
     state, parameters = State.from_vector(_symbols(x)[..., :N_STATES]), _parameters(p, variant)
-    return (x, p), parameters, state, leg_geometry(parameters, state.position, state.orientation)
-
-
-def _grip(variant: Variant) -> tuple[tuple[casadi.SX, ...], Grip]:
-    """The symbols (x, p), and the grip of the bristles in them."""
-    x, _, p = _symbols_of(variant)
-    return (x, p), grip_of_legs(variant, _parameters(p, variant), _symbols(x), _solve_symbolically)
+    return parameters, state, leg_geometry(parameters, state.position, state.orientation)
 
 
 def _function(name: str, arguments: Sequence[casadi.SX], **results: casadi.SX) -> casadi.Function:
@@ -209,7 +165,7 @@ def _split() -> tuple[casadi.SX, Callable[[casadi.SX], casadi.SX]]:
     M [v̇; ω̇] = b + B u with M = L D Lᵀ: s has the orientation's rates, D, Lᵀ, b and B.
     """
     x, u, _ = _symbols_of(IDEAL)
-    _, parameters, state, legs = _legs(IDEAL)
+    parameters, state, legs = _legs(IDEAL)
     M, n = equations_of_motion(parameters, state, legs)
     D, LT, order = casadi.ldl(casadi.vertcat(*(casadi.horzcat(*row) for row in M[0])))
     rate = _column(orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity))
@@ -261,6 +217,5 @@ def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
 
 def _solve_symbolically(matrix: Array, vector: Array) -> Array:
     """LDLᵀ without pivoting: the mass matrix is symmetric and positive definite."""
-    M = casadi.vertcat(*(casadi.horzcat(*row) for row in matrix[0]))
-    D, LT, order = casadi.ldl(M)
+    D, LT, order = casadi.ldl(casadi.vertcat(*(casadi.horzcat(*row) for row in matrix[0])))
     return _symbols(casadi.ldl_solve(_column(vector), D, LT, order))

@@ -3,10 +3,10 @@
 Functions of poses are NumPy only and broadcast over leading axes of poses.
 
 With motors that hold, a compliant leg i is a spring k along its direction, so that a wrench w at Op moves the platform
-by the small twist K⁻¹ w, K = k Jᵀ J. What gravity adds by turning the legs is left out: mg/L, a millionth of k.
+by the small twist K⁻¹ w, K = Jᵀ k J. What gravity adds by turning the legs is left out: mg/L, a millionth of k.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple, Self
@@ -25,11 +25,11 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     scaled_jacobian_of_legs,
 )
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
-from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
+from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
 CHUNK = 4096
@@ -111,7 +111,7 @@ def evaluate_poses(
     home (otherwise every path from home passes a singular pose). Payload and force margin are static, for leg forces
     within ±`actuator_force_max`; they are 0 where the actuators cannot hold the platform, and at poses with a condition
     number of J above `LARGEST_CONDITION_NUMBER`. The largest speed is the s for which no leg exceeds
-    V = `leg_velocity_max` in any direction of motion with √(|v|² + ρ² |ω|²) = s: s = V/max_i |row_i|, with the rows of
+    V = `leg_velocity_max` in any direction of motion with √(|v|² + ρ² |ω|²) = s: s = min_i V/|row_i|, with the rows of
     the scaled leg Jacobian. For translation alone it would be V at every pose.
 
     Parameters
@@ -166,9 +166,9 @@ def _reach(
         legs = leg_geometry(platform, position, orientation)
         side = side_of_singular_poses(platform, legs)
         if platform.leg_length_min is not None:
-            margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
+            margins[Limit.LEG_TOO_SHORT] = np.asarray((legs.length - platform.leg_length_min).min(axis=-1))
         if platform.leg_length_max is not None:
-            margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+            margins[Limit.LEG_TOO_LONG] = np.asarray((platform.leg_length_max - legs.length).min(axis=-1))
         if platform.joint_angle_max is not None:
             angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
             for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
@@ -184,8 +184,8 @@ def _reach(
 def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Compliance K⁻¹ (..., 6, 6) of a platform whose motors hold: small twist [m, rad] per wrench at Op [N, N m].
 
-    K⁻¹ = J⁻¹ J⁻ᵀ/k with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m], orientation
-    [rad] (..., 3).
+    K⁻¹ = J⁻¹ diag(1/k_i) J⁻ᵀ with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m],
+    orientation [rad] (..., 3).
 
     Returns
     -------
@@ -202,34 +202,34 @@ def compliance(parameters: Parameters, position: Array, orientation: Array) -> A
     >>> soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7})
     >>> 1e6 * gs.compliance(soft, soft.home_position, soft.home_orientation)[2, 2]  # µm/N
     """
-    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
+    k = np.asarray(of_legs(parameters, "leg_stiffness"), dtype=float)
     if not (k > 0).all():
         raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
     J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
     inverse = np.linalg.inv(J)
-    return np.asarray(inverse @ transpose(inverse) / k[..., None])
+    return np.asarray(inverse @ (transpose(inverse) / k[..., :, None]))
 
 
 def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray, J: FloatArray) -> list[FloatArray]:
     """The `STIFFNESS` at poses (n, 3) with leg Jacobians J (n, 6, 6).
 
     In all directions but one the platform is free to move: stiffness is the inverse of an eigenvalue of a 3×3 block of
-    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr). Natural frequencies with damping left out are det(k Jᵀ J − ω² M) = 0 with M
-    without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ.
+    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr). Natural frequencies with damping left out are det(Jᵀ k J − ω² M) = 0 with M
+    without armature: ω² are eigenvalues of √k J M⁻¹ Jᵀ √k.
     """
-    k = platform.leg_stiffness
+    root = np.sqrt(of_legs(platform, "leg_stiffness"))
     regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
     stiffness = []
     with np.errstate(all="ignore"):
-        inverse = np.linalg.inv(np.where(regular[:, None, None], J, np.eye(6)))
+        inverse = np.linalg.inv(np.where(regular[:, None, None], J, np.eye(6))) / root
         for rows in (inverse[:, :3], inverse[:, 3:]):
             sigma = np.linalg.svd(rows, compute_uv=False)
-            stiffness += [np.where(regular, k / sigma[:, edge] ** 2, 0.0) for edge in (0, -1)]
+            stiffness += [np.where(regular, 1 / sigma[:, edge] ** 2, 0.0) for edge in (0, -1)]
     frequency = np.zeros(len(J))
     M = mass_matrix(platform_side(Variant(springs=True), platform), position[regular], orientation[regular])
-    J = J[regular]
+    J = root[:, None] * J[regular]
     mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
-    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
+    squares = np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
     frequency[regular] = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
     return [*stiffness, frequency]
 
@@ -238,41 +238,40 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     """Results at poses (n, 3)."""
     limit, legs, side, margins = _reach(platform, position, orientation)
     number, smallest = conditioning_of_legs(legs)
-    speed = None
+    speed = payload = force_margin = None
     if platform.leg_velocity_max is not None:
         with np.errstate(all="ignore"):
             rows, _ = scaled_jacobian_of_legs(legs)
-            speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
-    payload = force_margin = None
+            speed = np.nan_to_num((platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1))).min(axis=-1))
     if platform.actuator_force_max is not None:
         payload, force_margin = np.zeros((2, len(position)))
         regular = number < LARGEST_CONDITION_NUMBER
         payload[regular], force_margin[regular] = _load_capacity(
             platform, position[regular], orientation[regular], platform.actuator_force_max
         )
-    leg_margins, joint_margins = (
-        [margins[limit] for limit in limits if limit in margins]
-        for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
-    )
+    stiffness: Sequence[FloatArray | None] = (None,) * len(STIFFNESS)
+    if platform.leg_stiffness > 0:
+        stiffness = _stiffness(platform, position, orientation, np.asarray(jacobian_of_legs(legs), dtype=float))
+
+    def least(*limits: Limit) -> FloatArray | None:
+        of_limits = [margins[limit] for limit in limits if limit in margins]
+        return np.minimum.reduce(of_limits) if of_limits else None
+
     return PoseQualities(
         limit,
-        np.minimum.reduce(leg_margins) if leg_margins else None,
-        np.minimum.reduce(joint_margins) if joint_margins else None,
+        least(Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG),
+        least(Limit.BASE_JOINT, Limit.PLATFORM_JOINT),
         np.where(side == 1, smallest, -smallest),
         number,
         payload,
         force_margin,
         speed,
-        *(
-            _stiffness(platform, position, orientation, np.asarray(jacobian_of_legs(legs), dtype=float))
-            if platform.leg_stiffness > 0
-            else (None,) * 5
-        ),
+        *stiffness,
     )
 
 
 def _load_capacity(
-    platform: Platform, position: FloatArray, orientation: FloatArray, F: float
+    platform: Platform, position: FloatArray, orientation: FloatArray, F: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Largest payload [kg] and largest force in any direction [N] that leg forces within ±F hold at rest.
 
@@ -390,8 +389,9 @@ def sweep(
         )
     fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
     without_range = [name for name, limits in over.items() if limits is None]
-    assumed = tuple(name for name in without_range if not _is_bounded(platform, name))
-    found = tuple(name for name in without_range if name not in assumed)
+    bounded = _bounded(platform)
+    assumed = tuple(name for name in without_range if name not in bounded)
+    found = tuple(name for name in without_range if name in bounded)
     ranges = default_ranges(platform, over, fixed)
     swept = {name: np.linspace(*ranges[name], count) for name in over}
     poses = _poses(swept, fixed)
@@ -416,7 +416,7 @@ def default_ranges(
     are not changed.
     """
     home = home_of(platform)
-    free = [name for name, limits in over.items() if limits is None and _is_bounded(platform, name)]
+    free = [name for name, limits in over.items() if limits is None and name in _bounded(platform)]
     box = {name: limits or _outer_range(platform, name, home[name], over, fixed) for name, limits in over.items()}
     ranges = dict(box)
     for _ in range(_ROUNDS if free else 0):
@@ -431,8 +431,7 @@ def default_ranges(
         for axis, name in enumerate(over):
             if name in free:
                 # the ends of the region, extended by one point on either side
-                rows = rows_reached(reached, axis)
-                values = swept[name]
+                rows, values = rows_reached(reached, axis), swept[name]
                 ranges[name] = float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
     for name in free:
         low, high = ranges[name]
@@ -450,32 +449,32 @@ def rows_reached(reached: NDArray[np.bool_], axis: int) -> NDArray[np.intp]:
     return np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
 
 
-def _is_bounded(platform: Platform, name: str) -> bool:
-    if name in LARGEST_ANGLES:
-        return platform.leg_length_max is not None or platform.joint_angle_max is not None
-    return platform.leg_length_max is not None
+def _bounded(platform: Platform) -> set[str]:
+    """The coordinates that limits of a platform bound."""
+    if platform.leg_length_max is not None:
+        return {*COORDINATES}
+    return set() if platform.joint_angle_max is None else {*LARGEST_ANGLES}
 
 
 def _outer_range(
     platform: Platform, name: str, home: float, over: Mapping[str, Range | None], fixed: Mapping[str, float]
 ) -> Range:
-    if name in LARGEST_ANGLES and _is_bounded(platform, name):
-        return (-np.pi / 2, np.pi / 2) if name == "pitch" else (home - np.pi, home + np.pi)
-    longest = platform.leg_length_max
-    if name in LARGEST_ANGLES or longest is None:
-        size = UNBOUNDED_ANGLE if name in LARGEST_ANGLES else UNBOUNDED_LENGTH * platform.characteristic_length
-        low, high = float(home - size), float(home + size)
+    size, longest, is_angle = platform.characteristic_length, platform.leg_length_max, name in LARGEST_ANGLES
+    if is_angle:
+        half = np.pi if name in _bounded(platform) else UNBOUNDED_ANGLE
+        low, high = float(home - half), float(home + half)
         return (max(low, -np.pi / 2), min(high, np.pi / 2)) if name == "pitch" else (low, high)
+    if longest is None:
+        return home - UNBOUNDED_LENGTH * size, home + UNBOUNDED_LENGTH * size
     k = list(COORDINATES).index(name)
     if any(angle in over for angle in LARGEST_ANGLES):
-        arms = np.sqrt((platform.platform_points**2).sum(axis=1))
-        centres, radii = platform.base_points[:, k], longest + arms
+        centres, radii = platform.base_points[:, k], longest + np.sqrt((platform.platform_points**2).sum(axis=1))
     else:
         R = matrix_from_orientation(np.array([fixed[angle] for angle in LARGEST_ANGLES]))
         centres, radii = (platform.base_points - platform.platform_points @ R.T)[:, k], np.full(6, longest)
     low, high = float((centres - radii).max()), float((centres + radii).min())
     # no pose fits all legs: use a range to display anyway
-    return (low, high) if low < high else (home - platform.characteristic_length, home + platform.characteristic_length)
+    return (low, high) if low < high else (home - size, home + size)
 
 
 def _rounded(name: str, low: float, high: float) -> Range:
@@ -486,16 +485,14 @@ def _rounded(name: str, low: float, high: float) -> Range:
     step = next(k * decade for k in (1, 2, 5, 10) if k * decade >= rough * (1 - 1e-9))
     # digits of the step, so that 3 · 0.1 is 0.3
     digits = max(0, -int(np.floor(np.log10(step))))
-    ends = (round(float(f(end / unit / step) * step), digits) for f, end in ((np.floor, low), (np.ceil, high)))
-    first, last = (unit * end for end in ends)
-    return first, last
+    first, last = (round(float(f(end / unit / step) * step), digits) for f, end in ((np.floor, low), (np.ceil, high)))
+    return unit * first, unit * last
 
 
 def _poses(swept: Mapping[str, FloatArray], fixed: Mapping[str, float]) -> FloatArray:
     """(…, 6) with one leading axis per swept coordinate."""
     grid = dict(zip(swept, np.meshgrid(*swept.values(), indexing="ij"), strict=True))
-    shape = next(iter(grid.values())).shape
-    return np.stack([grid[name] if name in grid else np.full(shape, fixed[name]) for name in COORDINATES], axis=-1)
+    return np.stack(np.broadcast_arrays(*(grid.get(name, fixed.get(name)) for name in COORDINATES)), axis=-1)
 
 
 def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapping[str, float]) -> None:
@@ -504,9 +501,8 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
             raise WorkspaceError(f"unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
     if len(over) not in POINTS:
         raise WorkspaceError(f"{len(over)} swept coordinates; expected two for maps, or three for a volume")
-    for name in over:
-        if name in at:
-            raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
+    for name in (name for name in over if name in at):
+        raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
     ends = [(name, end) for name, limits in over.items() for end in limits or ()]
     for name, value in (*ends, *at.items()):
         if not np.isfinite(value):
@@ -515,11 +511,8 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
         turns = max(1.0, np.ceil(abs(home[name]) / np.pi + 0.5)) if name != "pitch" else 1.0
         most = LARGEST_ANGLES.get(name, np.inf) * turns
         if abs(value) > most * (1 + 1e-12):
-            largest = np.degrees(most)
-            raise WorkspaceError(
-                f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
-                "numbers without a unit are in rad"
-            )
+            found, largest = f"{name} is {value:g} rad, {np.degrees(value):g}°", f"{np.degrees(most):g}°"
+            raise WorkspaceError(f"{found}; expected from −{largest} to {largest}; numbers without a unit are in rad")
     for name, limits in over.items():
         if limits is not None and not limits[0] < limits[1]:
             low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)

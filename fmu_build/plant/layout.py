@@ -19,6 +19,8 @@ MOST_FIXED_STEPS = 1_000_000
 STICKING = {"RESOLUTION": 1e-4, "FORCE_RESOLUTION": 1e-2, "MOST_SUBSTEPS": 200, "LARGEST_FIXED_STEP": 1e-3}
 # The largest h |λ| of the modes of sticking or elastic legs, within the half disc in which RK4 is stable.
 LARGEST_PRODUCT = 2.6
+# From here on, parameters stand after time: value references of the first units stay.
+_FIRST_LATER = "leg_lower_mass_factor"
 _RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 
 
@@ -41,11 +43,13 @@ class MemberFailure(IntEnum):
 
 @cache
 def plant_layout(variant: Variant) -> Layout:
-    """The layout of a variant's unit."""
+    """The layout of a variant's unit; parameters that were added later stand at its end."""
     outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
-    rows = (*interface.INPUTS, *variant.states, *outputs, *interface.LOCALS, *variant.parameters)
+    begin = next(k for k, v in enumerate(variant.parameters) if v.name == _FIRST_LATER)
+    older, later = variant.parameters[:begin], variant.parameters[begin:]
+    rows = (*interface.INPUTS, *variant.states, *outputs, *interface.LOCALS, *older)
     unit = interface.BY_NAME["fixed_step_size"]
-    return laid_out((*rows, unit), {v.name: _RATES[v.unit] for v in variant.states})
+    return laid_out((*rows, unit), {v.name: _RATES[v.unit] for v in variant.states}, later)
 
 
 PLANT = plant_layout(IDEAL)

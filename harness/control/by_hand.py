@@ -36,9 +36,11 @@ TARGET_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw", "jumps")
 def lengths_for_hands(platform: Platform) -> tuple[float, float]:
     """The least and largest leg length that a hand may ask for [m]: the stroke; without one, a tenth beyond home's."""
     at_home = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    low = 0.9 * float(at_home.min()) if platform.leg_length_min is None else platform.leg_length_min
-    high = 1.1 * float(at_home.max()) if platform.leg_length_max is None else platform.leg_length_max
-    return low, high
+    low, high = platform.leg_length_min, platform.leg_length_max
+    return (
+        float(0.9 * at_home.min() if low is None else np.max(low)),
+        float(1.1 * at_home.max() if high is None else np.min(high)),
+    )
 
 
 class ByHand(ReferenceChoice):

@@ -71,6 +71,7 @@ class Stepped(Component):
     inputs: ClassVar[tuple[str, ...]]
     outputs: ClassVar[tuple[str, ...]]
     states: ClassVar[tuple[str, ...]] = ()
+    by_channel: ClassVar[tuple[str, ...]] = ()  # coefficients that loops have for each channel
 
     @staticmethod
     @abstractmethod

@@ -48,6 +48,7 @@ class ForceLimits(Stepped):
     inputs: ClassVar[tuple[str, ...]] = ("command",)
     outputs: ClassVar[tuple[str, ...]] = ("allowed", "force_limited", "excess")
     states: ClassVar[tuple[str, ...]] = ("planned",)
+    by_channel: ClassVar[tuple[str, ...]] = ("low", "high")
 
     @staticmethod
     def prepare(values: Mapping[str, Any], period: Any) -> LimitCoefficients:

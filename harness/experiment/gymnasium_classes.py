@@ -155,9 +155,8 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             bound = np.full(N_LEGS, np.inf if limit is None else np.max(limit))
             return -bound, bound
         platform = self._platform
-        low, high = platform.leg_length_min, platform.leg_length_max
-        geometry = leg_geometry(platform, platform.home_position, platform.home_orientation)
-        reach = _REACH * float(geometry.length.mean()) if low is None or high is None else (high - low) / 2
+        geometry, stroke = leg_geometry(platform, platform.home_position, platform.home_orientation), platform.stroke
+        reach = _REACH * float(geometry.length.mean()) if stroke is None else stroke / 2
         radius = float(np.linalg.norm(platform.platform_points, axis=1).max())
         home, size = np.r_[platform.home_position, platform.home_orientation], np.repeat([reach, reach / radius], 3)
         return home - size, home + size
@@ -257,7 +256,9 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
         # actuators, as in the host of a run
         self._start_force = start = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T.copy()
-        actuators = {key: np.full(start.shape, value) for key, value in self._loop.actuators.values.items()}
+        actuators = {
+            key: np.full(start.shape, np.transpose(value)) for key, value in self._loop.actuators.values.items()
+        }
         self._limits = ForceLimits.without_idle(ForceLimits.prepare(actuators, self._timing.sample_time))
         self._drive = Drive.without_idle(Drive.prepare(actuators, self._timing.plant_step))
         self._planned = ForceLimits.start(self._limits, (start,))

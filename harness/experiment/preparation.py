@@ -43,7 +43,7 @@ from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, che
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping
-from gough_stewart.harness.plants.members import PerMember, stacked
+from gough_stewart.harness.plants.members import PerMember, of_legs, stacked
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
@@ -109,7 +109,10 @@ class Setup:
         """What a loop tells a controller in Python."""
         planned = self.feedforward if self.injection is None else self.feedforward + self.injection
         drives = self.actuators
-        force_limit, rate_limit = (np.inf if most is None else most for most in (drives.force_limit, drives.rate_limit))
+        # the least of legs that differ
+        force_limit, rate_limit = (
+            np.inf if most is None else float(np.min(most)) for most in (drives.force_limit, drives.rate_limit)
+        )
         before = self.platform, self.timing.sample_time, self.feedforward, planned
         return KnownAhead(*before, force_limit, rate_limit, self.gains)
 
@@ -313,7 +316,13 @@ def _runs_in_c(controllers: Sequence[Controller | None]) -> bool:
 
 
 def one_or_each(numbers: Sequence[Any], none: float = np.nan) -> PerMember:
-    """The number that all members have, or that of each in an array (N,), with `none` instead of None."""
+    """The number that all members have, or that of each in an array (N,), with `none` instead of None.
+
+    Of legs that differ (1, 6) or (N, 6).
+    """
+    if any(isinstance(number, np.ndarray) for number in numbers):
+        rows = np.array([np.broadcast_to(none if number is None else number, 6) for number in numbers], dtype=float)
+        return rows[:1] if (rows == rows[0]).all() else rows
     if all(number == numbers[0] for number in numbers):
         return numbers[0]
     return np.array([none if number is None else number for number in numbers])
@@ -528,8 +537,8 @@ class Preparation:
                         forces[at] = static_leg_forces(machines[at], start.position, start.orientation)
                     except SingularPoseError as error:
                         errors[int(numbers[at])] = error
-        limits = [setup.actuators.force_limit for setup in setups]
-        limit = np.array([np.inf if most is None else most for most in limits]).reshape(n, 1)
+        limits = [np.inf if (most := setup.actuators.force_limit) is None else most for setup in setups]
+        limit = of_legs(one_or_each(limits)).T if limits else np.inf
 
         self._known = {name: results for name, results in self._known.items() if len(results) <= _REPEATED}
         common = experiment.sensors.seed

@@ -321,7 +321,7 @@ def record_of(
         "sample_time": timing.sample_time,
         "plant_step": timing.plant_step,
         "seed": as_numbers(prepared.loop.sensors.seed),
-        "force_limit": prepared.loop.actuators.force_limit,
+        "force_limit": None if (most := prepared.loop.actuators.force_limit) is None else np.squeeze(most).tolist(),
         "platform": plain(prepared.platform),
         "machine": plain(prepared.machine),
         "versions": versions(),
@@ -463,11 +463,13 @@ def warnings_of(record: Record) -> list[str]:
     """Limits that a run exceeded, and a static error at its end; a stroke that it was to ignore is left out."""
     warnings = _static_error(record)
     feedforward, limit = np.abs(record["controller.feedforward"]), record.metadata["force_limit"]
-    if limit is not None and feedforward.max() > limit:
-        row, leg = (int(k) for k in np.unravel_index(feedforward.argmax(), feedforward.shape))
+    shares = feedforward / (np.inf if limit is None else limit)
+    if shares.max() > 1:
+        row, leg = (int(k) for k in np.unravel_index(shares.argmax(), feedforward.shape))
         warnings.append(
             f"feedforward requires {feedforward[row, leg]:.4g} N of leg {leg + 1} at {record['time'][row]:.6g} s; its "
-            f"force limit is {limit:.4g} N. Make the reference slower or smaller; if it is a noisy recording, smooth it"
+            f"force limit is {np.broadcast_to(limit, 6)[leg]:.4g} N. Make the reference slower or smaller; if it is a "
+            "noisy recording, smooth it"
         )
     exceeded = record["flag.stroke_exceeded"]
     if record.metadata["experiment"]["limits"]["stroke"] == "warn" and exceeded.any():

@@ -24,7 +24,7 @@ from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.parameters import Variable
+from gough_stewart.model.parameters import FACTOR_OF, Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import SHORTEST_LEG
 from gough_stewart.model.vectors import FloatArray
@@ -93,8 +93,8 @@ def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) ->
     collapsed = SHORTEST_LEG * platform.characteristic_length
     low, high = platform.leg_length_min, platform.leg_length_max
     away = float(home.mean())
-    shortest = collapsed if low is None else low
-    longest = float((home + 2 * arms).max()) + away if high is None else high
+    shortest = collapsed if low is None else float(np.min(low))
+    longest = float((home + 2 * arms).max()) + away if high is None else float(np.max(high))
     if legs is not None:
         shortest, longest = min(shortest, float(legs.leg_length.min())), max(longest, float(legs.leg_length.max()))
     margin = MARGIN * (longest - shortest)
@@ -210,10 +210,21 @@ class Designed:
         if self.law is None and self.constant_force.any():
             settings.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
         if self.needs_platform:
-            for v in interface.PLATFORM_PARAMETERS:
+            for v in self.platform_parameters:
                 value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
                 settings.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
         return tuple(settings)
+
+    @property
+    def platform_parameters(self) -> tuple[Variable, ...]:
+        """The physical parameters that exported code has: without fixed factors of legs that are alike."""
+        return tuple(
+            v
+            for v in interface.PLATFORM_PARAMETERS
+            if v.variability != "fixed"
+            or v.name not in FACTOR_OF.values()
+            or np.any(getattr(self.platform, v.name) != 1)
+        )
 
     @property
     def needs_platform(self) -> bool:
@@ -272,6 +283,11 @@ def designed(
     actuators, reference_rows = loop.actuators, loop.reference
     if reference_rows is None:
         raise ExportError("a controller without a reference; expected the reference signals for it to follow")
+    if actuators.force_limit is not None and np.ndim(actuators.force_limit) > 1:
+        raise ExportError(
+            f"force_limit is {np.ravel(actuators.force_limit).tolist()} N, and exported code has one for all legs; "
+            "expected one number, for instance actuators.force_limit = that of the weakest leg"
+        )
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
     design = Designed(
         title=experiment.title,

@@ -24,6 +24,7 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.machine import VARIANTS, TurnableLaw
+from gough_stewart.harness.loop.libraries import widths_of
 from gough_stewart.harness.plants.signals import N_LEGS
 
 
@@ -36,10 +37,9 @@ def design_header() -> str:
     states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
     tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)
     names = ", ".join(f"design_{law.name()}" for law in laws)
-    ones = np.ones(1)
     sizes = {"MOST_ELEMENTS_OF_CHANNEL": max(law.numel_out(0) for law in laws)}
     for name, component in (("SENSOR", Sensor), ("LIMIT", ForceLimits)):
-        sizes[f"{name}_COEFFICIENTS"] = len(component.prepare(dict.fromkeys(component.keys, ones), ones))
+        sizes[f"{name}_COEFFICIENTS"] = sum(widths_of(component, N_LEGS))
     signature = "const double[], const double[], const double[], double[]"
     return "\n".join(
         [

@@ -529,6 +529,11 @@ def _of_gains(choice: SixChannels, gains: Gains, prepared: Prepared) -> dict[str
 
 def _wanted(choice: Any, loop: Loop) -> FloatArray:
     limit = loop.actuators.force_limit
+    if limit is not None and np.ndim(limit) > 1:
+        raise ExportError(
+            f"force_limit is {np.ravel(limit).tolist()} N, and a live page has one for all legs; expected one number, "
+            "for instance actuators.force_limit = that of the weakest leg"
+        )
     values: dict[str, Any] = {
         "bandwidth": getattr(choice, "bandwidth", None) or 0.0,
         "damping_ratio": getattr(choice, "damping_ratio", None) or DAMPING_RATIO,

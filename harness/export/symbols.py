@@ -1,13 +1,13 @@
 """CasADi symbols in the shapes that the equations use, and Functions of the symbols that an expression needs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import casadi
 import numpy as np
 
 from gough_stewart.model import interface
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, Variable
 from gough_stewart.model.vectors import Array
 
 Symbols = Mapping[str, casadi.SX]
@@ -51,14 +51,15 @@ def solve(matrix: Array, right: Array) -> Array:
     return elements(casadi.vec(casadi.densify(solution).T)).reshape(right.shape)
 
 
-def platform_symbols() -> dict[str, casadi.SX]:
-    """The platform's physical parameters by name, flat, row by row."""
-    return {v.name: casadi.SX.sym(v.name, v.size) for v in interface.PLATFORM_PARAMETERS}
+def platform_symbols(parameters: Iterable[Variable]) -> dict[str, casadi.SX]:
+    """Physical parameters of the platform by name, flat, row by row."""
+    return {v.name: casadi.SX.sym(v.name, v.size) for v in parameters}
 
 
 def parameters_of(symbols: Symbols) -> Parameters:
-    """The same parameters in the form of the equations."""
-    return Parameters(**{v.name: elements(symbols[v.name]).reshape(1, *v.shape) for v in interface.PLATFORM_PARAMETERS})
+    """The same parameters in the form of the equations; those that are missing are factors of 1."""
+    values = {v.name: symbols.get(v.name, casadi.SX.ones(v.size)) for v in interface.PLATFORM_PARAMETERS}
+    return Parameters(**{v.name: elements(values[v.name]).reshape(1, *v.shape) for v in interface.PLATFORM_PARAMETERS})
 
 
 def function(name: str, inputs: Symbols, outputs: Mapping[str, casadi.SX]) -> casadi.Function:

@@ -258,7 +258,7 @@ def _extrapolation(home: Home | None) -> casadi.Function:
 def _feedforward(designed: Designed, home: Home | None) -> casadi.Function | None:
     if designed.feedforward == "none":
         return None
-    platform, vector = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION)
+    platform, vector = symbols.platform_symbols(designed.platform_parameters), casadi.SX.sym("motion", N_MOTION)
     force = feedforward_of(designed.feedforward, symbols.parameters_of(platform), motion_in(vector, home))
     return symbols.function("feedforward", {"motion": vector, **platform}, {"force": force})
 
@@ -276,7 +276,7 @@ def feedforward_of(kind: Feedforward, parameters: Parameters, at: Motion) -> cas
 def _expected(designed: Designed, home: Home | None) -> casadi.Function | None:
     if not designed.watched:
         return None
-    inputs = {"motion": casadi.SX.sym("motion", N_MOTION), **symbols.platform_symbols()}
+    inputs = {"motion": casadi.SX.sym("motion", N_MOTION), **symbols.platform_symbols(designed.platform_parameters)}
     names = [v.name for v in designed.watched]
     references = _references(inputs, [f"reference_{name}" for name in names], home)
     expected = casadi.vertcat(*(references[f"reference_{name}"] for name in names))
@@ -290,7 +290,7 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
         "motion": casadi.SX.sym("motion", N_MOTION),
         "measured": measured,
         "excess": casadi.SX.sym("excess", N_LEGS),
-        **symbols.platform_symbols(),
+        **symbols.platform_symbols(designed.platform_parameters),
     }
     by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
     if isinstance(law, FunctionLaw):

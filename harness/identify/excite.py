@@ -37,6 +37,7 @@ from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import LegGeometry, jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.process.toml import toml_item
@@ -300,8 +301,8 @@ def _row_of(
     farthest = _FARTHEST * np.repeat([platform.characteristic_length, 1.0], 3)
     home = np.concatenate([platform.home_position, platform.home_orientation])
     limited: list[tuple[Any, Any, Any]] = [(q[:6], home - farthest, home + farthest)]
-    low, high = platform.leg_length_min, platform.leg_length_max
-    limited.append((casadi.vertcat(*legs.length[0]), low or 0.0, np.inf if high is None else high))
+    ends = (of_legs(platform, name, absent) for name, absent in (("leg_length_min", 0.0), ("leg_length_max", np.inf)))
+    limited.append((casadi.vertcat(*legs.length[0]), *ends))
     if platform.joint_angle_max is not None:
         limited.append((_cosines(platform, legs, state), np.cos(platform.joint_angle_max), np.inf))
     for limit, values in (

@@ -175,7 +175,7 @@ def _alternates(values: FloatArray, begin: int, end: int) -> bool:
     return True
 
 
-def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
+def clipped(force: FloatArray, actuator_limit: FloatArray) -> Mask:
     """Forces (n, 6) at the end of their sensor's range, and those next to them.
 
     Many readings equal the largest or the smallest one, which they reach at speed, and hardly any is just below it. A
@@ -188,7 +188,7 @@ def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
             y = sign * force[:, leg]
             top, count = np.unique(y, return_counts=True)
             level = float(top[-1])
-            if actuator_limit is not None and abs(level) >= (1 - 1e-6) * actuator_limit:
+            if abs(level) >= (1 - 1e-6) * actuator_limit[leg]:
                 continue
             below = count[-4:-1].max(initial=1)
             if len(top) < 4 or count[-1] < _CLIPPED or count[-1] <= _MORE_THAN_BELOW * below:

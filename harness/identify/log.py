@@ -29,6 +29,7 @@ from gough_stewart.harness.table_file import (
 )
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.units import UNITS
 from gough_stewart.model.vectors import FloatArray
@@ -550,8 +551,8 @@ def check_forces(log: Log, platform: Platform) -> None:
     force = force_of(log)
     weight = float(np.linalg.norm(static_leg_forces(platform, platform.home_position, platform.home_orientation)))
     found = float(np.median(np.linalg.norm(force, axis=1)))
-    limit = platform.actuator_force_max
-    strongest = float(np.abs(force).max())
+    shares = np.abs(force).max(axis=0) / of_legs(platform, "actuator_force_max", np.inf)
+    leg = int(shares.argmax())
     ratio = found / weight if weight > 0 else 1.0
     if not 1 / _FORCE_FACTOR < ratio < _FORCE_FACTOR:
         unit = _unit_for(ratio, {"N": 1.0, "kN": 1e-3, "mN": 1e3})
@@ -559,10 +560,11 @@ def check_forces(log: Log, platform: Platform) -> None:
             f"{log.where}: the six forces have a median norm of {found:.4g} N, but those that hold the platform at "
             f"home have {weight:.4g} N; expected similar forces. {unit}Otherwise check force_per_current"
         )
-    if limit is not None and strongest > _OVER_LIMIT * limit:
+    if shares[leg] > _OVER_LIMIT:
+        strongest = float(np.abs(force[:, leg]).max())
         raise LogError(
-            f"{log.where}: a force of {strongest:.6g} N exceeds actuator_force_max, {limit:g} N; check the unit, "
-            "force_per_current, and the platform's limit"
+            f"{log.where}: a force of {strongest:.6g} N exceeds actuator_force_max, {strongest / shares[leg]:g} N; "
+            "check the unit, force_per_current, and the platform's limit"
         )
 
 

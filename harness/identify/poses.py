@@ -149,10 +149,8 @@ def _stroke_margin(platform: Platform, lengths: FloatArray) -> float | None:
     low, high = platform.leg_length_min, platform.leg_length_max
     if low is None and high is None:
         return None
-    return min(
-        float(np.min(lengths)) - (-np.inf if low is None else low),
-        (np.inf if high is None else high) - float(np.max(lengths)),
-    )
+    margins = (lengths - (-np.inf if low is None else low), (np.inf if high is None else high) - lengths)
+    return float(min(margin.min() for margin in margins))
 
 
 def _deviation(found: ForwardKinematics, log: Log) -> tuple[float, float] | None:

@@ -30,7 +30,7 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     rates_of_legs,
 )
-from gough_stewart.model.parameters import PHYSICAL, Parameters
+from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.state import State
@@ -100,6 +100,13 @@ def _solved(matrix: Array, vector: Array) -> Array:
 
 def elements_of(platform: Platform, names: Sequence[str] = ()) -> dict[str, float]:
     """All elements on which φ depends, and further ones such as friction of one leg, with the platform's values."""
+    for name, factor in FACTOR_OF.items():
+        if name not in FRICTION and not np.array_equal(getattr(platform, factor), TABLE[factor].default):
+            raise IdentificationError(
+                f"{name} has six values, and legs are identified as alike; expected one: identify with their mean, "
+                f"{getattr(platform, name):g} {TABLE[name].unit}",
+                [name],
+            )
     factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
     return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors, *names)}
 
@@ -194,7 +201,7 @@ def _units(platform: Platform | None, **units: Any) -> Parameters:
     """Parameters that are all 0 except these, with those of the platform that φ does not include."""
     values: dict[str, Any] = {row.name: np.zeros(row.shape) for row in PHYSICAL}
     values["leg_friction_velocity"] = 1.0
-    values |= {f"{name}_factor": np.ones(6) for name in FRICTION}
+    values |= {factor: np.ones(6) for factor in FACTOR_OF.values()}
     values |= {name: getattr(platform, name) for name in (*_FIXED, "leg_friction_velocity") if platform is not None}
     values |= {name: np.asarray(value, dtype=float) for name, value in units.items()}
     return Parameters(**values)

@@ -34,6 +34,7 @@ from gough_stewart.harness.identify.log import (
 from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import motion_of_lengths
 from gough_stewart.model.dynamics import inverse_dynamics
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -123,7 +124,9 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None, which: int, vali
     missing = np.repeat(is_missing[:, None], 6, axis=1)
     length, force = log.leg_length, force_of(log)
     # a held force is a command, which the actuator obeys at its limit, too
-    beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
+    beyond = (
+        np.zeros_like(missing) if log.holds_force else clipped(force, of_legs(platform, "actuator_force_max", np.inf))
+    )
     still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
     unknown_length, unknown_force = still | missing, silent | beyond | missing
     off, length = spikes(length, unknown_length, _LEAST_LENGTH * float(np.abs(length).max()))

@@ -21,10 +21,10 @@ from gough_stewart.harness.control.laws_of_members import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
-from gough_stewart.harness.loop.loop import Loop, LoopSettings, ScheduledChanges, Sensors, members_last
+from gough_stewart.harness.loop.loop import Actuators, Loop, LoopSettings, ScheduledChanges, Sensors, members_last
 from gough_stewart.harness.loop.python_host import by_element, streams_of
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor
-from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.process.progress import TimeProgress
@@ -170,10 +170,10 @@ class CompiledHost:
         parts |= {"senses": self._indices(senses), "n_noisy": len(noisy)}
 
         # actuators
-        values = {name: np.full(n, value, float) for name, value in loop.actuators.values.items()}
+        values = actuator_values(loop.actuators, n)
         delay = np.full(n, loop.actuators.delay, float)
         limits = [actuators.values["force_limit"] for actuators in (loop.actuators, *(s.actuators for s in turned))]
-        if np.isfinite(np.hstack([*limits, values["rate_limit"]])).any():
+        if np.isfinite(np.concatenate([np.ravel(limit) for limit in (*limits, values["rate_limit"])])).any():
             parts["limits"] = self._table(coefficients_of(ForceLimits, values, timing.sample_time))
         if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
             parts["drives"] = self._table(coefficients_of(Drive, values, timing.plant_step))
@@ -183,7 +183,7 @@ class CompiledHost:
 
         # ends of runs; without a limit, what is not a number is too far from the reference
         if loop.limits.on_stroke == "stop":
-            low, high = (self._table(np.atleast_1d(np.asarray(end, float))[None]) for end in loop.limits.stroke)
+            low, high = (self._table(np.ascontiguousarray(members.of_legs(end))) for end in loop.limits.stroke)
             parts |= {"shortest": low, "longest": high}
         if loop.reference is not None:
             farthest = np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))
@@ -268,7 +268,7 @@ class CompiledHost:
         Each filter of a derivative goes on with the force that it gave: x = r' + c/c' (x − r) about its rest r.
         """
         c, timing = self.structure, self._loop.timing
-        values = {name: np.full(1, value, float) for name, value in settings.actuators.values.items()}
+        values = actuator_values(settings.actuators, 1)
         tables = {
             **self._sensor_tables(settings.sensors),
             "limits": coefficients_of(ForceLimits, values, timing.sample_time),
@@ -398,6 +398,13 @@ class CompiledHost:
                     cause = str(plant.failure(k, float(self._loop.timing.times[row])))
                 monitor.end_one(k, row + 1, "diverged", cause)
             batch.failure[k] = Failure.GOES_ON
+
+
+def actuator_values(actuators: Actuators, n: int) -> dict[str, Any]:
+    """Limits and lag of n members (n,), the force limits by leg (6, n)."""
+    values = {key: np.full(n, value, float) for key, value in actuators.values.items() if key != "force_limit"}
+    limits = members.of_legs(actuators.values["force_limit"])
+    return {"force_limit": np.broadcast_to(limits, (N_LEGS, n)), **values}
 
 
 def matrix_of(system: Any) -> FloatArray:

@@ -81,7 +81,7 @@ class FoldKernels:
         """The number of a fold's kernel, if there is one."""
         sizes = (ctypes.c_int64 * 3)()
         number = int(self._library.folds_kernel(fold.kernel.encode(), sizes))
-        of_fold = [sum(fold.sizes.values()), sum(size for _, size, _ in fold.states), len(fold.parameters)]
+        of_fold = [sum(fold.sizes.values()), sum(size for _, size, _ in fold.states), sum(fold.parameter_sizes)]
         return number if number >= 0 and list(sizes) == of_fold else None
 
 
@@ -101,7 +101,7 @@ class CompiledFolds:
         vectors = len(counting) // WIDTH
         starts = np.array([value for fold in folds for _, size, value in fold.states for _ in range(size)])
         self._states = np.tile(starts[:, None], (vectors, 1, WIDTH))
-        parameters = np.zeros((sum(len(fold.parameters) for fold in folds), vectors * WIDTH))
+        parameters = np.zeros((sum(sum(fold.parameter_sizes) for fold in folds), vectors * WIDTH))
         places, records, state, parameter = [], [], 0, 0
         for fold in folds:
             firsts = [
@@ -110,9 +110,9 @@ class CompiledFolds:
             places.append(np.array(firsts, np.int64))
             records.append(_Fold(kernels.kernel(fold), places[-1].ctypes.data, state, parameter))
             state += sum(size for _, size, _ in fold.states)
-            for value in fold.parameters.values():
-                parameters[parameter, :members] = value
-                parameter += 1
+            for value, size in zip(fold.parameters.values(), fold.parameter_sizes, strict=True):
+                parameters[parameter : parameter + size, :members] = value
+                parameter += size
         by_vector = parameters.reshape(parameter, vectors, WIDTH).swapaxes(0, 1).copy()
         elements = np.array([k for name in checked for k in range(row[name].start, row[name].stop)], np.int64)
         of_folds = (_Fold * len(records))(*records)

@@ -103,7 +103,7 @@ class TermRow:
     columns: Mapping[str, Array]  # (size, N), by the names that the terms use
     before: Mapping[str, Array]  # those of the row before
     index: Array  # of the row (1, 1)
-    parameters: Mapping[str, Array]  # of the fold (1, N) or (1, 1)
+    parameters: Mapping[str, Array]  # of the fold (1, N) or (1, 1), by leg (6, N) or (6, 1)
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
@@ -203,7 +203,7 @@ class TermFold(Fold):
     begins: Mapping[str, int] = {}  # their first elements in the rows' columns, by default 0
     term_sizes: Mapping[str, int]
     reductions: Mapping[str, Reduction]  # by the names of their states
-    parameters: Mapping[str, Any]  # a number, or one per member (N,)
+    parameters: Mapping[str, Any]  # a number, or one per member (N,); by leg (6, N) or (6, 1)
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """The terms of a row by name."""
@@ -217,6 +217,11 @@ class TermFold(Fold):
             for name, reduction in self.reductions.items()
             for part, value in reduction.starts.items()
         ]
+
+    @property
+    def parameter_sizes(self) -> list[int]:
+        """How many numbers each parameter has for a member."""
+        return [np.shape(value)[0] if np.ndim(value) > 1 else 1 for value in self.parameters.values()]
 
     def add(self, state: State, first: int, columns: Columns, counting: NDArray[np.int64]) -> None:
         """Reduce one row of a block after the other, as many of them as count for each member (N,)."""
@@ -260,9 +265,10 @@ class TermFold(Fold):
             {name: symbols(f"{of_row}{k}", size) for k, (name, size) in enumerate(self.sizes.items())}
             for of_row in ("row", "before")
         )
-        index, parameters = symbols("index", 1), symbols("parameters", len(self.parameters))
+        sizes = self.parameter_sizes
+        index, parameters = symbols("index", 1), symbols("parameters", sum(sizes))
         state = {name: symbols("state", size) for name, size, _ in self.states}
-        named = {name: parameters[k : k + 1] for k, name in enumerate(self.parameters)}
+        named = dict(zip(self.parameters, np.split(parameters, np.cumsum(sizes)[:-1]), strict=True)) if sizes else {}
         following = self._next(state, TermRow(row, before, index, named))
         columns = [*row.values(), *before.values()]
         inputs = [*(joined([part]) for part in (*columns, index, parameters)), joined(state.values())]

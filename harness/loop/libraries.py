@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -78,7 +79,18 @@ def loop_code(variant: Variant = IDEAL) -> Library:
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:
     """What c/loop wants of a component: its coefficients (n, N) from the values of its keys (N,)."""
     prepared = component.prepare(values, np.full(1, period))
-    return np.array(np.broadcast_arrays(*prepared), dtype=float)
+    if not component.by_channel:
+        return np.array(np.broadcast_arrays(*prepared), dtype=float)
+    n = max(np.shape(value)[-1] for value in values.values())
+    rows = [np.broadcast_to(c, (width, n)) for c, width in zip(prepared, widths_of(component, N_LEGS), strict=True)]
+    return np.concatenate(rows, dtype=float)
+
+
+def widths_of(component: type[Stepped], channels: int) -> list[int]:
+    """How many numbers each coefficient has: one, or one for each channel."""
+    any_value = np.ones(1)
+    names = type(component.prepare(dict.fromkeys(component.keys, any_value), any_value))._fields
+    return [channels if name in component.by_channel else 1 for name in names]
 
 
 def components_header() -> str:
@@ -118,11 +130,12 @@ def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int
 
     from gough_stewart.fmu_build.codegen import in_lanes
 
-    any_value = np.ones(1)
+    any_value, widths = np.ones(1), widths_of(component, channels)
     coefficients_type = type(component.prepare(dict.fromkeys(component.keys, any_value), any_value))
-    n_coefficients = len(coefficients_type._fields)
+    n_coefficients = sum(widths)
     c = casadi.SX.sym("coefficients", n_coefficients)
-    coefficients = coefficients_type(*column_of(c))
+    ends = np.cumsum([0, *widths]).tolist()
+    coefficients = coefficients_type(*(column_of(c)[first:end] for first, end in pairwise(ends)))
     symbols = {key: casadi.SX.sym(key, channels) for key in component.inputs}
     columns = tuple(map(column_of, symbols.values()))
     states = [casadi.SX.sym("states", channels) for _ in component.start(coefficients, columns)]

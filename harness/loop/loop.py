@@ -96,7 +96,7 @@ class Limits:
 
     def beyond_stroke(self, lengths: FloatArray) -> BoolArray:
         """Which leg lengths (..., 6) [m] are outside of the stroke."""
-        low, high = (np.asarray(end)[..., None] for end in self.stroke)
+        low, high = (members.of_legs(end).T for end in self.stroke)
         return np.asarray((lengths < low) | (lengths > high))
 
 

@@ -44,7 +44,7 @@ class PythonHost:
         self._every, self._plant_step = loop.timing.steps_a_sample, loop.timing.plant_step
         start = np.broadcast_to(loop.start_force, (n, N_LEGS)).T.copy()
         # NumPy is twice as fast with arrays of full size as with a number beside them
-        values = {key: np.full(start.shape, value) for key, value in loop.actuators.values.items()}
+        values = {key: np.full(start.shape, np.transpose(value)) for key, value in loop.actuators.values.items()}
         self._limits = ForceLimits.without_idle(ForceLimits.prepare(values, loop.timing.sample_time))
         self._drive = Drive.without_idle(Drive.prepare(values, loop.timing.plant_step))
         self._planned = ForceLimits.start(self._limits, (start,))

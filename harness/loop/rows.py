@@ -191,10 +191,11 @@ class RowMonitor:
 
     def beyond_stroke(self, member: int, now: FloatArray) -> str:
         """Why a member with these signals (24,) is stopped: its first leg that is beyond its stroke."""
-        low, high = (members.of(end, member) for end in self._limits.stroke)
+        ends = (members.of_legs(end) for end in self._limits.stroke)
+        low, high = (end[:, member if end.shape[1] > 1 else 0] for end in ends)
         lengths = now[LENGTHS]
         leg = int(((lengths < low) | (lengths > high)).argmax())
-        return f"leg {leg + 1} is {lengths[leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
+        return f"leg {leg + 1} is {lengths[leg]:.6g} m long; its stroke is {low[leg]:g} to {high[leg]:g} m"
 
     def too_far(self, member: int, row: int, now: FloatArray) -> str:
         """Why a member with these signals (24,) has diverged: its distance from the reference."""

@@ -25,7 +25,7 @@ from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLE
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.parameters import Parameters, Variable
 from gough_stewart.model.platform import Platform, Platforms
-from gough_stewart.model.platform_checks import check_leg_com_offsets
+from gough_stewart.model.platform_checks import are_too_short, check_leg_com_offsets
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, real_array
@@ -226,12 +226,11 @@ class LanesPlant(Plant):
         running = self.batch.running[: self.shape[0]]
         # legs too short for a part's centre of mass
         parameters, x = self.batch.parameters_of(slice(self.shape[0])), self.batch.states[:, : self.shape[0]].T
-        shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)
-        farthest = np.maximum(parameters.leg_lower_com, parameters.leg_upper_com)
-        for k in np.flatnonzero((farthest > shortest) & (running != 0)).tolist():
+        lengths = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length
+        for k in np.flatnonzero(are_too_short(parameters, lengths) & (running != 0)).tolist():
             platform = self._platforms[k]
             try:
-                check_leg_com_offsets(platform, float(shortest[k]), "start")
+                check_leg_com_offsets(platform, lengths[k], "start")
             except PlatformError as error:
                 value, reason = float(getattr(platform, error.field)), str(error).partition(": ")[2]
                 failures[k], running[k] = StepError(error.field, value, self._time, reason), 0

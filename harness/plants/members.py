@@ -11,7 +11,8 @@ import numpy as np
 
 from gough_stewart.model.vectors import FloatArray
 
-# A number of a single run, or an array (N,) for many members; the arithmetic is the same for both.
+# A number of a single run, or an array (N,) for many members; the arithmetic is the same for both. Limits of legs that
+# differ are (1, 6) or (N, 6).
 PerMember = Any
 
 
@@ -37,3 +38,9 @@ def all_below(values: FloatArray, bound: float) -> bool:
 def of(value: PerMember, member: int) -> Any:
     """The value of one member, from a common number or an array (N,)."""
     return np.ravel(value)[member if np.ndim(value) else 0]
+
+
+def of_legs(value: PerMember) -> FloatArray:
+    """Limits of the legs (6, N) or (6, 1)."""
+    values = np.asarray(value, dtype=float)
+    return np.broadcast_to(values.T, (6, values.shape[0] if values.ndim else 1))

@@ -180,9 +180,10 @@ def factor_to(unit: str) -> float:
 
 def fineness_of(platform: PlatformFields) -> float:
     """The smallest numbers that are told of a machine, as a share of those of a machine with a stroke of 1 m."""
-    low, high = platform.leg_length_min, platform.leg_length_max
-    legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    stroke = _SHARE_OF_LEGS * float(legs.mean()) if low is None or high is None else high - low
+    stroke = platform.stroke
+    if stroke is None:
+        legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+        stroke = _SHARE_OF_LEGS * float(legs.mean())
     return stroke if stroke < _SMALL else 1.0
 
 

@@ -31,6 +31,7 @@ from gough_stewart.harness.loop.folds import (
     TermRow,
 )
 from gough_stewart.harness.loop.loop import Loop, stroke_of
+from gough_stewart.harness.plants.members import of_legs
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,
@@ -208,7 +209,7 @@ class DriveLoads(TermFold):
             ]
         self.metrics = tuple(metrics)
         self.parameters = {
-            f"{quantity} limit": np.square(self._limits.get(k, np.inf))
+            f"{quantity} limit": of_legs(np.square(self._limits.get(k, np.inf)))
             for k, quantity in enumerate(("velocity", "force", "power"))
         }
 
@@ -242,7 +243,9 @@ class DriveLoads(TermFold):
             first = beyond[k]
             row = np.where(np.isfinite(first), first, 0.0).astype(np.intp)
             since = np.where(np.isfinite(first), self._time[row], np.nan)
-            values += [np.broadcast_to(limit, rows.shape), (velocity, force, power)[k] / limit, since]
+            limits = of_legs(limit)
+            stated = np.broadcast_to(limit if np.ndim(limit) < 2 else limits, (*np.shape(limit)[1:], *rows.shape))
+            values += [stated, (velocity, force, power)[k] / limits, since]
         return _named(self.metrics, values, rows > 0)
 
 
@@ -306,7 +309,7 @@ class StrokeUse(TermFold):
             "longest": Largest("length"),
             **{term: Sum(term) for term in _COUNTED},
         }
-        low, high = stroke_of(self._low, self._high)
+        low, high = map(of_legs, stroke_of(self._low, self._high))
         self.parameters = {} if has_flags else {"least": low, "most": high}
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
@@ -321,8 +324,8 @@ class StrokeUse(TermFold):
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Ends, the least distance to a limit, and shares of the rows."""
         shortest, longest = state["shortest"], state["longest"]
-        margins = [] if self._low is None else [shortest.min(axis=0) - self._low]
-        margins += [] if self._high is None else [self._high - longest.max(axis=0)]
+        margins = [] if self._low is None else [(shortest - of_legs(self._low)).min(axis=0)]
+        margins += [] if self._high is None else [(of_legs(self._high) - longest).min(axis=0)]
         margin = np.min(margins, axis=0) if margins else np.full(rows.shape, np.nan)
         values = [shortest, longest, margin]
         if self._knows_exceeded:
@@ -471,7 +474,8 @@ def metric_folds(
         Reference poses, first of the reference signals, at all rows: (n, 6 or more), or (n, N, 6 or more) for members
         whose references differ; None without a reference.
     limits
-        Limits of the nominal platform by name: a number, or one per member (N,); None or left out for no limit.
+        Limits of the nominal platform by name: a number, or one per member (N,); a list of six numbers, or an array
+        (N, 6), of legs that differ; None or left out for no limit.
     known
         Whether the rows have a column; by default they have all, errors only with a reference.
     wanted
@@ -480,7 +484,7 @@ def metric_folds(
         Whether the last of these times is the end of the run, which may have ended before.
     """
     rows = len(time) if is_whole else None
-    stated = {name: value for name, value in limits.items() if value is not None}
+    stated = {name: np.array([v]) if isinstance(v, list) else v for name, v in limits.items() if v is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
     steps: list[Any] = []
     if reference is not None:

@@ -3,15 +3,16 @@
 import base64
 import html
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import polars
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, WrapValidator
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
@@ -82,6 +83,10 @@ class _Experiment(_KnownKeys):
     disturbance: list[_Table] | None = None
 
 
+def _one_or_six(value: Any, number: Callable[[Any], Any]) -> Any:
+    return [number(of_leg) for of_leg in value] if isinstance(value, list) else number(value)
+
+
 class _Metadata(_KnownKeys):
     title: str = ""
     plant: str | None = None
@@ -90,7 +95,7 @@ class _Metadata(_KnownKeys):
     duration: float | None = None
     sample_time: float | None = None
     plant_step: float | None = None
-    force_limit: float | None = None
+    force_limit: Annotated[float | None, WrapValidator(_one_or_six)] = None
     platform: _Table | None = None
     experiment: _Experiment | None = None
     versions: _Table = {}

@@ -13,6 +13,7 @@ from gough_stewart.harness.plants.signals import AT_MOTORS
 from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import joint_angles
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -89,7 +90,7 @@ def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[st
     velocity, force = (np.abs(record[column_of_drives(record, name)]) for name in ("motor_velocity", "actuator_force"))
     power = np.concatenate([np.maximum(velocity[:-1], velocity[1:]), velocity[-1:]]) * force
     return {
-        limit.name: values / platform[limit.name]
+        limit.name: values / np.asarray(platform[limit.name])
         for limit, values in zip(DRIVE_LIMITS, (velocity, force, power), strict=True)
         if platform.get(limit.name) is not None
     }
@@ -104,8 +105,8 @@ def nearness_to_limits(record: RecordData, platform: Platform) -> dict[str, Floa
     - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
     """
     nearness: dict[str, FloatArray] = {}
-    low, high = platform.leg_length_min, platform.leg_length_max
-    if low is not None and high is not None:
+    low, high = (of_legs(platform, name, np.nan) for name in ("leg_length_min", "leg_length_max"))
+    if platform.stroke is not None:
         nearness["stroke"] = np.abs(record["leg_length"] - (low + high) / 2) / ((high - low) / 2)
     if record.metadata.get("force_limit"):
         nearness["force"] = np.abs(record["actuator_force"]) / record.metadata["force_limit"]

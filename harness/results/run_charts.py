@@ -20,6 +20,7 @@ from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData, column_of_drives, nearness_to_limits, shares_of_limits
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
@@ -82,8 +83,8 @@ def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
 
     No parameter sets the shape of the parts, only their centres of mass.
     """
-    low = min(float(length.min()), platform.leg_length_min or math.inf)
-    high = max(float(length.max()), platform.leg_length_max or 0.0)
+    low = min(float(length.min()), float(of_legs(platform, "leg_length_min", math.inf).min()))
+    high = max(float(length.max()), float(of_legs(platform, "leg_length_max", 0.0).max()))
     longest = _SHORTEST * low
     lower = min(longest, (0.5 + _OVERLAP / 2) * high)
     return lower, min(longest, high - lower + _OVERLAP * high)
@@ -264,10 +265,10 @@ def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
 def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
     """Limits of signals that are the same in all runs, in SI units."""
 
-    def common(*factors: float, limit: Callable[[DrawnRun], float | None]) -> tuple[float, ...]:
-        different = {limit(run) for run in runs}
-        value = different.pop()
-        return () if different or value is None else tuple(factor * float(value) for factor in factors)
+    def common(*factors: float, limit: Callable[[DrawnRun], Any]) -> tuple[float, ...]:
+        different = {tuple(np.ravel(limit(run)).tolist()) for run in runs}
+        values = different.pop()
+        return () if different or None in values else tuple(factor * value for value in values for factor in factors)
 
     velocity = "motor_velocity" if any("motor_velocity" in run.record for run in runs) else "leg_velocity"
     shortest = common(1, limit=lambda run: run.machine.leg_length_min)

@@ -183,7 +183,8 @@ def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) ->
     force_limit = record.metadata.get("force_limit")
     if force_limit:  # of the run's actuators, which may be less than the platform's
         force = next(limit for limit in DRIVE_LIMITS if limit.name == "actuator_force_max")
-        shares[force] = [(peak or 0.0) / force_limit for peak in measured["force"]["peak"]]
+        limits = np.broadcast_to(force_limit, 6).tolist()
+        shares[force] = [(peak or 0.0) / limit for peak, limit in zip(measured["force"]["peak"], limits, strict=True)]
     if (saturation.get("force_limited") or {}).get("any"):
         pass  # told below
     elif shares:
@@ -279,7 +280,9 @@ def run_table(record: RecordData, platform: Platform) -> Table:
         if metadata.get(name) is not None:
             rows.append((name.replace("_", " "), Value(metadata[name], TIME)))
     if metadata.get("force_limit"):
-        rows.append(("force limit", Value(metadata["force_limit"], FORCE)))
+        limit = metadata["force_limit"]
+        text = ", ".join(map(FORCE.text, limit)) if isinstance(limit, list) else Value(limit, FORCE)
+        rows.append(("force limit", text))
     experiment = metadata.get("experiment") or {}
     for name in _SECTIONS:  # without empty ones
         section = experiment.get(name) or []

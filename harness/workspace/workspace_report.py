@@ -16,7 +16,7 @@ from gough_stewart.harness.report.words import counted, listed, number_text, per
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.kinematics import joint_angles, leg_geometry
-from gough_stewart.model.parameters import LIMITS
+from gough_stewart.model.parameters import LIMITS, of_legs
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 from gough_stewart.model.workspace import COORDINATES, STIFFNESS, Limit, Workspace, limits_at, rows_reached
 
@@ -120,8 +120,7 @@ def _shown(workspace: Workspace, unit: str) -> _Shown:
     platform, more = workspace.platform, 0
     if unit in ("m", "m/s"):
         factor, prefix = (1e3, "m") if platform.characteristic_length < _SMALL else (1.0, "")
-        if unit == "m" and platform.leg_length_min is not None and platform.leg_length_max is not None:
-            stroke = platform.leg_length_max - platform.leg_length_min
+        if unit == "m" and (stroke := platform.stroke) is not None:
             more = max(0, math.ceil(math.log10(1e3 * platform.characteristic_length / stroke)) - 4)
         return _Shown(f"{prefix}{unit}", factor, more)
     units = {"rad": ("°", 180 / np.pi), "N/m": ("N/µm", 1e-6), "N.m/rad": ("kN.m/rad", 1e-3)}
@@ -373,7 +372,8 @@ def _limits(workspace: Workspace) -> Table:
             rows.append((title, "not stated", "nothing" if row.name in _KEPT else ""))
         else:
             kept = float(np.isin(code, _KEPT[row.name]).mean()) if row.name in _KEPT else ""
-            rows.append((title, _shown(workspace, row.unit).text(value), kept))
+            shown = _shown(workspace, row.unit)
+            rows.append((title, ", ".join(shown.text(float(number)) for number in np.ravel(value)), kept))
     for limit in (Limit.SINGULAR, Limit.PITCH):
         if (code == limit).any():
             rows.append((limit.text, "", float((code == limit).mean())))
@@ -437,8 +437,9 @@ def _cause(workspace: Workspace, position: FloatArray, orientation: FloatArray) 
         values, shown, digits = angles[limit == Limit.PLATFORM_JOINT], _shown(workspace, "rad"), 3
     else:
         values, shown, digits = leg_geometry(platform, position, orientation).length, _shown(workspace, "m"), 4
-    k = int(values.argmin() if limit == Limit.LEG_TOO_SHORT else values.argmax())
-    size, stated = shown.text(values[k], digits), shown.text(getattr(platform, name), digits)
+    most = of_legs(platform, name)
+    k = int((most - values if limit == Limit.LEG_TOO_SHORT else values - most).argmax())
+    size, stated = shown.text(values[k], digits), shown.text(most[k], digits)
     if name == "joint_angle_max":
         joint = "base" if limit == Limit.BASE_JOINT else "platform"
         return f"the {joint} joint of leg {k + 1} is {size} from its direction at home; {name} is {stated}"

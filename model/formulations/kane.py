@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.rotations import (
     matrix_from_orientation,
@@ -54,21 +54,21 @@ class KaneSolution(NamedTuple):
         return np.concatenate([self.acceleration[..., 27:], self.acceleration[..., 24:27]], axis=-1)
 
 
-def leg_speeds(y: Array) -> tuple[Array, Array]:
+class Constraints(NamedTuple):
+    """Φ_q y = 0: per leg three closure rows, then six spin rows; (24), (25), (27), (28)."""
+
+    jacobian: Array  # Φ_q (..., 24, 30)
+    jacobian_rate: Array  # Φ̇_q (..., 24, 30), so that Φ_q ẏ = −Φ̇_q y
+    residual: Array  # Φ (..., 24): closure gaps [m]; 0 for the spin rows, which constrain a velocity only
+
+
+def _leg_speeds(y: Array) -> tuple[Array, Array]:
     """ω_i (..., 6, 3) and ṡ_i (..., 6) from y; (6), (7)."""
     legs = y[..., :24].reshape(*y.shape[:-1], 6, 4)
     return legs[..., :3], legs[..., 3]
 
 
-def platform_speeds(y: Array) -> tuple[Array, Array]:
-    """ω_p and v_p (..., 3) from y; (16)."""
-    return y[..., 24:27], y[..., 27:]
-
-
-# --- A. legs ---------------------------------------------------------------------------------------------------
-
-
-def partial_velocity(arm: Array, slide_direction: Array | None) -> Array:
+def _partial_velocity(arm: Array, slide_direction: Array | None) -> Array:
     """V = [−(arm)~ slide] (..., 3, 4) of a point of the leg at `arm` from B_i; (11), (12), (19).
 
     `slide_direction` is u_i for points of the upper part, None for the lower part. With it v_point = v y_i, which
@@ -78,7 +78,7 @@ def partial_velocity(arm: Array, slide_direction: Array | None) -> Array:
     return np.concatenate([-skew(arm), column[..., None]], axis=-1)
 
 
-def partial_velocity_rate(arm: Array, omega: Array, u: Array, slide_rate: Array | None) -> Array:
+def _partial_velocity_rate(arm: Array, omega: Array, u: Array, slide_rate: Array | None) -> Array:
     """v̇ = [(arm × ω_i − ṡ_i u_i)~  ω_i × u_i] (..., 3, 4); (13), (14), (20), by d(R)/dt = ω~ R, (3).
 
     `slide_rate` is None for points of the lower part: [(arm × ω_i)~ 0].
@@ -89,122 +89,35 @@ def partial_velocity_rate(arm: Array, omega: Array, u: Array, slide_rate: Array 
     return np.concatenate([skew(turning), cross(omega, u)[..., None]], axis=-1)
 
 
-def leg_equations(
-    parameters: Parameters, configuration: Configuration, y: Array, actuator_force: Array, axial_inertia: float = 0.0
-) -> tuple[Array, Array]:
-    """A_i (..., 6, 4, 4) and D_i (..., 6, 4) of A_i ẏ_i = D_i; (15).
+def constraints(parameters: Parameters, configuration: Configuration, y: Array) -> Constraints:
+    """The constraints and their rates.
 
-    A_i = Σ_k m_k v_kᵀ v_k + wᵀ J_k w,  D_i = f_i − b_i y_i,  f_i = Σ_k v_kᵀ F_k,
-    b_i = Σ_k m_k v_kᵀ v̇_k + wᵀ ω~ J_k w, over the lower (k = 1) and the upper part (k = 2).
-    F_k is weight, and along u the actuator force less friction: −F + friction on the lower part, the opposite on
-    the upper part. Rotor and screw, which are not in the paper, rotate at 2π/lead · ṡ_i; their inertia, reflected to
-    ṡ_i, is `leg_armature`. `axial_inertia` [kg m²] of either part has no effect on the motion, by (25).
+    Closure v_P,i y_i − v_p,i y_p = 0 with v_P,i = [−(s + q)~ u] (19), v_p,i = [−(0_R_p r_p,i)~ 1] (22), whose gap is
+    B_i + s_i u_i − (t + 0_R_p r_p,i); spin [u_iᵀ 0] y_i = 0. Their rates are by (20), (23) v̇_p,i = [(0_R_p r_p,i ×
+    ω_p)~ 0], and (26) [(ω_i × u_i)ᵀ 0].
     """
-    u, omega, slide_rate = _leg_axes(configuration), *leg_speeds(y)
-    g = parameters.gravity[..., None, :]
-    # of both parts, constant; (8a), (8b)
-    w = np.eye(3, 4)
-    viscous = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
-    coulomb = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
-    sliding = viscous * slide_rate + coulomb * np.tanh(slide_rate / per_leg(parameters.leg_friction_velocity))
-    push = (actuator_force - sliding)[..., None] * u
-
-    r1 = per_leg(parameters.leg_lower_com)[..., None] * u
-    s_r2 = (configuration.slide - per_leg(parameters.leg_upper_com))[..., None] * u
-    v1, dv1 = partial_velocity(r1, None), partial_velocity_rate(r1, omega, u, None)
-    v2, dv2 = partial_velocity(s_r2, u), partial_velocity_rate(s_r2, omega, u, slide_rate)
-    m1, m2 = (per_leg(m)[..., None] for m in (parameters.leg_lower_mass, parameters.leg_upper_mass))
-
-    A = np.zeros((*u.shape[:-1], 4, 4))
-    D = np.zeros((*u.shape[:-1], 4))
-    parts = (
-        (m1, v1, dv1, m1 * g - push, parameters.leg_lower_inertia),
-        (m2, v2, dv2, m2 * g + push, parameters.leg_upper_inertia),
-    )
-    for m, v, dv, F, transverse_inertia in parts:
-        # R diag(J_x, J, J) Rᵀ = J 1 + (J_x − J) u uᵀ
-        J_t = per_leg(transverse_inertia)[..., None, None]
-        J = J_t * np.eye(3) + (axial_inertia - J_t) * outer(u, u)
-        A += m[..., None] * transpose(v) @ v + w.T @ J @ w
-        b = m[..., None] * transpose(v) @ dv + w.T @ skew(omega) @ J @ w
-        D += apply(transpose(v), F) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
-    A[..., 3, 3] += per_leg(parameters.leg_armature)
-    return A, D
-
-
-# --- B. platform -----------------------------------------------------------------------------------------------
-
-
-def platform_equations(
-    parameters: Parameters, configuration: Configuration, y: Array, external_wrench: Array | float = 0.0
-) -> tuple[Array, Array]:
-    """A_p (..., 6, 6) and D_p (..., 6) of A_p ẏ_p = D_p; (17).
-
-    A_p = [[J_p − m r~ r~, m r~], [−m r~, m 1]],  D_p = [M_p − m r~ â − ω~ J_p ω; F_p − m â],
-    â = −g + ω×(ω×r), r = 0_R_p r_G. `external_wrench` = [F_p; M_p] (..., 6) at Op.
-    """
-    omega, _ = platform_speeds(y)
-    R = configuration.rotation
-    r = apply(R, parameters.platform_com)
-    m = np.asarray(parameters.platform_mass)[..., None]
-    J = R @ parameters.platform_inertia @ transpose(R)
-    mr = m[..., None] * skew(r)
-    a_hat = cross(omega, cross(omega, r)) - parameters.gravity
-    A = np.concatenate(
-        [
-            np.concatenate([J - mr @ skew(r), mr], axis=-1),
-            np.concatenate([-mr, m[..., None] * np.broadcast_to(np.eye(3), mr.shape)], axis=-1),
-        ],
-        axis=-2,
-    )
-    external = np.broadcast_to(external_wrench, (*omega.shape[:-1], 6))
-    torque = external[..., 3:] - apply(mr, a_hat) - cross(omega, apply(J, omega))
-    return A, np.concatenate([torque, external[..., :3] - m * a_hat], axis=-1)
-
-
-# --- C. constraints --------------------------------------------------------------------------------------------
-
-
-def constraint_jacobian(parameters: Parameters, configuration: Configuration) -> Array:
-    """Φ_q (..., 24, 30) with Φ_q y = 0: per leg three closure rows, then six spin rows; (24), (25), (27), (28).
-
-    Closure v_P,i y_i − v_p,i y_p = 0 with v_P,i = [−(s + q)~ u] (19), v_p,i = [−(0_R_p r_p,i)~ 1] (22);
-    spin [u_iᵀ 0] y_i = 0.
-    """
-    u = _leg_axes(configuration)
-    of_leg = partial_velocity(configuration.slide[..., None] * u, u)
-    arm = _platform_arms(parameters, configuration)
+    u, (omega, slide_rate), omega_p = configuration.leg_rotation[..., 0], _leg_speeds(y), y[..., None, 24:27]
+    arm = apply(configuration.rotation[..., None, :, :], parameters.platform_points)
+    along = configuration.slide[..., None] * u
     identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
-    of_platform = np.concatenate([-skew(arm), identity], axis=-1)
-    return _constraint_rows(of_leg, of_platform, u)
-
-
-def constraint_jacobian_rate(parameters: Parameters, configuration: Configuration, y: Array) -> Array:
-    """Φ̇_q (..., 24, 30), so that Φ_q ẏ = −Φ̇_q y; (29), by (20), (23) and (26).
-
-    v̇_p,i = [(0_R_p r_p,i × ω_p)~ 0] (23); the spin rows' derivative is [(ω_i × u_i)ᵀ 0] (26).
-    """
-    u, (omega, slide_rate) = _leg_axes(configuration), leg_speeds(y)
-    arm = _platform_arms(parameters, configuration)
-    omega_p = platform_speeds(y)[0][..., None, :]
-    of_leg = partial_velocity_rate(configuration.slide[..., None] * u, omega, u, slide_rate)
-    of_platform = np.concatenate([skew(cross(arm, omega_p)), np.zeros((*arm.shape[:-1], 3, 3))], axis=-1)
-    return _constraint_rows(of_leg, of_platform, cross(omega, u))
-
-
-def constraint_residual(parameters: Parameters, configuration: Configuration) -> Array:
-    """Φ (..., 24): closure gaps B_i + s_i u_i − (t + 0_R_p r_p,i) [m]; zero for the spin rows.
-
-    The spin rows are nonholonomic in these coordinates: they constrain a velocity and have no position residual.
-    """
-    on_leg = parameters.base_points + configuration.slide[..., None] * _leg_axes(configuration)
-    on_platform = configuration.position[..., None, :] + _platform_arms(parameters, configuration)
-    gap = on_leg - on_platform
+    matrices = []
+    for of_leg, of_platform, spin in (
+        (_partial_velocity(along, u), np.concatenate([-skew(arm), identity], axis=-1), u),
+        (
+            _partial_velocity_rate(along, omega, u, slide_rate),
+            np.concatenate([skew(cross(arm, omega_p)), np.zeros_like(identity)], axis=-1),
+            cross(omega, u),
+        ),
+    ):
+        rows = np.zeros((*arm.shape[:-2], 24, 30))
+        for i in range(6):
+            rows[..., 3 * i : 3 * i + 3, 4 * i : 4 * i + 4] = of_leg[..., i, :, :]
+            rows[..., 3 * i : 3 * i + 3, 24:30] = -of_platform[..., i, :, :]
+            rows[..., 18 + i, 4 * i : 4 * i + 3] = spin[..., i, :]
+        matrices.append(rows)
+    gap = parameters.base_points + along - (configuration.position[..., None, :] + arm)
     gap = gap.reshape(*gap.shape[:-2], 18)
-    return np.concatenate([gap, np.zeros((*gap.shape[:-1], 6))], axis=-1)
-
-
-# --- D. system -------------------------------------------------------------------------------------------------
+    return Constraints(*matrices, np.concatenate([gap, np.zeros((*gap.shape[:-1], 6))], axis=-1))
 
 
 def solve(
@@ -231,44 +144,54 @@ def solve(
     axial_inertia
         About u of each leg part [kg m²]; has no influence on the motion.
     """
-    A_legs, D_legs = leg_equations(parameters, configuration, y, actuator_force, axial_inertia)
-    A_p, D_p = platform_equations(parameters, configuration, y, external_wrench)
-    Phi_q = constraint_jacobian(parameters, configuration)
-    alpha, beta = baumgarte
-    gamma = (
-        -apply(constraint_jacobian_rate(parameters, configuration, y), y)
-        - 2 * alpha * apply(Phi_q, y)
-        - beta**2 * constraint_residual(parameters, configuration)
+    u, (omega, slide_rate), g = configuration.leg_rotation[..., 0], _leg_speeds(y), parameters.gravity[..., None, :]
+    K, D = np.zeros((*y.shape[:-1], 54, 54)), np.zeros((*y.shape[:-1], 54))
+
+    # legs: A_i = Σ_k m_k v_kᵀ v_k + wᵀ J_k w,  D_i = f_i − b_i y_i,  f_i = Σ_k v_kᵀ F_k,
+    # b_i = Σ_k m_k v_kᵀ v̇_k + wᵀ ω~ J_k w, over the lower (k = 1) and the upper part (k = 2); (15). F_k is weight, and
+    # along u the actuator force less friction: −F + friction on the lower part, the opposite on the upper part. Rotor
+    # and screw, which are not in the paper, rotate at 2π/lead · ṡ_i; reflected to ṡ_i, they are `leg_armature`.
+    viscous, coulomb = (of_legs(parameters, f"leg_{kind}_friction") for kind in ("viscous", "coulomb"))
+    sliding = viscous * slide_rate + coulomb * np.tanh(slide_rate / per_leg(parameters.leg_friction_velocity))
+    push = (actuator_force - sliding)[..., None] * u
+    r1 = of_legs(parameters, "leg_lower_com")[..., None] * u
+    s_r2 = (configuration.slide - of_legs(parameters, "leg_upper_com"))[..., None] * u
+    velocities = (
+        (_partial_velocity(r1, None), _partial_velocity_rate(r1, omega, u, None), -push),
+        (_partial_velocity(s_r2, u), _partial_velocity_rate(s_r2, omega, u, slide_rate), push),
     )
-    K = np.zeros((*Phi_q.shape[:-2], 54, 54))
+    w = np.eye(3, 4)  # of both parts, constant; (8a), (8b)
+    A_legs, D_legs = np.zeros((*u.shape[:-1], 4, 4)), np.zeros((*u.shape[:-1], 4))
+    for part, (v, dv, along) in zip(("lower", "upper"), velocities, strict=True):
+        m, J_t = (of_legs(parameters, f"leg_{part}_{name}")[..., None] for name in ("mass", "inertia"))
+        # R diag(J_x, J, J) Rᵀ = J 1 + (J_x − J) u uᵀ
+        J = J_t[..., None] * np.eye(3) + (axial_inertia - J_t[..., None]) * outer(u, u)
+        A_legs += m[..., None] * transpose(v) @ v + w.T @ J @ w
+        b = m[..., None] * transpose(v) @ dv + w.T @ skew(omega) @ J @ w
+        D_legs += apply(transpose(v), m * g + along) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
+    A_legs[..., 3, 3] += of_legs(parameters, "leg_armature")
     for i in range(6):
         K[..., 4 * i : 4 * i + 4, 4 * i : 4 * i + 4] = A_legs[..., i, :, :]
-    K[..., 24:30, 24:30] = A_p
-    K[..., :30, 30:] = transpose(Phi_q)
-    K[..., 30:, :30] = Phi_q
-    D = np.concatenate([D_legs.reshape(*D_legs.shape[:-2], 24), D_p], axis=-1)
-    x = np.linalg.solve(K, np.concatenate([D, gamma], axis=-1)[..., None])[..., 0]
+    D[..., :24] = D_legs.reshape(*D_legs.shape[:-2], 24)
+
+    # platform: A_p = [[J_p − m r~ r~, m r~], [−m r~, m 1]],  D_p = [M_p − m r~ â − ω~ J_p ω; F_p − m â],
+    # â = −g + ω×(ω×r), r = 0_R_p r_G; (17)
+    omega_p, R, mass = y[..., 24:27], configuration.rotation, np.asarray(parameters.platform_mass)[..., None]
+    r, J = apply(R, parameters.platform_com), R @ parameters.platform_inertia @ transpose(R)
+    mr, a_hat = mass[..., None] * skew(r), cross(omega_p, cross(omega_p, r)) - parameters.gravity
+    K[..., 24:27, 24:27], K[..., 24:27, 27:30] = J - mr @ skew(r), mr
+    K[..., 27:30, 24:27], K[..., 27:30, 27:30] = -mr, mass[..., None] * np.eye(3)
+    external = np.broadcast_to(external_wrench, (*omega_p.shape[:-1], 6))
+    D[..., 24:27] = external[..., 3:] - apply(mr, a_hat) - cross(omega_p, apply(J, omega_p))
+    D[..., 27:30] = external[..., :3] - mass * a_hat
+
+    # constraints
+    Phi_q, rate, residual = constraints(parameters, configuration, y)
+    alpha, beta = baumgarte
+    K[..., :30, 30:], K[..., 30:, :30] = transpose(Phi_q), Phi_q
+    D[..., 30:] = -apply(rate, y) - 2 * alpha * apply(Phi_q, y) - beta**2 * residual
+    x = np.linalg.solve(K, D[..., None])[..., 0]
     return KaneSolution(x[..., :30], x[..., 30:48].reshape(*x.shape[:-1], 6, 3))
-
-
-def _leg_axes(configuration: Configuration) -> Array:
-    """u_i (..., 6, 3), the x axes of the leg frames."""
-    return configuration.leg_rotation[..., :, 0]
-
-
-def _platform_arms(parameters: Parameters, configuration: Configuration) -> Array:
-    """0_R_p r_p,i (..., 6, 3)."""
-    return apply(configuration.rotation[..., None, :, :], parameters.platform_points)
-
-
-def _constraint_rows(of_leg: Array, of_platform: Array, spin: Array) -> Array:
-    """Closure rows [.. of_leg_i .. −of_platform_i] and spin rows [.. spin_iᵀ 0 .. 0] in one (..., 24, 30)."""
-    rows = np.zeros((*of_leg.shape[:-3], 24, 30))
-    for i in range(6):
-        rows[..., 3 * i : 3 * i + 3, 4 * i : 4 * i + 4] = of_leg[..., i, :, :]
-        rows[..., 3 * i : 3 * i + 3, 24:30] = -of_platform[..., i, :, :]
-        rows[..., 18 + i, 4 * i : 4 * i + 3] = spin[..., i, :]
-    return rows
 
 
 def consistent_start(parameters: Parameters, state: State) -> tuple[Configuration, Array]:
@@ -292,9 +215,6 @@ def consistent_start(parameters: Parameters, state: State) -> tuple[Configuratio
     return Configuration(np.stack([u, across, cross(u, across)], axis=-1), slide, position, rotation), y
 
 
-# --- E. simulation -----------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class KaneTrajectory:
     """Motion of all substructures at the output times; the leading axis is time."""
@@ -309,8 +229,8 @@ class KaneTrajectory:
     @property
     def platform(self) -> State:
         """Pose and twist of the platform, each (n, 3)."""
-        omega, velocity = platform_speeds(self.speeds)
-        return State(self.configuration.position, orientation_from_matrix(self.configuration.rotation), velocity, omega)
+        orientation = orientation_from_matrix(self.configuration.rotation)
+        return State(self.configuration.position, orientation, self.speeds[..., 27:], self.speeds[..., 24:27])
 
 
 def integrate(
@@ -352,15 +272,18 @@ def integrate(
     legs, body = (Rotation.from_matrix(R).as_quat() for R in (configuration.leg_rotation, configuration.rotation))
     start = np.concatenate([legs.reshape(24), configuration.slide, configuration.position, body, speeds])
 
+    def parts_of(x: Array) -> tuple[Configuration, Array]:
+        legs = matrix_from_quaternion(x[..., :24].reshape(*x.shape[:-1], 6, 4))
+        return Configuration(legs, x[..., 24:30], x[..., 30:33], matrix_from_quaternion(x[..., 33:37])), x[..., 37:]
+
     def derivative(t: float, x: Array) -> Array:
         if progress is not None:
             progress(t)
-        configuration, y = _unpack(x)
-        ydot = solve(parameters, configuration, y, inputs.actuator_force, wrench, baumgarte).acceleration
-        omega, slide_rate = leg_speeds(y)
-        omega_p, velocity = platform_speeds(y)
+        at, y = parts_of(x)
+        ydot = solve(parameters, at, y, inputs.actuator_force, wrench, baumgarte).acceleration
+        omega, slide_rate = _leg_speeds(y)
         turning = quaternion_rate(x[:24].reshape(6, 4), omega).reshape(24)
-        return np.concatenate([turning, slide_rate, velocity, quaternion_rate(x[33:37], omega_p), ydot])
+        return np.concatenate([turning, slide_rate, y[27:], quaternion_rate(x[33:37], y[24:27]), ydot])
 
     solution = solve_ivp(
         derivative,
@@ -375,21 +298,8 @@ def integrate(
     )
     if not solution.success:
         raise StepError("Kane's DAE", float("nan"), float(solution.t[-1]), solution.message)
-    configuration, y = _unpack(solution.y.T)
+    configuration, y = parts_of(solution.y.T)
+    Phi_q, _, gap = constraints(parameters, configuration, y)
     forces = solve(parameters, configuration, y, inputs.actuator_force, wrench, baumgarte).joint_force
-    gap = constraint_residual(parameters, configuration)
-    slip = apply(constraint_jacobian(parameters, configuration), y)
-    return KaneTrajectory(
-        time=solution.t,
-        configuration=configuration,
-        speeds=y,
-        joint_force=forces,
-        position_violation=np.abs(gap).max(axis=-1),
-        velocity_violation=np.abs(slip).max(axis=-1),
-    )
-
-
-def _unpack(x: Array) -> tuple[Configuration, Array]:
-    legs = matrix_from_quaternion(x[..., :24].reshape(*x.shape[:-1], 6, 4))
-    configuration = Configuration(legs, x[..., 24:30], x[..., 30:33], matrix_from_quaternion(x[..., 33:37]))
-    return configuration, x[..., 37:]
+    gaps, slips = np.abs(gap).max(axis=-1), np.abs(apply(Phi_q, y)).max(axis=-1)
+    return KaneTrajectory(solution.t, configuration, y, forces, gaps, slips)

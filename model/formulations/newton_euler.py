@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.vectors import Array, apply, centripetal, cross, dot, outer, per_leg, skew, transpose
 
 # Columns of one leg's 24 unknowns.
@@ -56,17 +56,16 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     e1 = e1 / np.linalg.norm(e1, axis=-1, keepdims=True)
     across = np.stack([e1, cross(u, e1)], axis=-1)  # two unit vectors across u, as columns
     onto = transpose(across)
-    G1 = per_leg(p.leg_lower_com)[..., None] * u  # from B
-    G2 = (L - per_leg(p.leg_upper_com))[..., None] * u
+    G1 = of_legs(p, "leg_lower_com")[..., None] * u  # from B
+    G2 = (L - of_legs(p, "leg_upper_com"))[..., None] * u
     G1_B, G1_G2, G2_P = -G1, G2 - G1, l - G2
-    m1, m2 = per_leg(p.leg_lower_mass)[..., None], per_leg(p.leg_upper_mass)[..., None]
+    m1, m2 = (of_legs(p, f"leg_{part}_mass")[..., None] for part in ("lower", "upper"))
     J1, J2 = (
-        J[..., None] * identity + (axial_inertia - J[..., None]) * outer(u, u)
-        for J in (per_leg(p.leg_lower_inertia)[..., None], per_leg(p.leg_upper_inertia)[..., None])
+        J[..., None, None] * identity + (axial_inertia - J[..., None, None]) * outer(u, u)
+        for J in (of_legs(p, "leg_lower_inertia"), of_legs(p, "leg_upper_inertia"))
     )
-    friction = p.leg_viscous_friction_factor * per_leg(p.leg_viscous_friction) * sliding
-    coulomb = p.leg_coulomb_friction_factor * per_leg(p.leg_coulomb_friction)
-    friction = friction + coulomb * np.tanh(sliding / per_leg(p.leg_friction_velocity))
+    coulomb = of_legs(p, "leg_coulomb_friction") * np.tanh(sliding / per_leg(p.leg_friction_velocity))
+    friction = of_legs(p, "leg_viscous_friction") * sliding + coulomb
     push = (actuator_force - friction)[..., None] * u
 
     # coefficients of a leg's unknowns (24×24) and of the platform's (24×6), and the right-hand side (24)
@@ -108,7 +107,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     right[..., 19:21] = apply(onto, relative)
     # rotor and screw rotate with the slide: the force that accelerates them, m_a L̈ along u, reduces the push on both;
     # L̈ = u·(a2 − a1 − relative), since α×(G2 − G1) has no component along u
-    reflected = per_leg(p.leg_armature)[..., None, None] * outer(u, u)
+    reflected = of_legs(p, "leg_armature")[..., None, None] * outer(u, u)
     for rows, sign in ((slice(0, 3), -1), (slice(6, 9), 1)):
         block[..., rows, _A2] += sign * reflected
         block[..., rows, _A1] -= sign * reflected

@@ -145,6 +145,7 @@ HELD: dict[str, Any] = {
     **{"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation},
     **{"leg_bristle": 1e-6 * np.array([2.0, -1.0, 3.0, 1.5, -2.5, 1.0]), "motor_velocity": 0.02 * np.arange(1, 7)},
     "leg_stribeck_velocity": 0.05,
+    "leg_static_friction_factor": np.linspace(1.0, 1.3, 6),
 }
 
 
@@ -194,7 +195,7 @@ def test_adjoint_and_directional_derivatives_are_transposes(fmu3: Fmu) -> None:
     with plant(fmu3) as p:
         p.start(MOVING)
         for unknown in ("acceleration", "der(orientation)", "leg_length", "joint_force", "potential_energy"):
-            for known in ("actuator_force", "orientation", "velocity", "platform_mass", "platform_points"):
+            for known in ("orientation", "velocity", "platform_mass", "platform_points", "leg_upper_mass_factor"):
                 v, w = rng.normal(size=p.size(known)), rng.normal(size=p.size(unknown))
                 forward = p.directional(unknown, known, v)
                 arguments = p.references(unknown), p.references(known), w.tolist()

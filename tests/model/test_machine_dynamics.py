@@ -1,5 +1,6 @@
 """Friction that sticks and legs that give. Expected: Newton and Euler, and the laws as papers print them."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs
 from tests.support.lagrangian import FloatArray
 from tests.support.random_platforms import random_inputs, random_state
-from tests.support.real_platforms import SPRINGS, VARIANTS, printed_law, real_platform
+from tests.support.real_platforms import SIX, SIX_SPRINGS, SPRINGS, VARIANTS, of_leg, printed_law, real_platform
 from tests.support.uneven import UNEVEN
 
 # Bristles below the elastic range, in the blend, beyond steady sliding, and unbending, in units of F_c/σ0.
@@ -51,8 +52,9 @@ def expected_rates(platform: Platform, state: State, inputs: Inputs, parts: Floa
     motor = np.zeros(6)
     bare = replace(UNEVEN, leg_viscous_friction=0.0, leg_coulomb_friction=0.0, leg_armature=platform.leg_armature)
     if springs:
-        spring = platform.leg_stiffness * (s - length) + platform.leg_damping * (ds - rate)
-        motor, force = (force - spring) / platform.leg_armature, spring
+        k, c, m_a = (of_leg(platform, f"leg_{name}") for name in ("stiffness", "damping", "armature"))
+        spring = k * (s - length) + c * (ds - rate)
+        motor, force = (force - spring) / m_a, spring
         bare = replace(bare, leg_armature=0.0)
     R = matrix_from_orientation(state.orientation)
     pushed = inputs._replace(actuator_force=force)
@@ -71,6 +73,8 @@ def test_accelerations_bristles_and_motors_are_those_of_the_printed_laws(
     friction: str, springs: bool, seed: int
 ) -> None:
     platform = real_platform(friction, springs)
+    if seed == 3:  # legs that differ
+        platform = platform.with_parameters(SIX | (SIX_SPRINGS if springs else {}))
     variant = Variant.of(platform)
     state, inputs, parts = lively(platform, seed)
     x, p = vector_of(variant, state, parts), parameter_vector(platform, variant)
@@ -167,8 +171,17 @@ def test_what_is_0_is_derived_as_documented() -> None:
         ({"leg_stiffness": 1e6, "leg_armature": 0.0}, "is 0 kg; a leg with leg_stiffness needs a motor with inertia"),
         ({"leg_stiffness": 1.0}, "is 1 N/m: the platform would bounce at about 0.09 Hz; expected"),
         ({"leg_damping": 5.0}, "is 5 N s/m, but legs are rigid"),
+        ({"leg_stiffness": [1e6, 1e6, 1e6, 0, 1e6, 1e6]}, "is 0 N/m in leg 4: the platform would bounce at about 0 Hz"),
+        ({"leg_static_friction": [9, 9, 0, 9, 9, 9]}, "expected six values > 0, or 0 for all legs"),
+        ({"leg_static_friction": [9, 9, 2, 9, 9, 9]}, "is 2 N, below leg_coulomb_friction = 2.85 N in leg 3"),
+        (
+            {"leg_upper_com": [0.5, 0.5, 0.5, 0.5, 9, 0.5]},
+            "is 9 m from the platform joint; expected between 0 and leg 5",
+        ),
+        ({"leg_length_max": [3.9, 3.9, 3.9, 3.9, 3.9, 2.5]}, "leg_length_max: is 2.5 m, but a home leg is 3"),
+        ({"leg_length_max": [3.9, 3.9, 3.9, 3.9, -1, 3.9]}, r"leg_length_max[5]: is -1 m; expected > 0"),
     ],
 )
 def test_impossible_legs_are_refused_with_the_remedy(changed: dict[str, Any], text: str) -> None:
-    with pytest.raises(GoughStewartError, match=text.replace("(", r"\(")):
+    with pytest.raises(GoughStewartError, match=re.escape(text)):
         replace(UNEVEN, **changed)

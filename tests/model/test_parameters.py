@@ -61,6 +61,13 @@ OF_PARTS: dict[str, Any] = {
     "leg_breakaway_share": 0.71,
     "leg_stiffness": 1e7 / 3,
     "leg_damping": 77.7,
+    "leg_static_friction_factor": np.linspace(0.9, 1.4, 6),
+    "leg_stribeck_velocity_factor": np.linspace(0.8, 1.3, 6),
+    "leg_bristle_stiffness_factor": np.linspace(1.2, 0.7, 6),
+    "leg_bristle_damping_factor": np.linspace(0.7, 1.1, 6),
+    "leg_breakaway_share_factor": np.linspace(0.6, 1.2, 6),
+    "leg_stiffness_factor": np.linspace(0.5, 1.6, 6),
+    "leg_damping_factor": np.linspace(1.7, 0.4, 6),
 }
 LIMITS: dict[str, Any] = {
     "leg_length_min": 1e-3,
@@ -80,7 +87,7 @@ def uneven() -> Platform:
 
 
 def test_a_platform_has_these_parameters_and_no_others(uneven: Platform) -> None:
-    assert len(ALL) == 35
+    assert len(ALL) == 49
     assert set(uneven.as_dict()) == {"name", "source", *ALL}
     assert not set(tomllib.loads(written(uneven))) & set(OF_PARTS)
     homes = {name: row.in_fmu for name, row in ALL.items() if row.in_fmu.startswith("start")}
@@ -155,14 +162,16 @@ def test_the_plant_takes_every_parameter_for_what_it_is(uneven: Platform, name: 
 
 
 # a type checker sees one float
-SIX: Any = [4.0, 0.0, 6.5, 11.0, 2.0, 7.5]
+SIX: Any = [0.04, 0.0, 0.065, 0.11, 0.02, 0.075]
+OF_LEGS = [name.removesuffix("_factor") for name in PHYSICAL if name.endswith("_factor")]
 
 
-@pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
+@pytest.mark.parametrize("name", OF_LEGS)
 def test_six_values_become_their_mean_and_factors(uneven: Platform, name: str) -> None:
+    uneven = replace(uneven, platform_mass=1e3)
     changed = uneven.with_parameters({name: SIX})
-    assert getattr(changed, name) == 31.0 / 6
-    assert np.allclose(getattr(changed, f"{name}_factor") * (31.0 / 6), SIX, rtol=1e-15, atol=0)
+    assert getattr(changed, name) == pytest.approx(0.31 / 6, rel=1e-15)
+    assert np.allclose(getattr(changed, f"{name}_factor") * getattr(changed, name), SIX, rtol=1e-15, atol=0)
     equal: dict[str, Any] = {name: [0.1] * 6}
     alike = changed.with_parameters(equal)
     assert getattr(alike, name) == 0.1
@@ -173,9 +182,14 @@ def test_six_values_become_their_mean_and_factors(uneven: Platform, name: str) -
     with pytest.raises(GoughStewartError, match=rf"{name}\[3\]: is -2 .*; expected >= 0"):
         uneven.with_parameters(negative)
     assert (getattr(free, name), getattr(free, f"{name}_factor").tolist()) == (0.0, [1.0] * 6)
+    # a file takes six values, and keeps them
+    assert loaded(written(changed)) == changed
+    lines = [line for line in written(alike).splitlines() if not line.startswith(f"{name} = ")]
+    of_file = loaded("\n".join([*lines, f"{name} = {SIX}"]))
+    assert np.allclose(getattr(of_file, f"{name}_factor") * getattr(of_file, name), SIX, rtol=1e-15, atol=0)
 
 
-@pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
+@pytest.mark.parametrize("name", ["leg_coulomb_friction", "leg_lower_mass"])
 def test_six_values_beside_factors_are_refused_wherever_a_platform_is_made(uneven: Platform, name: str) -> None:
     """Expected: as in a file; factors of 1, which contradict nothing, are not, nor are six instead of factors."""
     both: dict[str, Any] = {name: SIX, f"{name}_factor": [0.5, 1.5, 0.8, 1.2, 0.9, 1.1]}
@@ -240,9 +254,12 @@ def test_both_units_declare_every_parameter_and_name_it_in_their_page(
         assert re.findall(r"<code>(\w+)</code>", tunable[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]
     # value references are those of version 0.1: inputs, results and the first fifteen parameters
     older = {"position": (12, 3), "leg_length": (24, 7), "base_points": (62, 14), "gravity": (120, 28)}
+    # those of factors that were added later stand after time
+    older |= {"leg_coulomb_friction_factor": (130, 31), "der(position": (137, 33), "leg_lower_mass_factor": (150, 38)}
     for name, references in older.items():
         first = next(n for n in two if n.startswith(f"{name}["))
-        assert (int(two[first].get("valueReference")), int(three[name].get("valueReference"))) == references
+        array = three[f"{name})" if name.startswith("der(") else name]
+        assert (int(two[first].get("valueReference")), int(array.get("valueReference"))) == references
 
 
 def test_the_guide_of_the_fmu_names_what_is_tunable() -> None:

@@ -147,8 +147,8 @@ class _Held:
 def range_of_lengths(believed: Platform) -> tuple[float, float]:
     """The stroke, with a tenth of its width on either side [m]."""
     low, high = believed.leg_length_min, believed.leg_length_max
-    assert low is not None
-    assert high is not None
+    assert isinstance(low, float)
+    assert isinstance(high, float)
     return low - 0.1 * (high - low), high + 0.1 * (high - low)
 
 

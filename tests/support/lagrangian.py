@@ -44,7 +44,8 @@ def forces_along(machine: Platform, pose: Pose) -> FloatArray:
 
 
 def _numbers(machine: Platform) -> FloatArray:
-    return np.concatenate([np.ravel(getattr(machine, name)) for name in _SIZES])
+    values = {name: getattr(machine, name) * getattr(machine, f"{name}_factor", 1.0) for name in _SIZES}
+    return np.concatenate([np.ravel(value) for value in values.values()])
 
 
 _SIZES = {
@@ -53,13 +54,13 @@ _SIZES = {
     "platform_mass": 1,
     "platform_com": 3,
     "platform_inertia": 9,
-    "leg_lower_mass": 1,
-    "leg_upper_mass": 1,
-    "leg_lower_com": 1,
-    "leg_upper_com": 1,
-    "leg_lower_inertia": 1,
-    "leg_upper_inertia": 1,
-    "leg_armature": 1,
+    "leg_lower_mass": 6,
+    "leg_upper_mass": 6,
+    "leg_lower_com": 6,
+    "leg_upper_com": 6,
+    "leg_lower_inertia": 6,
+    "leg_upper_inertia": 6,
+    "leg_armature": 6,
     "gravity": 3,
 }
 
@@ -89,12 +90,12 @@ def _functions() -> tuple[casadi.Function, casadi.Function]:
         P = position + R @ p["platform_points"][3 * i : 3 * i + 3]
         length = casadi.norm_2(P - B)
         u = (P - B) / length
-        lower, upper = B + p["leg_lower_com"] * u, P - p["leg_upper_com"] * u
+        lower, upper = B + p["leg_lower_com"][i] * u, P - p["leg_upper_com"][i] * u
         for name, body in (("lower", lower), ("upper", upper)):
-            kinetic += p[f"leg_{name}_mass"] * casadi.sumsqr(moving(body)) / 2
-            kinetic += p[f"leg_{name}_inertia"] * casadi.sumsqr(moving(u)) / 2
-            potential -= p[f"leg_{name}_mass"] * casadi.dot(p["gravity"], body)
-        kinetic += p["leg_armature"] * moving(length) ** 2 / 2
+            kinetic += p[f"leg_{name}_mass"][i] * casadi.sumsqr(moving(body)) / 2
+            kinetic += p[f"leg_{name}_inertia"][i] * casadi.sumsqr(moving(u)) / 2
+            potential -= p[f"leg_{name}_mass"][i] * casadi.dot(p["gravity"], body)
+        kinetic += p["leg_armature"][i] * moving(length) ** 2 / 2
         lengths.append(length)
     L = casadi.vertcat(*lengths)
     momentum = casadi.gradient(kinetic, rate)

@@ -12,6 +12,11 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
 
+_OF_LEGS = (
+    *("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature"),
+    *("viscous_friction", "coulomb_friction"),
+)
+
 
 class PinocchioPlatform:
     """`platform` in `state`; `acceleration` evaluates Pinocchio's `constraintDynamics` there."""
@@ -40,20 +45,20 @@ class PinocchioPlatform:
             first = model.addJoint(0, pin.JointModelRX(), at_base, f"leg{i}-x")
             lower = model.addJoint(first, pin.JointModelRY(), pin.SE3.Identity(), f"leg{i}-y")
             upper = model.addJoint(lower, pin.JointModelPZ(), pin.SE3.Identity(), f"leg{i}-z")
+            own = {n: getattr(platform, f"leg_{n}") * getattr(platform, f"leg_{n}_factor")[i] for n in _OF_LEGS}
             for joint, mass, com, transverse in (
-                (lower, platform.leg_lower_mass, platform.leg_lower_com, platform.leg_lower_inertia),
-                (upper, platform.leg_upper_mass, length - platform.leg_upper_com, platform.leg_upper_inertia),
+                (lower, own["lower_mass"], own["lower_com"], own["lower_inertia"]),
+                (upper, own["upper_mass"], length - own["upper_com"], own["upper_inertia"]),
             ):
                 slender = pin.Inertia(mass, np.array([0, 0, com]), np.diag([transverse, transverse, 0.0]))
                 model.appendBodyToJoint(joint, slender, pin.SE3.Identity())
             tips.append((upper, pin.SE3(np.eye(3), np.array([0, 0, length])), platform.platform_points[i]))
             # v_P = ω×(L u) + L̇ u in the leg's frame
-            model.armature[model.joints[upper].idx_v] = platform.leg_armature
+            model.armature[model.joints[upper].idx_v] = own["armature"]
             x, y, slide = frame.T @ (state.velocity + np.cross(state.angular_velocity, R @ platform.platform_points[i]))
             leg_speed += [-y / length, x / length, slide]
-            viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor[i]
-            coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor[i]
-            friction = viscous * slide + coulomb * np.tanh(slide / platform.leg_friction_velocity)
+            coulomb = own["coulomb_friction"] * np.tanh(slide / platform.leg_friction_velocity)
+            friction = own["viscous_friction"] * slide + coulomb
             torque += [0.0, 0.0, inputs.actuator_force[i] - friction]
         for joint, on_leg, point in tips:
             on_platform = pin.SE3(np.eye(3), point)

@@ -12,6 +12,9 @@ from gough_stewart.model.state import Inputs
 REGULAR = 100.0
 
 
+_OF_LEGS = ("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature")
+
+
 class Sample(NamedTuple):
     """A batch of n platforms, each in a state of its own."""
 
@@ -36,6 +39,7 @@ def random_platform(rng: np.random.Generator) -> Platform:
         points = rng.normal(scale=0.4 * size, size=(8, 3))
         points -= points.mean(axis=0)
         inertia = mass / 8 * (np.eye(3) * (points**2).sum() - points.T @ points)
+        of_legs: dict[str, Any] = {f"leg_{name}_factor": legs.uniform(0.6, 1.3, 6) for name in _OF_LEGS}
         try:
             platform = Platform(
                 base_points=base,
@@ -58,6 +62,7 @@ def random_platform(rng: np.random.Generator) -> Platform:
                 leg_armature=mass * rng.uniform(0.1, 0.5),
                 leg_viscous_friction_factor=legs.uniform(0.3, 1.7, 6),
                 leg_coulomb_friction_factor=legs.uniform(0.3, 1.7, 6),
+                **of_legs,
             )
         except GoughStewartError:
             continue

@@ -398,10 +398,10 @@ static void check_limits(vector *v, int64_t row)
 {
     const loop *l = v->loop;
     if (l->shortest.at) {
-        lanes low = value_at(v, &l->shortest, 0, 0), high = value_at(v, &l->longest, 0, 0);
         mask beyond = v->plant.running & 0;
         for (int i = 0; i < N_LEGS; i++) {
             lanes length = remembered(v, l->signals, FIRST_LENGTH + i);
+            lanes low = value_at(v, &l->shortest, 0, i), high = value_at(v, &l->longest, 0, i);
             beyond |= (length < low) | (length > high);
         }
         end(v, beyond, FAILURE_STROKE, row);

@@ -86,7 +86,7 @@ typedef struct {
     table limits, drives, delay;
     int64_t most_delay;
 
-    /* ends of runs, one row: lengths of the stroke [m], NULL if they end no run; largest distance from the reference */
+    /* ends of runs, one row: lengths of the strokes [m], NULL if they end no run; largest distance from the reference */
     table shortest, longest, farthest;
 
     /* memory of the members, (size, M) as the states of the batch */

@@ -401,11 +401,11 @@ int64_t machine_turn(int64_t *block)
     m->plan.ahead = (wanted[DELAY] + 0.5) * t->sample_time;
     if (l->limits.at) {
         double c[LIMIT_COEFFICIENTS];
-        double rate = l->limits.at[2 * l->limits.element] / t->sample_time;
+        double rate = l->limits.at[2 * N_LEGS * l->limits.element] / t->sample_time;
         design_limits(wanted + FORCE_LIMIT, &rate, &t->sample_time, c);
         /* the rate stays as it was, to the last bit */
-        for (int k = 0; k < 2; k++)
-            ((double *)l->limits.at)[k * l->limits.element] = c[k];
+        for (int k = 0; k < 2 * N_LEGS; k++)
+            ((double *)l->limits.at)[k * l->limits.element] = c[k / N_LEGS];
     }
     if (l->n_noisy && l->sensors.at) {
         double c[SENSOR_COEFFICIENTS];

@@ -85,45 +85,60 @@ int check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
 
 int check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
 {
-    double shortest = leg_length[0];
-    for (int i = 1; i < N_LEGS; i++)
-        shortest = fmin(shortest, leg_length[i]);
-    const double com[2] = {p[P_LEG_LOWER_COM], p[P_LEG_UPPER_COM]};
-    for (int part = 0; part < 2; part++)
-        if (com[part] > shortest) { /* the legs are identical, so the shortest one limits both values */
-            write_message(message, "leg_%s_com is %g m; expected at most the shortest leg length at the start, %g m",
-                          part ? "upper" : "lower", com[part], shortest);
+    static const int values[2] = {P_LEG_LOWER_COM, P_LEG_UPPER_COM};
+    static const int factors[2] = {P_LEG_LOWER_COM_FACTOR, P_LEG_UPPER_COM_FACTOR};
+    for (int part = 0; part < 2; part++) {
+        int least = 0;
+        double room = INFINITY;
+        for (int i = 0; i < N_LEGS; i++)
+            if (leg_length[i] - p[values[part]] * p[factors[part] + i] < room) {
+                least = i;
+                room = leg_length[i] - p[values[part]] * p[factors[part] + i];
+            }
+        if (room < 0) {
+            write_message(message, "leg_%s_com is %g m; expected at most the shortest leg length at the start, %g m (leg %d)",
+                          part ? "upper" : "lower", p[values[part]] * p[factors[part] + least], leg_length[least],
+                          least + 1);
             return 0;
         }
+    }
     return 1;
 }
 
 #if HAS_BRISTLES
 static int check_friction(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
 {
-    double model = p[P_LEG_FRICTION_MODEL], coulomb = p[P_LEG_COULOMB_FRICTION], fixed = p[P_LEG_STATIC_FRICTION];
-    double stiffness = p[P_LEG_BRISTLE_STIFFNESS], share = p[P_LEG_BREAKAWAY_SHARE], largest = fmax(coulomb, fixed);
-    double least = INFINITY;
-    for (int i = 0; i < N_LEGS; i++)
-        least = fmin(least, coulomb * p[P_LEG_COULOMB_FRICTION_FACTOR + i]);
-    if (model != 1 && model != 2)
+    double model = p[P_LEG_FRICTION_MODEL];
+    if (model != 1 && model != 2) {
         write_message(message, "leg_friction_model is %g; expected 1 (elasto_plastic) or 2 (lugre): smooth friction is "
                                "a unit without bristles", model);
-    else if (!(least > 0))
-        write_message(message, "leg_coulomb_friction is %g N in a leg; friction that sticks needs > 0 in each", least);
-    else if (fixed > 0 && fixed < coulomb)
-        write_message(message, "leg_static_friction is %g N, below leg_coulomb_friction = %g N; expected at least that, "
-                               "or 0 for the same friction at rest as in motion", fixed, coulomb);
-    else if (stiffness > 0 && largest / stiffness > LONGEST_PRESLIDING)
-        write_message(message, "leg_bristle_stiffness is %g N/m: legs would stick over %.3g m before they slide; "
-                               "expected %g N/m or more, or 0 to derive it", stiffness, largest / stiffness,
-                      largest / LONGEST_PRESLIDING);
-    else if (share > LARGEST_SHARE)
-        write_message(message, "leg_breakaway_share is %g; expected at most %g, or 0 for the default", share,
-                      LARGEST_SHARE);
-    else
-        return 1;
-    return 0;
+        return 0;
+    }
+    for (int i = 0; i < N_LEGS; i++) {
+        double factor = p[P_LEG_STATIC_FRICTION_FACTOR + i], of_coulomb = p[P_LEG_COULOMB_FRICTION_FACTOR + i];
+        double coulomb = p[P_LEG_COULOMB_FRICTION] * of_coulomb;
+        double fixed = p[P_LEG_STATIC_FRICTION] * (factor > 0 ? factor : of_coulomb), largest = fmax(coulomb, fixed);
+        double stiffness = p[P_LEG_BRISTLE_STIFFNESS] * p[P_LEG_BRISTLE_STIFFNESS_FACTOR + i];
+        double share = p[P_LEG_BREAKAWAY_SHARE] * p[P_LEG_BREAKAWAY_SHARE_FACTOR + i];
+        if (!(coulomb > 0))
+            write_message(message, "leg_coulomb_friction is %g N in leg %d; friction that sticks needs > 0 in each",
+                          coulomb, i + 1);
+        else if (fixed > 0 && fixed < coulomb)
+            write_message(message, "leg_static_friction is %g N, below leg_coulomb_friction = %g N; expected at least "
+                                   "that, or 0 for the same friction at rest as in motion (leg %d)",
+                          factor > 0 ? fixed : fixed / of_coulomb, factor > 0 ? coulomb : coulomb / of_coulomb, i + 1);
+        else if (stiffness > 0 && largest / stiffness > LONGEST_PRESLIDING)
+            write_message(message, "leg_bristle_stiffness is %g N/m: legs would stick over %.3g m before they slide; "
+                                   "expected %g N/m or more, or 0 to derive it (leg %d)", stiffness, largest / stiffness,
+                          largest / LONGEST_PRESLIDING, i + 1);
+        else if (share > LARGEST_SHARE)
+            write_message(message, "leg_breakaway_share is %g; expected at most %g, or 0 for the default (leg %d)", share,
+                          LARGEST_SHARE, i + 1);
+        else
+            continue;
+        return 0;
+    }
+    return 1;
 }
 #endif
 
@@ -131,17 +146,23 @@ static int check_friction(const double p[N_PARAMETERS], char message[MESSAGE_SIZ
 static int check_springs(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
 {
     const double pi = 3.14159265358979323846;
-    double stiffness = p[P_LEG_STIFFNESS], mass = p[P_LEG_UPPER_MASS] + p[P_PLATFORM_MASS] / 6;
-    double least = 4 * pi * pi * SLOWEST_MODE * SLOWEST_MODE * mass;
-    if (!(p[P_LEG_ARMATURE] > 0))
-        write_message(message, "leg_armature is %g kg; a leg with leg_stiffness needs a motor with inertia: set "
-                               "leg_armature = J (2 pi/lead)^2", p[P_LEG_ARMATURE]);
-    else if (!(stiffness >= least))
-        write_message(message, "leg_stiffness is %g N/m; expected %.3g N/m or more, at which the platform bounces at "
-                               "about %g Hz; rigid legs are a unit without springs", stiffness, least, SLOWEST_MODE);
-    else
-        return 1;
-    return 0;
+    for (int i = 0; i < N_LEGS; i++) {
+        double stiffness = p[P_LEG_STIFFNESS] * p[P_LEG_STIFFNESS_FACTOR + i];
+        double armature = p[P_LEG_ARMATURE] * p[P_LEG_ARMATURE_FACTOR + i];
+        double mass = p[P_LEG_UPPER_MASS] * p[P_LEG_UPPER_MASS_FACTOR + i] + p[P_PLATFORM_MASS] / 6;
+        double least = 4 * pi * pi * SLOWEST_MODE * SLOWEST_MODE * mass;
+        if (!(armature > 0))
+            write_message(message, "leg_armature is %g kg; a leg with leg_stiffness needs a motor with inertia: set "
+                                   "leg_armature = J (2 pi/lead)^2 (leg %d)", armature, i + 1);
+        else if (!(stiffness >= least))
+            write_message(message, "leg_stiffness is %g N/m; expected %.3g N/m or more, at which the platform bounces at "
+                                   "about %g Hz; rigid legs are a unit without springs (leg %d)", stiffness, least,
+                          SLOWEST_MODE, i + 1);
+        else
+            continue;
+        return 0;
+    }
+    return 1;
 }
 #endif
 

@@ -19,8 +19,8 @@ static double *place_of(component *c, int slot)
         return &c->s.inputs[slot - FIRST_INPUT];
     if (slot < FIRST_STATE + N_STATES)
         return &c->s.x[slot - FIRST_STATE];
-    if (slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS)
-        return &c->s.p[slot - FIRST_PARAMETER];
+    if (parameter_at(slot) >= 0)
+        return &c->s.p[parameter_at(slot)];
     return slot == FIXED_STEP_SIZE ? &c->s.fixed_step_size : NULL;
 }
 

@@ -123,8 +123,8 @@ static int is_output(int slot) { return slot >= FIRST_RESULT && slot < FIRST_RES
 
 static int is_known(int slot)
 {
-    int role = role_at(slot), parameter = slot - FIRST_PARAMETER;
-    return role == INPUT || role == STATE || (parameter >= 0 && parameter < N_PARAMETERS);
+    int role = role_at(slot);
+    return role == INPUT || role == STATE || parameter_at(slot) >= 0;
 }
 
 static int is_unknown(int slot)
@@ -170,15 +170,21 @@ fmi_status differentiate(fmi_instance *i, const char *function, int is_adjoint, 
                     "an input, a continuous state or a parameter of the platform"))
         return STATUS_ERROR;
     /* by slot; results begin with the states */
-    double in[N_SLOTS] = {0}, out[N_SLOTS] = {0};
+    double in[N_SLOTS] = {0}, out[N_SLOTS] = {0}, of_parameters[N_PARAMETERS];
     for (slot_walk at = is_adjoint ? slots_of(i, unknowns, n_unknowns) : slots_of(i, knowns, n_knowns); next_slot(&at);)
         in[at.slot] += *seed++;
     if (is_adjoint) {
         outcome result = component_reverse(i->core, in + FIRST_DERIVATIVE, in + FIRST_RESULT, out + FIRST_RESULT,
-                                           out + FIRST_INPUT, out + FIRST_PARAMETER);
+                                           out + FIRST_INPUT, of_parameters);
+        for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
+            if (parameter_at(slot) >= 0)
+                out[slot] = of_parameters[parameter_at(slot)];
         return gather(i, function, CALL_SENSITIVITY, result, knowns, n_knowns, out, sensitivity);
     }
-    outcome result = component_forward(i->core, in + FIRST_RESULT, in + FIRST_INPUT, in + FIRST_PARAMETER,
+    for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
+        if (parameter_at(slot) >= 0)
+            of_parameters[parameter_at(slot)] = in[slot];
+    outcome result = component_forward(i->core, in + FIRST_RESULT, in + FIRST_INPUT, of_parameters,
                                        out + FIRST_DERIVATIVE, out + FIRST_RESULT);
     return gather(i, function, CALL_SENSITIVITY, result, unknowns, n_unknowns, out, sensitivity);
 }

@@ -135,8 +135,8 @@ def _packed(raw: bytes) -> str:
 def _scene(machine: Platform) -> dict[str, Any]:
     """The bodies of the view; their motion comes from the machine."""
     lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
-    low = machine.leg_length_min or 0.9 * float(lengths.min())
-    high = machine.leg_length_max or 1.1 * float(lengths.max())
+    low = float(np.min(machine.leg_length_min or 0.9 * lengths))
+    high = float(np.max(machine.leg_length_max or 1.1 * lengths))
     longest = 0.97 * low
     lower = min(longest, 0.53 * high)
     return {
@@ -175,7 +175,8 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
     limit = float(np.min(loop.actuators.values["force_limit"]))
     ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
     begins = {v.name: ends[k] for k, v in enumerate(interface.PLATFORM_PARAMETERS)}
-    stroke = [machine.leg_length_min, machine.leg_length_max]
+    low, high = machine.leg_length_min, machine.leg_length_max
+    stroke = None if low is None or high is None else [float(np.max(low)), float(np.min(high))]
     is_open = isinstance(experiment.controller, OpenLoop)
     start_force = loop.feedforward[0]
     if prepared.controller is not None:
@@ -190,7 +191,7 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "endsWithRun": bool(experiment.loop.jitter or loop.injection is not None),
         "forceLimit": limit if np.isfinite(limit) else None,
         "largestForce": float(np.abs(static_leg_forces(platform, *home)).max()),
-        "stroke": stroke if None not in stroke else None,
+        "stroke": stroke,
         # rows of the experiment's changes, and sizes of what they and a hand change
         "changes": sorted({loop.timing.row(change.time, "a change") for change in loop.changes} - {0}),
         "sizes": {

@@ -59,9 +59,9 @@ class Limited(NamedTuple):
     quantity: str
     unit: str
     values: FloatArray  # (n,), or per leg (n, 6)
-    low: float
-    high: float
-    middle: float = 0.0  # the value at which the share is 0
+    low: float | FloatArray  # for all, or per leg (6,)
+    high: float | FloatArray
+    middle: float | FloatArray = 0.0  # the value at which the share is 0
 
     @property
     def within(self) -> NDArray[np.bool_]:
@@ -77,16 +77,17 @@ class Limited(NamedTuple):
         value = float(self.values[row, leg - 1] if leg else self.values[row])
         of_leg = f" of leg {leg}" if leg else ""
         unit = f" {self.unit}" if self.unit else ""
-        expected = f"{self.low:g} to {self.high:g}" if self.low < self.high else f"{self.low:g}"
+        low, high = (float(np.ravel(end)[leg - 1 if leg and np.size(end) > 1 else 0]) for end in (self.low, self.high))
+        expected = f"{low:g} to {high:g}" if low < high else f"{low:g}"
         return Beyond(row, leg, value, f"{self.quantity}{of_leg} is {value:.6g}{unit}; expected {expected}{unit}")
 
     @property
     def share(self) -> FloatArray:
         """|x − middle| / (high − middle), or low / x without an upper limit; infinite for NaN."""
         with np.errstate(all="ignore"):
-            if self.low == self.high:
+            if np.all(self.low == self.high):
                 share = np.where(self.values == self.low, 0.0, np.inf)
-            elif np.isfinite(self.high):
+            elif np.isfinite(self.high).all():
                 share = np.abs(self.values - self.middle) / (self.high - self.middle)
             else:
                 share = self.low / self.values

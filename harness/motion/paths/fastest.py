@@ -18,6 +18,7 @@ from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomi
 from gough_stewart.harness.motion.paths.time_law import AlongPath, Averaged, Stepwise, Stretched, TimedPath, TimeLaw
 from gough_stewart.harness.motion.paths.time_optimal import DynamicLimits, LegsAlong, TimeOptimal, coefficients_at
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -69,13 +70,12 @@ def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: 
 
 
 def _limits(platform: Platform, margin: float) -> DynamicLimits:
-    stated = [getattr(platform, name) for name in DYNAMIC]
-    if stated[1] is None and stated[2] is None:
+    if platform.leg_acceleration_max is None and platform.actuator_force_max is None:
         raise MotionError(
             "timing is 'fastest', but the platform states neither leg_acceleration_max nor actuator_force_max; "
             "expected at least one, for instance by platform.parameters.actuator_force_max, or a duration as timing"
         )
-    return DynamicLimits(*(np.inf if limit is None else limit * (1 - margin) for limit in stated))
+    return DynamicLimits(*(of_legs(platform, name, np.inf) * (1 - margin) for name in DYNAMIC))
 
 
 def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ramp: float) -> Stretched:
@@ -116,11 +116,11 @@ def _check_standing(legs: LegsAlong, limits: DynamicLimits, path: GeometricPath)
     """Refuse a path on which the actuators cannot hold the platform at rest."""
     weight = np.abs(legs.at_grid.c)
     if not (weight < limits.force).all():
-        row, leg = np.unravel_index(int(weight.argmax()), weight.shape)
+        row, leg = np.unravel_index(int((weight / limits.force).argmax()), weight.shape)
         nearest = int(np.abs(path.at - legs.grid[row]).argmin())
         raise MotionError(
             f"rest near pose {nearest + 1} of the path takes {weight[row, leg]:.4g} N in leg {leg + 1}; "
-            f"the limit less the margin is {limits.force:.4g} N; expected other poses, stronger actuators, a "
+            f"the limit less the margin is {limits.force[leg]:.4g} N; expected other poses, stronger actuators, a "
             "lighter platform, or a smaller margin"
         )
 
@@ -166,7 +166,9 @@ def largest_share(platform: Platform, motion: Polynomials, limits: DynamicLimits
         time = low[:, None] + (high - low)[:, None] * _SAMPLES
         rows = motion(time.reshape(-1))
         loads = LegLoads(platform, rows, leg_geometry(platform, rows.position, rows.orientation))
-        used = [np.abs(getattr(loads, name)) / limit for name, limit in limits._asdict().items() if limit < np.inf]
+        used = [
+            np.abs(getattr(loads, name)) / limit for name, limit in limits._asdict().items() if np.min(limit) < np.inf
+        ]
         share = np.max(used, axis=(0, 2)).reshape(time.shape)
         largest = max(largest, float(share.max()))
         near = np.flatnonzero(share.max(axis=1) >= largest * (1 - _NEAR))

@@ -34,10 +34,10 @@ _HIGHEST = 1e6
 class DynamicLimits(NamedTuple):
     """Limits of every leg, less a margin; infinite if there is none."""
 
-    velocity: float  # [m/s]
-    acceleration: float  # [m/s²]
-    force: float  # [N]
-    power: float  # [W]
+    velocity: FloatArray  # (6,) [m/s]
+    acceleration: FloatArray  # (6,) [m/s²]
+    force: FloatArray  # (6,) [N]
+    power: FloatArray  # (6,) [W]
 
 
 class Coefficients(NamedTuple):
@@ -168,11 +168,11 @@ class TimeOptimal:
         slope = friction_force(platform.with_parameters(SLIDING), np.ones(6)) * dv
         a, b, c = at.a, at.b + slope, at.c + friction_force(platform, v) - slope * x
         limited: list[tuple[Any, Any, Any, Any]] = []
-        if np.isfinite(limits.acceleration):
+        if np.isfinite(limits.acceleration).all():
             limited.append((at.l / limits.acceleration, at.k / limits.acceleration, 0 * at.l, allowed[1]))
-        if np.isfinite(limits.force):
+        if np.isfinite(limits.force).all():
             limited.append((a / limits.force, b / limits.force, c / limits.force, allowed[2]))
-        if np.isfinite(limits.power):
+        if np.isfinite(limits.power).all():
             # F L̇ linearised at F₀ L̇₀: L̇₀ F + F₀ dL̇/dx (x − x₀)
             F = a * u + b * x + c
             parts = (a * v, b * v + F * dv, c * v - F * dv * x)

@@ -46,8 +46,8 @@ static double mild_value_for(int slot)
         return slot < 6 ? between(-50, 150) : between(-10, 10);
     if (slot >= FIRST_RESULT && slot < FIRST_RESULT + N_STATES)
         return START_STATES[slot - FIRST_RESULT] + between(-0.2, 0.2);
-    if (slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS)
-        return START_PARAMETERS[slot - FIRST_PARAMETER] * (chance(0.1) ? between(0.9, 1.1) : 1);
+    if (parameter_at(slot) >= 0)
+        return START_PARAMETERS[parameter_at(slot)] * (chance(0.1) ? between(0.9, 1.1) : 1);
     if (is_pace(slot))
         return (const double[]){0, 0, 1e-3, 0.01}[below(4)];
     return between(-1, 1);

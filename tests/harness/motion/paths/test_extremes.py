@@ -15,7 +15,7 @@ from gough_stewart.harness.motion.paths.time_optimal import DynamicLimits
 from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN
 
-NONE = DynamicLimits(np.inf, np.inf, np.inf, np.inf)
+NONE = DynamicLimits(*np.full((4, 6), np.inf))
 POSITION = np.array([[0.1, -0.1, 2.9], [0.15, 0.1, 2.95], [-0.1, 0.0, 2.8]])
 ORIENTATION = np.array([[0.05, -0.02, 0.1], [-0.05, 0.1, -0.1], [0.1, 0.0, 0.2]])
 PATH = GeometricPath(POSITION, ORIENTATION, 0.7)
@@ -46,7 +46,7 @@ def test_the_largest_leg_velocity_of_a_lift_is_that_of_its_closed_form() -> None
     peaks = [
         -minimize_scalar(lambda tau, leg=leg: -speed(tau, leg), (0.3, 0.5, 0.7), tol=1e-14).fun for leg in range(6)
     ]
-    largest = largest_share(UNEVEN, lift(T), NONE._replace(velocity=0.2))
+    largest = largest_share(UNEVEN, lift(T), NONE._replace(velocity=np.full(6, 0.2)))
     assert largest == pytest.approx(max(peaks) / 0.2, abs=2e-9)
 
 
@@ -70,7 +70,7 @@ def test_coulomb_friction_within_one_piece_is_seen() -> None:
     platform = replace(UNEVEN, leg_coulomb_friction=40.0, leg_friction_velocity=1e-3)
     path = GeometricPath(np.array([[0, 0, 2.9], [0, 0, 2.7]]), np.zeros((2, 3)), 1.0)
     motion = polynomials_of(TimedPath(path, Stepwise(np.array([0.0, 0.5, 1.0]), np.array([0.0, 3.0, 0.0]))))
-    largest = largest_share(platform, motion, NONE._replace(force=1.0))
+    largest = largest_share(platform, motion, NONE._replace(force=np.ones(6)))
     earlier, last = np.abs(forces_by_newton_euler(platform, motion, motion.end - np.array([1e-3, 0.0]))).max(axis=1)
     assert last > earlier + 10
     assert largest == pytest.approx(last, rel=1e-9)

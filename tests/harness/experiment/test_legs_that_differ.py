@@ -1,0 +1,131 @@
+"""Legs that differ, in experiments: every host has the same six, and limits are those of each leg."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from tests.support.real_platforms import SIX, SIX_SPRINGS
+from tests.support.uneven import UNEVEN
+from tests.support.uneven_loops import experiment_of
+
+LEGS: dict[str, Any] = {
+    "leg_lower_mass": [2.3, 0.0, 2.9, 1.8, 2.5, 3.1],
+    "leg_upper_mass": [1.2, 1.5, 0.0, 1.1, 1.4, 0.8],
+    "leg_lower_com": [0.47, 0.4, 0.55, 0.5, 0.6, 0.44],
+    "leg_upper_com": [0.58, 0.5, 0.66, 0.61, 0.54, 0.7],
+    "leg_lower_inertia": [0.13, 0.1, 0.17, 0.15, 0.12, 0.2],
+    "leg_upper_inertia": [0.061, 0.05, 0.07, 0.08, 0.055, 0.066],
+    "leg_armature": [1.7, 2.2, 1.3, 1.9, 1.5, 2.4],
+}
+MACHINES: dict[str, dict[str, Any]] = {
+    "ideal": LEGS,
+    "whole": {**LEGS, **SIX, **SIX_SPRINGS, "leg_coulomb_friction": 20.0, "leg_friction_model": "lugre"},
+}
+LOOP = {"duration": 0.05, "sample_time": 5e-3, "delay": 1}
+
+
+@pytest.mark.parametrize(
+    ("machine", "kind"), [("ideal", "fmu2"), ("ideal", "fmu3"), ("ideal", "scipy"), ("whole", "scipy")]
+)
+def test_all_hosts_have_the_same_six_legs(machine: str, kind: str) -> None:
+    """Expected: the judge of integration, whose equations Newton and Euler judge; and units, to their tolerance."""
+    parameters = MACHINES[machine]
+    experiment = experiment_of("pd", loop=LOOP, plant={"parameters": parameters, "tolerance": 1e-10})
+    runs = [gs.run(experiment, {"plant.kind": name}) for name in ("model", kind)]
+    ends = [np.concatenate([run["position"], run["velocity"]], axis=1) for run in runs]
+    assert np.abs(ends[0] - ends[1]).max() < 2e-8
+    alike = gs.run(experiment_of("pd", loop=LOOP), {"plant.parameters.leg_armature": 1.83})
+    assert np.abs(alike["position"][-1] - ends[0][-1, :3]).max() > 1e-6
+
+
+def test_members_draw_factors_of_each_leg() -> None:
+    """Expected: each member ends where a run of its own with these factors does."""
+    variation = {"members": 3, "leg_upper_mass_factor": {"uniform": [0.5, 1.5]}}
+    table = gs.ensemble(experiment_of("pd", loop=LOOP, ensemble=variation)).members
+    names = [f"varied.leg_upper_mass_factor[{k}]" for k in range(1, 7)]
+    factors = table.select(names).to_numpy()
+    assert len(np.unique(factors)) == 18
+    for k in range(3):
+        alone = gs.metrics(
+            gs.run(experiment_of("pd", loop=LOOP), {"plant.parameters.leg_upper_mass_factor": factors[k].tolist()})
+        )
+        assert table["tracking.position.norm_rms"][k] == pytest.approx(
+            alone["tracking"]["position"]["norm_rms"], rel=1e-9
+        )
+
+
+FORCES = [60.0, 90.0, 70.0, 80.0, 65.0, 75.0]
+
+
+class PushesHard:
+    """A controller in Python, which the loop in NumPy runs."""
+
+    def __call__(self, _sample: gs.Sample) -> Any:
+        return np.full(6, 1e3)
+
+
+@pytest.mark.parametrize("controller", [None, "python"])
+def test_each_leg_has_its_own_limits(controller: str | None) -> None:
+    """Expected: commands clipped to each leg's force, and shares of each leg's limits, by NumPy from the record."""
+    speeds = [0.1, 0.2, 0.3, 0.15, 0.25, 0.12]
+    limits = {
+        "actuator_force_max": FORCES,
+        "leg_velocity_max": speeds,
+        "leg_length_max": [3.9, 3.8, 3.9, 3.7, 3.9, 3.6],
+    }
+    reference = {"type": "hold", "position": [0.0, 0.0, 2.9]}
+    experiment = experiment_of("pd", loop={**LOOP, "duration": 0.2}, reference=reference, limits={"reference": "warn"})
+    law = None if controller is None else lambda *_: np.full(6, 1e3)
+    try:
+        run = gs.run(
+            experiment, {f"platform.parameters.{name}": value for name, value in limits.items()}, controller=law
+        )
+    except TypeError as error:  # pragma: no cover
+        pytest.fail(str(error))
+    force = np.abs(run["actuator_force"])
+    assert (force.max(axis=0) <= np.array(FORCES) * (1 + 1e-12)).all()
+    assert run["flag.force_limited"].any()
+    assert run.metadata["force_limit"] == FORCES
+    found = gs.metrics(run)
+    used = np.abs(run["leg_velocity"]).max(axis=0) / speeds
+    assert found["limits"]["leg_velocity_max"]["used"] == pytest.approx(used)
+    assert found["limits"]["leg_velocity_max"]["limit"] == speeds
+    margin = min(
+        (np.array(limits["leg_length_max"]) - run["leg_length"].max(axis=0)).min(), (run["leg_length"] - 2.3).min()
+    )
+    assert found["stroke"]["margin"] == pytest.approx(margin)
+
+
+def test_a_run_stops_where_one_leg_leaves_its_own_stroke() -> None:
+    """Expected: the row in which the record of a run that goes on leaves it."""
+    length = gs.run(experiment_of("pd", loop=LOOP))["leg_length"]
+    home = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+    falls = length[0] - length[-1]
+    leg = int(np.argmax(np.where(home > length[0], falls, -np.inf)))
+    low = np.full(6, 2.3)
+    low[leg] = length[0, leg] - 0.4 * falls[leg]
+    settings = {"limits.stroke": "stop", "platform.parameters.leg_length_min": low.tolist()}
+    run = gs.run(experiment_of("pd", loop=LOOP), settings)
+    assert run.metadata["outcome"]["status"] == "stopped"
+    assert run.metadata["outcome"]["cause"].startswith(f"leg {leg + 1} is ")
+    assert len(run["time"]) == int((length[:, leg] < low[leg]).argmax()) + 1
+
+
+def test_a_motion_is_held_against_each_legs_limits() -> None:
+    """Expected: the largest share of the leg lengths themselves."""
+    experiment = experiment_of(
+        "pd", reference={"type": "sine", "position_amplitude": [0.05, 0.02, 0.1], "frequency": 1.0}
+    )
+    high = np.array([3.9, 3.8, 3.7, 3.9, 3.75, 3.65])
+    checked = gs.check(experiment, {"platform.parameters.leg_length_max": high.tolist()})
+    motion = gs.run(experiment, {"loop.duration": 1.0})["reference.leg_length"]
+    middle, half = (high + 2.3) / 2, (high - 2.3) / 2
+    assert checked.shares.peak("stroke").share == pytest.approx((np.abs(motion - middle) / half).max(), rel=1e-3)
+
+
+def test_what_needs_legs_alike_says_so() -> None:
+    six = {"platform.parameters.actuator_force_max": [160, 190, 170, 180, 165, 175]}
+    with pytest.raises(gs.GoughStewartError, match=r"force_limit is \[160.*one number"):
+        gs.export(experiment_of("pd"), six)
