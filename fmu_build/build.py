@@ -82,8 +82,6 @@ def build(
     """
     forms = tuple(forms)
     check_forms(forms)
-    if platform is not None and not isinstance(platform, Platform):
-        raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
     platform = load_preset(DEFAULT_PRESET) if platform is None else platform
     models = {mjcf_name(platform): mjcf(platform)} if "mjcf" in forms else {}
     component, versions = plant_component(platform), chosen_versions(fmi)
