@@ -82,11 +82,11 @@ def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[st
     pointers = [ctypes.c_void_p(each.ctypes.data) for each in numbers]
     calls: dict[str, Callable[[], object]] = {
         "evaluation, scalar kernel": lambda: scalar.many(ctypes.c_longlong(members), *pointers),
-        "RK4 step": lambda: library.lanes_step(of, STEP, 1, None),
+        "RK4 step": lambda: library.lanes_step(of, STEP, 1, 0.0, None),
         # one internal step, whatever the motion
-        "controlled step": lambda: library.lanes_advance(of, STEP, 1e-2, None),
+        "controlled step": lambda: library.lanes_step(of, STEP, 0, 1e-2, None),
         "checks of the pose": lambda: library.lanes_check(of),
-        "RK4 step with signals": lambda: library.lanes_step(of, STEP, 1, signals.ctypes.data),
+        "RK4 step with signals": lambda: library.lanes_step(of, STEP, 1, 0.0, signals.ctypes.data),
         "signals alone": lambda: library.lanes_signals(of, signals.ctypes.data),
         "results": lambda: library.lanes_results(of, results.ctypes.data),
     }

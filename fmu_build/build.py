@@ -7,17 +7,17 @@ import io
 import os
 import struct
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from itertools import repeat
 from pathlib import Path
 from threading import Event
 
-from gough_stewart.fmu_build.cache import BuildError, digest_of
+from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
-from gough_stewart.fmu_build.libraries import Library, state_of_c
+from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.mjcf import mjcf, mjcf_name
 from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
@@ -82,28 +82,16 @@ def build(
     """
     forms = tuple(forms)
     check_forms(forms)
-    if platform is not None and not isinstance(platform, Platform):
-        raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
     platform = load_preset(DEFAULT_PRESET) if platform is None else platform
-    models = [mjcf_name(platform)] if "mjcf" in forms else []
-    component, versions, systems = plant_component(platform), chosen_versions(fmi), chosen_targets(targets)
-    versions = versions if "fmu" in forms else ()
-    folder = Path(out)
-    check_output_folder(folder, [*models, *(file_name(version, component.file_stem) for version in versions)])
-    contents = unit_archives(component, versions, systems, progress)
-    contents |= {name: mjcf(platform) for name in models}
-    write_files(folder, contents)
-    return [folder / name for name in contents]
+    models = {mjcf_name(platform): mjcf(platform)} if "mjcf" in forms else {}
+    component, versions = plant_component(platform), chosen_versions(fmi)
+    return build_units(
+        component, out, fmi=versions if "fmu" in forms else None, targets=targets, progress=progress, more=models
+    )
 
 
 def check_forms(forms: Iterable[str]) -> None:
-    """Refuse forms that are not in `FORMS`.
-
-    Raises
-    ------
-    BuildError
-        Names the form and those that there are.
-    """
+    """Raise `BuildError` for a form that is not in `FORMS`."""
     for form in forms:
         if form not in FORMS:
             raise BuildError(f"no form {form!r}; expected {' or '.join(map(repr, FORMS))}")
@@ -113,17 +101,18 @@ def build_units(
     component: UnitComponent,
     out: Path | str,
     *,
-    fmi: Iterable[str] = VERSIONS,
+    fmi: Iterable[str] | None = VERSIONS,  # None: no unit
     targets: Iterable[str] = ("native",),
     progress: StepProgress | None = None,
+    more: Mapping[str, bytes] | None = None,  # files that are written with them
 ) -> list[Path]:
     """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; see `build` for arguments and errors."""
-    folder = Path(out)
-    versions, systems = chosen_versions(fmi), chosen_targets(targets)
-    check_output_folder(folder, [file_name(version, component.file_stem) for version in versions])
-    archives = unit_archives(component, versions, systems, progress)
-    write_files(folder, archives)
-    return [folder / name for name in archives]
+    folder, others, systems = Path(out), more or {}, chosen_targets(targets)
+    versions = () if fmi is None else chosen_versions(fmi)
+    check_output_folder(folder, [*others, *(file_name(version, component.file_stem) for version in versions)])
+    contents = {**unit_archives(component, versions, systems, progress), **others}
+    write_files(folder, contents)
+    return [folder / name for name in contents]
 
 
 def unit_archives(
@@ -135,7 +124,7 @@ def unit_archives(
     Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: if there is no library for
     x86_64, the one for aarch64 is in both.
     """
-    report, systems = progress or (lambda _text: None), tuple(systems)
+    report, systems, name = progress or (lambda _text: None), tuple(systems), component.identifier
     code, blank, stop = unit_library(component), start_block(component, None), Event()
     archives = dict[str, bytes]()
 
@@ -161,12 +150,11 @@ def unit_archives(
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
 
-        name = component.identifier
         for target, content in libraries.items():
             folder = target.fmi2_folder if version == "2.0" else target.name
             files[f"binaries/{folder}/{name}{target.suffix}"] = content
         if version == "2.0":
-            apple = [(target, content) for target, content in libraries.items() if target.suffix == ".dylib"]
+            apple = {target.name: content for target, content in libraries.items() if target.suffix == ".dylib"}
             if len(apple) > 1:
                 files[f"binaries/darwin64/{name}.dylib"] = universal_binary(apple)
             if arm := files.get(f"binaries/aarch64-linux/{name}.so"):
@@ -180,14 +168,15 @@ def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[s
 
     The tokens are those of FMI 2.0 and 3.0, one of them empty: a digest of the sources and the description.
     """
-    blank = sources(component, fmi_version, ("", ""))
+    blank, is_fmi2 = sources(component, fmi_version, ("", "")), fmi_version == "2.0"
     names = sorted(blank.units)
-    texts = "".join(f"{name}\0{text}\0" for name, text in sorted({**blank.units, **blank.headers}.items()))
-    h = digest_of(model_description(component, fmi_version, "", names) + texts.encode())
+    description = model_description(component, fmi_version, "", names).decode()
+    h = digest_of_texts(blank.files | {"modelDescription.xml": description})
     token = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
-    token = f"{{{token}}}" if fmi_version == "2.0" else token
-    tokens = (token, "") if fmi_version == "2.0" else ("", token)
-    code = {**blank.units, **blank.headers, "model.c": model_source(component, tokens)}
+    token = f"{{{token}}}" if is_fmi2 else token
+    tokens = (token, "") if is_fmi2 else ("", token)
+    code = blank.files | {"model.c": model_source(component, tokens)}
+    build_description = rendered("buildDescription.xml", identifier=component.identifier, source_files=names)
     files = {
         "modelDescription.xml": model_description(component, fmi_version, token, names),
         "documentation/licenses/license.txt": installed_package()[1].encode(),
@@ -195,13 +184,11 @@ def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[s
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(component, fmi_version),
         "terminalsAndIcons/icon.png": component.icon.png,
         "terminalsAndIcons/icon.svg": component.icon.svg,
-        "sources/buildDescription.xml": rendered(
-            "buildDescription.xml", identifier=component.identifier, source_files=names
-        ),
+        "sources/buildDescription.xml": build_description,
         **{f"sources/{name}": text.encode() for name, text in code.items()},
         **component.documents(fmi_version),
     }
-    if fmi_version == "2.0":
+    if is_fmi2:
         files["model.png"] = component.icon.png
     return tokens, files
 
@@ -209,7 +196,8 @@ def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[s
 def unit_library(component: UnitComponent) -> Library:
     """The description of the library of all units of a component's code, without start values and tokens."""
     code = sources(component)
-    return Library(component.identifier, lambda: code, digest_of(f"{FLAGS}{state_of_c(code)}".encode())[:24])
+    state = digest_of(f"{FLAGS}{digest_of_texts(code.files)}".encode())[:24]
+    return Library(component.identifier, lambda: code, state)
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
@@ -218,19 +206,13 @@ def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
 
 
 def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
-    """The requested versions, in order and without duplicates.
-
-    Raises
-    ------
-    BuildError
-        A version other than "2.0" and "3.0", or none.
-    """
-    requested = [fmi] if isinstance(fmi, str) else list(fmi)
+    """The requested versions, in order and without duplicates; `BuildError` for one of another name, or none."""
+    requested, expected = [fmi] if isinstance(fmi, str) else list(fmi), f"expected {' or '.join(VERSIONS)}"
     for version in requested:
         if version not in VERSIONS:
-            raise BuildError(f"no FMI version '{version}'; expected {' or '.join(VERSIONS)}")
+            raise BuildError(f"no FMI version '{version}'; {expected}")
     if not requested:
-        raise BuildError(f"no FMI version; expected {' or '.join(VERSIONS)}")
+        raise BuildError(f"no FMI version; {expected}")
     return tuple(version for version in VERSIONS if version in requested)
 
 
@@ -265,12 +247,8 @@ def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
     """A library, ELF, PE or Mach-O, in which a block of the same size stands for the blank one, see `start_block`.
 
     Mach-O with an ad-hoc signature gets the digests of its new pages: Apple's arm64 systems do not load a page whose
-    SHA-256 differs from that in the signature's code directory [xnu, osfmk/kern/cs_blobs.h].
-
-    Raises
-    ------
-    BuildError
-        The library does not have the blank block once, or its signature is of another kind.
+    SHA-256 differs from that in the signature's code directory [xnu, osfmk/kern/cs_blobs.h]. `BuildError` if the
+    library does not have the blank block once, or its signature is of another kind.
     """
     count = library.count(blank)
     if count != 1 or len(block) != len(blank):
@@ -305,16 +283,16 @@ def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
     return bytes(content)
 
 
-def universal_binary(libraries: Sequence[tuple[Target, bytes]]) -> bytes:
-    """Mach-O file with the libraries of several processors (as from `lipo -create`).
+def universal_binary(libraries: Mapping[str, bytes]) -> bytes:
+    """Mach-O file with the libraries of several processors, by target (as from `lipo -create`).
 
     The header is big-endian: magic, count; per library: processor, subtype, offset, size, alignment as a power of two.
     """
     power = 14  # 16 KiB, the page size of Apple's processors
     entries, content = b"", bytearray(1 << power)
-    for target, library in libraries:
+    for target, library in libraries.items():
         content += bytes(-len(content) % (1 << power))
-        entries += struct.pack(">IIIII", *_PROCESSORS[target.name], len(content), len(library), power)
+        entries += struct.pack(">IIIII", *_PROCESSORS[target], len(content), len(library), power)
         content += library
     header = struct.pack(">II", _UNIVERSAL, len(libraries)) + entries
     content[: len(header)] = header

@@ -5,7 +5,7 @@ Also the errors of the build.
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
@@ -30,13 +30,7 @@ class BuildError(GoughStewartError):
 
 
 def check_installed(*packages: str) -> None:
-    """Check that these packages, `TRACER` or `COMPILER`, are installed, without importing them.
-
-    Raises
-    ------
-    BuildError
-        A package is missing; the message tells how to install it.
-    """
+    """Raise `BuildError` if one of these packages, `TRACER` or `COMPILER`, is missing; without importing them."""
     try:
         installed.check_installed({package: _USES[package] for package in packages})
     except NotInstalledError as error:
@@ -53,17 +47,18 @@ def kept(path: Path, make: Callable[[], bytes]) -> Path:
     """A file of the cache, created by `make` if it is missing or does not match its stored digest.
 
     Several processes may create it at the same time if its content is deterministic: each writes a temporary file and
-    renames it, so the file is never missing while another process uses it.
-
-    Raises
-    ------
-    BuildError
-        The file in the cache differs from what was written.
-    OSError
-        The cache cannot be written.
+    renames it, so the file is never missing while another process uses it. `BuildError` if it differs from what was
+    written, `OSError` if the cache cannot be written.
     """
     digest = path.with_name(f"{path.name}.sha256")
-    if not _is_whole(path, digest):
+
+    def is_whole() -> bool:
+        try:
+            return digest.read_bytes() == digest_of(path.read_bytes()).encode()
+        except OSError:
+            return False
+
+    if not is_whole():
         content = make()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -75,23 +70,21 @@ def kept(path: Path, make: Callable[[], bytes]) -> Path:
                 f"the cache cannot be written ({error.strerror}); set XDG_CACHE_HOME to a writable folder",
                 str(path.parent),
             ) from error
-        if not _is_whole(path, digest):
+        if not is_whole():
             raise BuildError(
                 f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space"
             )
     return path
 
 
-def _is_whole(path: Path, digest: Path) -> bool:
-    try:
-        return digest.read_bytes() == digest_of(path.read_bytes()).encode()
-    except OSError:
-        return False
-
-
 def digest_of(content: bytes) -> str:
     """SHA-256 in hexadecimal."""
     return hashlib.sha256(content).hexdigest()
+
+
+def digest_of_texts(files: Mapping[str, str]) -> str:
+    """Digest of files by name, such as the C of a library."""
+    return digest_of("".join(f"{name}\0{text}\0" for name, text in sorted(files.items())).encode())
 
 
 def state_of_files(*packages: tuple[str, ...]) -> str:

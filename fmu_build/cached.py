@@ -12,13 +12,7 @@ from gough_stewart.model.process.progress import StepProgress
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
-    """The FMU of the paper's platform, or of another variant, for this machine; built anew if it is damaged.
-
-    Raises
-    ------
-    BuildError, OSError
-        See `build` and `kept`.
-    """
+    """The FMU of the paper's platform, or of another variant, for this machine; see `build` and `kept` for errors."""
 
     def built() -> bytes:
         from gough_stewart.fmu_build.build import build  # imports what a cached unit does not need

@@ -11,7 +11,6 @@ import numpy as np
 from gough_stewart.model import traced
 from gough_stewart.model.interface import IDEAL, Variant
 
-_NUMBER = r"[0-9]+"
 _BODY = re.compile(r"static int casadi_f(\d+)\([^{]*\{\n(.*?)\n  return 0;\n\}\n", re.S)
 _LITERAL = r"(?<![\w.\[])[0-9]+\.[0-9]*(?:e[+-]?[0-9]+)?"
 _ASSIGNMENT = re.compile(r"  (a\d+)=")
@@ -39,11 +38,10 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
 
     `order` has the positions in `Variant.results` of a unit's results, which begin with the states; empty: as they are.
     """
+    in_order = (traced.outputs_function, traced.forward_function, traced.reverse_function)
     functions = [
         traced.derivatives_function(variant),
-        _in_unit_order(traced.outputs_function(variant), order),
-        _in_unit_order(traced.forward_function(variant), order),
-        _in_unit_order(traced.reverse_function(variant), order),
+        *(_in_unit_order(f(variant), order) for f in in_order),
         traced.legs_function(variant),
     ]
     head = _HEAD
@@ -106,21 +104,9 @@ def function_source(
 ) -> str:
     """One CasADi SX Function as `void kernel_NAME(const double in0[], …, double out0[], …)`.
 
-    Parameters
-    ----------
-    declarator
-        The text before the name.
-    types
-        Types other than double; literals are cast to the type of the arithmetic.
-    conditions
-        Whether conditional expressions are allowed, whose cost does not depend on the condition.
-    reciprocals
-        Whether repeated divisions may be multiplications, which are rounded otherwise.
-
-    Raises
-    ------
-    RuntimeError
-        CasADi's code has a construct that is not known to be straight-line arithmetic.
+    Literals are cast to the type of the arithmetic. With `conditions` conditional expressions are allowed, whose cost
+    does not depend on the condition; with `reciprocals` repeated divisions become multiplications, which are rounded
+    otherwise. `RuntimeError` if CasADi's code has a construct that is not known to be straight-line arithmetic.
     """
     generator = casadi.CodeGenerator("kernel", {"with_export": False})
     generator.add(function)
@@ -139,12 +125,11 @@ def function_source(
     def written(match: re.Match[str]) -> str:
         return f"{outputs[int(match[1])]}[{match[2]}]={types.cast(outputs[int(match[1])], to_real=False)}"
 
-    body = re.sub(rf"arg\[({_NUMBER})\]\? arg\[\1\]\[({_NUMBER})\] : 0", read, body)
-    body = re.sub(rf"if \(res\[({_NUMBER})\]!=0\) res\[\1\]\[({_NUMBER})\]=", written, body)
+    body = re.sub(r"arg\[([0-9]+)\]\? arg\[\1\]\[([0-9]+)\] : 0", read, body)
+    body = re.sub(r"if \(res\[([0-9]+)\]!=0\) res\[\1\]\[([0-9]+)\]=", written, body)
     body = body.replace("casadi_real", types.real)
     body = body.replace("casadi_inf", "HUGE_VAL" if types.real == "double" else f"(({types.real})HUGE_VAL)")
-    for ours in ("sq", "sign"):
-        body = body.replace(f"casadi_{ours}(", f"{ours}(")
+    body = body.replace("casadi_sq(", "sq(").replace("casadi_sign(", "sign(")
     for truth, compared in _TRUTHS:
         body = truth.sub(compared, body)
     body = _CALL.sub(lambda match: types.call.format(match[1]), body)
@@ -207,21 +192,10 @@ _KERNEL = "static __attribute__((noinline)) void kernel_"
 
 
 def in_lanes(function: casadi.Function, declarator: str = _KERNEL, *, exact: bool = False, call: str = "{}") -> str:
-    """The C source of a CasADi Function on vectors of members.
+    """The C source of a CasADi Function on vectors of members; see `function_source` for errors.
 
-    Parameters
-    ----------
-    declarator
-        The text before its name.
-    exact
-        Whether divisions and roots are rounded as NumPy's; without it divisors must be finite.
-    call
-        How a function of the C library is called, from its name.
-
-    Raises
-    ------
-    RuntimeError
-        CasADi's code has a construct that is not known.
+    With `exact` divisions and roots are rounded as NumPy's, without it divisors must be finite; `call` is how a
+    function of the C library is called, from its name.
     """
     text = function_source(function, declarator, Types("lanes", call=call), conditions=True, reciprocals=not exact)
     for scalar, vector in (*(_ROOTS if exact else _RECIPROCALS), *_ON_VECTORS):

@@ -75,9 +75,7 @@ class Layout:
 
         Time is optional there, and the FMI Library reports a missing start value for it.
         """
-        return (
-            self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row.role is not Role.INDEPENDENT)
-        )
+        return tuple(row for row in self.rows if fmi_version == "3.0" or row.role is not Role.INDEPENDENT)
 
     def of_role(self, *roles: Role) -> tuple[LayoutRow, ...]:
         """The rows of some roles, in slot order."""
@@ -91,20 +89,17 @@ class Layout:
 def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appended: Iterable[Variable] = ()) -> Layout:
     """The layout of variables, the derivatives of states with their units, time, and what was added later."""
     variables, rows = tuple(variables), list[LayoutRow]()
-
-    def add(variable: Variable, role: Role, derivative_of: str | None = None) -> None:
-        first = rows[-1].slots.stop if rows else 0
-        rows.append(LayoutRow(variable, len(rows), first, role, derivative_of))
-
-    for variable in variables:
-        add(variable, _role(variable))
+    described: list[tuple[Variable, Role, str | None]] = [(variable, _role(variable), None) for variable in variables]
     for state in (v for v in variables if v.is_state):
         text = f"time derivative of {state.name}"
         rate = Variable(f"der({state.name})", state.shape, rate_units[state.name], "local", "continuous", text)
-        add(rate, Role.DERIVATIVE, state.name)
-    add(Variable("time", (), "s", "local", "continuous", "simulation time"), Role.INDEPENDENT)
-    for variable in appended:
-        add(variable, _role(variable))
+        described.append((rate, Role.DERIVATIVE, state.name))
+    time = Variable("time", (), "s", "local", "continuous", "simulation time")
+    described += [(time, Role.INDEPENDENT, None), *((variable, _role(variable), None) for variable in appended)]
+    first = 0
+    for variable, role, derivative_of in described:
+        rows.append(LayoutRow(variable, len(rows), first, role, derivative_of))
+        first += variable.size
     return Layout(tuple(rows))
 
 
@@ -123,6 +118,15 @@ class Sources(NamedTuple):
 
     units: dict[str, str]  # .c
     headers: dict[str, str]  # .h
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Both."""
+        return self.units | self.headers
+
+    def __or__(self, others: "Sources") -> "Sources":
+        """These and others."""
+        return Sources(self.units | others.units, self.headers | others.headers)
 
 
 class Icon(NamedTuple):

@@ -113,10 +113,8 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
             dependencies.append((variable.key, dict(sorted(kinds.items()))))
         return dependencies
 
-    outputs, derivatives = layout.outputs(), layout.of_role(Role.DERIVATIVE)
-    computed = [row for row in outputs if row.role is Role.RESULT]
-    running = (Role.INPUT, Role.STATE)
-    units = {row.variable.unit for row in layout.rows}
+    outputs, derivatives, running = layout.outputs(), layout.of_role(Role.DERIVATIVE), (Role.INPUT, Role.STATE)
+    computed, units = [row for row in outputs if row.role is Role.RESULT], {row.variable.unit for row in layout.rows}
     return rendered(
         "modelDescription.xml",
         component=component,
@@ -145,14 +143,8 @@ def terminals_and_icons(component: UnitComponent, fmi_version: str) -> bytes:
     # name, description, names of variables by those of members
     terminals = [("actuators", "the six actuators", {name: name for name in component.actuator})]
     if in_scalars:
-        terminals = [
-            (
-                f"actuator_{leg + 1}",
-                f"actuator of leg {leg + 1}",
-                {name: rows[name].scalar_names[leg] for name in component.actuator},
-            )
-            for leg in range(6)
-        ]
+        scalars = [{name: rows[name].scalar_names[leg] for name in component.actuator} for leg in range(6)]
+        terminals = [(f"actuator_{k}", f"actuator of leg {k}", names) for k, names in enumerate(scalars, 1)]
     for name, text, variables in component.groups:
         members = [s for variable in variables for s in (rows[variable].scalar_names if in_scalars else (variable,))]
         if members:
@@ -161,13 +153,7 @@ def terminals_and_icons(component: UnitComponent, fmi_version: str) -> bytes:
 
 
 def rendered(template: str, **values: Any) -> bytes:
-    """A template in `templates/` with its values; XML without empty lines.
-
-    Raises
-    ------
-    jinja2.UndefinedError
-        A value that the template names is missing.
-    """
+    """A template in `templates/` with its values, none of which may be missing; XML without empty lines."""
     text = _environment().get_template(template).render(**values)
     return (re.sub(r"\n\s*\n", "\n", text) if template.endswith(".xml") else text).encode()
 
@@ -190,12 +176,13 @@ def _environment() -> "Environment":
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    # numbers, or several with blanks between, with all digits; places with two; none is a negative zero
     environment.filters |= {
         "attributes": attributes,
         "lines": _lines,
         "number": _number,
-        "place": _place,
-        "exact": _exact,
+        "place": lambda value: f"{round(float(value), 2) + 0.0:g}",
+        "exact": lambda values: " ".join(repr(float(value) + 0.0) for value in np.ravel(values)),
     }
     return environment
 
@@ -204,23 +191,13 @@ def _lines(values: Array | None) -> Sequence[str]:
     """Numbers with six digits, a line for every row of a matrix; one number if all digits are equal."""
     if values is None:
         return ()
-    if len({_number(value) for value in values.flat}) == 1:
-        return (_number(values.flat[0]),)
-    return [" ".join(map(_number, row)) for row in (values if values.ndim == 2 else values[None])]
+    rows = [" ".join(map(_number, row)) for row in (values if values.ndim == 2 else values.reshape(1, -1))]
+    words = {word for row in rows for word in row.split()}
+    return list(words) if len(words) == 1 else rows
 
 
 def _number(value: float) -> str:
     return f"{value + 0.0:.6g}".replace("-", "−")
-
-
-def _exact(values: float | Sequence[float]) -> str:
-    """A number, or several with blanks between, with all digits."""
-    return " ".join(repr(float(value) + 0.0) for value in np.ravel(values))
-
-
-def _place(value: float) -> str:
-    """At most two decimals, and no negative zero."""
-    return f"{round(float(value), 2) + 0.0:g}"
 
 
 def xml_text(text: str) -> str:
@@ -249,13 +226,7 @@ _INLINE = re.compile(r"\$(?P<formula>[^$]+)\$|`(?P<code>[^`]+)`|\*\*(?P<strong>[
 
 @cache  # the pages of both FMI versions have their formulas in common
 def mathml(latex: str, display: str) -> str:
-    """One formula, `inline` or `block`.
-
-    Raises
-    ------
-    ValueError
-        A command that the converter or browsers do not support.
-    """
+    """One formula, `inline` or `block`; `ValueError` for a command that the converter or browsers do not support."""
     from latex2mathml.converter import convert  # here, since most programs make no documents
 
     element: str = convert(html.unescape(latex).strip(), display=display)

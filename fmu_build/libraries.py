@@ -18,7 +18,15 @@ from pathlib import Path
 from threading import Event
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import COMPILER, cache_folder, check_installed, digest_of, kept, state_of_sources
+from gough_stewart.fmu_build.cache import (
+    COMPILER,
+    cache_folder,
+    check_installed,
+    digest_of,
+    digest_of_texts,
+    kept,
+    state_of_sources,
+)
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
 from gough_stewart.fmu_build.toolchain import FLAGS, WEB_ASSEMBLY, Compiler, Target, compile_library, native, zig
@@ -46,6 +54,8 @@ _MACHINE_FLAGS = (
 CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
+# Lines of /proc/cpuinfo on which machine code depends.
+_PROCESSOR = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
 # Functions of the C library with two arguments.
 _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
 
@@ -68,12 +78,7 @@ class Library:
     ) -> Path:
         """The file of the library, from the cache, else compiled; `processor` tells for which one if not for all.
 
-        Raises
-        ------
-        BuildError
-            The compiler (extra `compile`) is missing or fails.
-        OSError
-            The cache cannot be written.
+        `BuildError` if the compiler (extra `compile`) is missing or fails, `OSError` if the cache cannot be written.
         """
         compiler = compiler or zig()
         key = digest_of("\n".join([self.state, *self.flags, compiler.identity, processor]).encode())[:24]
@@ -81,10 +86,15 @@ class Library:
         return kept(path, lambda: self.compiled(target, stop, compiler))
 
 
-def state_of_c(sources: Sources) -> str:
-    """Digest of C texts, for the state of a library whose sources are at hand."""
-    texts = sorted({**sources.units, **sources.headers}.items())
-    return digest_of("".join(f"{name}\0{text}\0" for name, text in texts).encode())
+# ---- machine code for a processor -----------------------------------------------------------------------------------
+
+
+class LanesLibrary(NamedTuple):
+    """A library in vectors of members that was built for this processor."""
+
+    path: Path
+    # processor, its vector instructions, and a digest of the machine code: equal texts mean identical bits
+    features: str
 
 
 def vector_library(name: str, sources: Callable[[], Sources], state: str = "", variant: Variant = IDEAL) -> Library:
@@ -96,23 +106,10 @@ def vector_library(name: str, sources: Callable[[], Sources], state: str = "", v
     return Library("-".join([name, *variant.parts]), sources, whole_state, VECTOR_FLAGS)
 
 
-class LanesLibrary(NamedTuple):
-    """A library in vectors of members that was built for this processor."""
-
-    path: Path
-    # processor, its vector instructions, and a digest of the machine code: equal texts mean identical bits
-    features: str
-
-
 def machine_code(library: Library) -> LanesLibrary:
     """A library in vectors for this processor: the one that came with the package, else from the cache, else compiled.
 
-    Raises
-    ------
-    BuildError
-        The compiler (extra `compile`) is missing or fails, or the machine is not supported.
-    OSError
-        The cache cannot be written.
+    See `Library.kept` for errors.
     """
     target, most = native(), processor_level() or 0
     # level 0: also of a wheel that was made for the processor at hand
@@ -120,9 +117,15 @@ def machine_code(library: Library) -> LanesLibrary:
         content = prebuilt_content(carried_name(target, library.name, level), library.state)
         if content is None:
             continue
-        path = _unpacked(content, library.name, target)
+        digest = digest_of(content)
+        try:
+            place = cache_folder() / "unpacked" / digest[:24] / f"{library.name}{target.suffix}"
+            path = kept(place, lambda content=content: content)  # type: ignore[misc]
+        except OSError:
+            path = Path(_own_folder().name, f"{library.name}-{digest[:24]}{target.suffix}")
+            write_whole(path, content)
         if _loads(path):
-            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest_of(content)[:16]]
+            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest[:16]]
             return LanesLibrary(path, " ".join(words))
     check_installed(COMPILER)
     processor = _processor()
@@ -131,20 +134,16 @@ def machine_code(library: Library) -> LanesLibrary:
     return LanesLibrary(path, " ".join([target.name, *words, digest_of(path.read_bytes())[:16]]))
 
 
-def levels_of(target: Target) -> tuple[int, ...]:
-    """The levels of processors of a target for which a wheel has machine code, see `kernel.processor_level`.
+def flags_by_level(target: Target) -> dict[int, tuple[str, ...]]:
+    """The compiler's flags for the levels of processors of a target for which a wheel has machine code.
 
-    Level 0 is for all processors of a target. Those that compute ensembles with AVX-512 run Linux; Apple's systems
-    enable it late in a process, if at all.
+    Levels are those of `kernel.processor_level`; level 0 is for all processors of a target. Those that compute
+    ensembles with AVX-512 run Linux; Apple's systems enable it late in a process, if at all.
     """
+    general = tuple(flag for flag in VECTOR_FLAGS if flag != _NATIVE)
     if not target.name.startswith("x86_64"):
-        return (0,)
-    return (3, 4) if target.suffix == ".so" else (3,)
-
-
-def flags_of_level(level: int) -> tuple[str, ...]:
-    """The compiler's flags for machine code of a level."""
-    return (*([_LEVELS[level]] if level else []), *(flag for flag in VECTOR_FLAGS if flag != _NATIVE))
+        return {0: general}
+    return {level: (_LEVELS[level], *general) for level in ((3, 4) if target.suffix == ".so" else (3,))}
 
 
 def carried_name(target: Target, name: str, level: int) -> str:
@@ -152,20 +151,9 @@ def carried_name(target: Target, name: str, level: int) -> str:
     return f"{target.name}/{name}{f'-v{level}' if level else ''}"
 
 
-def _unpacked(content: bytes, name: str, target: Target) -> Path:
-    """A file that can be loaded: in the cache, or of this process alone if that cannot be written."""
-    digest = digest_of(content)[:24]
-    try:
-        return kept(cache_folder() / "unpacked" / digest / f"{name}{target.suffix}", lambda: content)
-    except OSError:
-        path = Path(_own_folder().name, f"{name}-{digest}{target.suffix}")
-        write_whole(path, content)
-        return path
-
-
 @cache
 def _own_folder() -> tempfile.TemporaryDirectory[str]:
-    """A temporary folder of this process, removed when it ends."""
+    """A temporary folder of this process, removed when it ends, where the cache cannot be written."""
     return tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
 
 
@@ -190,14 +178,11 @@ def _processor() -> str:
             return f"{platform.machine()} {platform.processor()}"
         command = ["sysctl", "-n", "machdep.cpu.brand_string"]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    kinds = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
     lines = (line.partition(":") for line in first.splitlines())
-    return "\n".join(f"{name.strip()}: {value.strip()}" for name, _, value in lines if name.strip() in kinds)
+    return "\n".join(f"{name.strip()}: {value.strip()}" for name, _, value in lines if name.strip() in _PROCESSOR)
 
 
-def lanes_library(variant: Variant = IDEAL) -> LanesLibrary:
-    """The library of c/lanes for this processor and plants of a variant; see `machine_code` for errors."""
-    return machine_code(lanes_code(variant))
+# ---- many platforms, and their loop ---------------------------------------------------------------------------------
 
 
 def lanes_code(variant: Variant = IDEAL) -> Library:
@@ -211,15 +196,8 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
     from gough_stewart.fmu_build.plant.layout import plant_header
     from gough_stewart.model import traced
 
-    lanes, plant = c_folder("lanes"), c_folder("plant")
-    kernel = function_source(traced.legs_function(variant))
-    head = "#include <math.h>\n\nstatic double sq(double x)\n{\n    return x * x;\n}"
-    functions = [
-        traced.derivatives_function(variant),
-        traced.outputs_function(variant),
-        traced.posed_function(variant),
-        *([] if variant.parts else [traced.motion_function()]),
-    ]
+    plant, legs = c_folder("plant"), function_source(traced.legs_function(variant))
+    functions = [f(variant) for f in (traced.derivatives_function, traced.outputs_function, traced.posed_function)]
     sizes = {
         "N_STATES": interface.size_of(variant.states),
         "N_INPUTS": interface.N_INPUTS,
@@ -228,48 +206,66 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
         "N_SIGNALS": interface.N_SIGNALS,
     }
     if not variant.parts:
-        sizes["N_SHARED"] = traced.motion_function().numel_in(0)
-    table = filled(
-        "lanes/lanes_table.h",
-        sizes=defines(sizes),
-        controlled=defines(CONTROLLED),
-        kernel=kernel[: kernel.index("\n{")].strip(),
+        functions.append(traced.motion_function())
+        sizes["N_SHARED"] = functions[-1].numel_in(0)
+    head = "#include <math.h>\n\nstatic double sq(double x)\n{\n    return x * x;\n}"
+    head = '#include "elementary.h"\n' if alone else head
+    return c_folder("lanes") | Sources(
+        {
+            "conditioning.c": plant.units["conditioning.c"],
+            "legs.c": f'{GENERATED}\n#include "lanes_table.h"\n\n{head}\n{legs}',
+        },
+        {
+            "conditioning.h": plant.headers["conditioning.h"],
+            "internal.h": c_folder("unit").headers["internal.h"],
+            "plant_table.h": plant_header(variant),
+            "lanes_table.h": filled(
+                "lanes/lanes_table.h",
+                sizes=defines(sizes),
+                controlled=defines(CONTROLLED),
+                kernel=legs[: legs.index("\n{")].strip(),
+            ),
+            "lanes_kernel.h": f"{GENERATED}\n" + "".join(map(in_lanes, functions)),
+        },
     )
-    units = {
-        **lanes.units,
-        "conditioning.c": plant.units["conditioning.c"],
-        "legs.c": f'{GENERATED}\n#include "lanes_table.h"\n\n'
-        + (f'#include "elementary.h"\n\n{kernel}' if alone else f"{head}\n{kernel}"),
-    }
-    headers = {
-        **lanes.headers,
-        "conditioning.h": plant.headers["conditioning.h"],
-        "internal.h": c_folder("unit").headers["internal.h"],
-        "plant_table.h": plant_header(variant),
-        "lanes_table.h": table,
-        "lanes_kernel.h": f"{GENERATED}\n" + "".join(map(in_lanes, functions)),
-    }
-    return Sources(units, headers)
 
 
 def loop_sources(components: str, variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
     """The C of c/loop and c/lanes, with the components of the loop as `components.h`."""
-    lanes, loop = lanes_sources(variant, alone=alone), c_folder("loop")
-    headers = {**lanes.headers, **loop.headers, "components.h": components}
-    return Sources({**lanes.units, **loop.units}, headers)
+    return lanes_sources(variant, alone=alone) | c_folder("loop") | Sources({}, {"components.h": components})
+
+
+def machine_sources(
+    components: str, fields: str, plan: str, design: str, law: Any = None, variant: Variant = IDEAL
+) -> Sources:
+    """The C of c/machine, one machine with its loop, from generated headers and a user's law, see `law_library`."""
+    texts = {"machine_fields.h": fields, "plan.h": plan, "design.h": design}
+    headers = {name: f"{GENERATED}\n{text}" for name, text in texts.items()}
+    headers["machine_fields.h"] += "" if law is None else "\n#define MACHINE_HAS_LAW\n"
+    user = Sources({}, {}) if law is None else law_sources(law)
+    return user | loop_sources(components, variant, alone=True) | c_folder("machine") | Sources({}, headers)
+
+
+def machine_library(sources: Sources, target: Target) -> Library:
+    """The description of the library of c/machine for a target; a WebAssembly module imports nothing."""
+    flags: tuple[str, ...] = ("-s", "-shared")
+    if target is WEB_ASSEMBLY:
+        offered = re.findall(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
+        exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
+        flags = ("-mexec-model=reactor", "-Wl,--no-entry", "-s", *exports)
+    return Library("machine", lambda: sources, digest_of_texts(sources.files), (*_MACHINE_FLAGS, *flags))
+
+
+# ---- laws and folds: one generated header on vectors ----------------------------------------------------------------
 
 
 def law_library(function: Any) -> LanesLibrary:
     """The library of c/law for one traced law, a CasADi Function `law` of `memory`, with the output `next`.
 
-    Raises
-    ------
-    BuildError, OSError, RuntimeError
-        See `machine_code` and `codegen.in_lanes`.
+    See `machine_code` and `codegen.in_lanes` for errors.
     """
     sources = law_sources(function)
-    state = digest_of(sources.headers["law_step.h"].encode())
-    return machine_code(vector_library("law", lambda: sources, state))
+    return machine_code(vector_library("law", lambda: sources, digest_of(sources.headers["law_step.h"].encode())))
 
 
 def law_sources(function: Any) -> Sources:
@@ -283,13 +279,6 @@ def law_sources(function: Any) -> Sources:
     return _on_vectors("law", "law_step.h", f"{GENERATED}\n{sizes}\n\n{loops}\n{text}")
 
 
-def _on_vectors(folder: str, generated: str, text: str) -> Sources:
-    """A folder of C that needs the vectors of c/lanes and one generated header."""
-    code, lanes = c_folder(folder), c_folder("lanes")
-    vectors = {name: lanes.headers[name] for name in ("elementary.h", "vectors.h")}
-    return Sources(code.units, {**code.headers, **vectors, generated: text})
-
-
 class FoldKernel(NamedTuple):
     """The states of a fold after a row, from those before."""
 
@@ -298,54 +287,32 @@ class FoldKernel(NamedTuple):
     function: Any
     columns: int  # their number
 
-    @property
-    def sizes(self) -> tuple[int, int, int]:
-        """Elements of the columns, states and parameters."""
-        *columns, _, parameters, states = (self.function.numel_in(i) for i in range(self.function.n_in()))
-        return sum(columns) // 2, states, parameters
-
 
 def folds_sources(kernels: Sequence[FoldKernel]) -> Sources:
     """The C of c/folds: a function for each kernel, called with the columns of a row, and their table."""
     from gough_stewart.fmu_build.codegen import in_lanes
 
-    sizes = {
-        "MOST_STATES": max(kernel.sizes[1] for kernel in kernels),
-        "MOST_PARAMETERS": max(1, *(kernel.sizes[2] for kernel in kernels)),
-    }
-    steps, table = [], []
-    for kernel in kernels:
-        name = kernel.function.name()
-        columns = [f"{row} + places[{i}]" for row in ("row", "before") for i in range(kernel.columns)]
-        steps.append(f"""{in_lanes(kernel.function, "static inline void fold_", exact=True)}
+    steps, table, all_sizes = [], [], []
+    for function, n_columns in kernels:
+        name = function.name()
+        *elements, _, n_parameters, n_states = (function.numel_in(i) for i in range(function.n_in()))
+        all_sizes.append((sum(elements) // 2, n_states, n_parameters))
+        columns = [f"{row} + places[{i}]" for row in ("row", "before") for i in range(n_columns)]
+        steps.append(f"""{in_lanes(function, "static inline void fold_", exact=True)}
 static void step_{name}(const lanes row[], const lanes before[], const int64_t places[], const lanes index[],
                         const lanes parameters[], const lanes state[], lanes next[])
 {{
     fold_{name}({", ".join([*columns, "index", "parameters", "state", "next"])});
 }}
 """)
-        table.append(f'    {{"{name}", {", ".join(map(str, kernel.sizes))}, step_{name}}},\n')
+        table.append(f'    {{"{name}", {", ".join(map(str, all_sizes[-1]))}, step_{name}}},\n')
+    _, n_states, n_parameters = map(max, zip(*all_sizes, strict=True))
+    sizes = defines({"MOST_STATES": n_states, "MOST_PARAMETERS": max(1, n_parameters)})
     rows = f"static const kernel KERNELS[] = {{\n{''.join(table)}}};\n"
-    return _on_vectors("folds", "fold_kernels.h", f"{GENERATED}\n\n{defines(sizes)}\n{''.join(steps)}\n{rows}")
+    return _on_vectors("folds", "fold_kernels.h", f"{GENERATED}\n\n{sizes}\n{''.join(steps)}\n{rows}")
 
 
-def machine_sources(
-    components: str, fields: str, plan: str, design: str, law: Any = None, variant: Variant = IDEAL
-) -> Sources:
-    """The C of c/machine, one machine with its loop, from generated headers and a user's law, see `law_library`."""
-    loop, machine = loop_sources(components, variant, alone=True), c_folder("machine")
-    user = Sources({}, {}) if law is None else law_sources(law)
-    headers = {**user.headers, **loop.headers, **machine.headers}
-    headers["machine_fields.h"] = f"{GENERATED}\n{fields}" + ("" if law is None else "\n#define MACHINE_HAS_LAW\n")
-    headers["plan.h"], headers["design.h"] = f"{GENERATED}\n{plan}", f"{GENERATED}\n{design}"
-    return Sources({**loop.units, **machine.units, **user.units}, headers)
-
-
-def machine_library(sources: Sources, target: Target) -> Library:
-    """The description of the library of c/machine for a target; a WebAssembly module imports nothing."""
-    flags: tuple[str, ...] = ("-s", "-shared")
-    if target is WEB_ASSEMBLY:
-        offered = re.findall(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
-        exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
-        flags = ("-mexec-model=reactor", "-Wl,--no-entry", "-s", *exports)
-    return Library("machine", lambda: sources, state_of_c(sources), (*_MACHINE_FLAGS, *flags))
+def _on_vectors(folder: str, generated: str, text: str) -> Sources:
+    """A folder of C that needs the vectors of c/lanes and one generated header."""
+    vectors = {name: c_folder("lanes").headers[name] for name in ("elementary.h", "vectors.h")}
+    return c_folder(folder) | Sources({}, {**vectors, generated: text})

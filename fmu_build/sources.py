@@ -68,19 +68,12 @@ def places(prefix: str, rows: Iterable[LayoutRow]) -> dict[str, int]:
 
 
 def standard_headers(fmi_version: str) -> dict[str, str]:
-    """The headers of the standard, from FMPy's wheel.
-
-    Raises
-    ------
-    BuildError
-        FMPy does not have them.
-    """
+    """The headers of the standard, from FMPy's wheel; `BuildError` if FMPy does not have them."""
     spec = find_spec(RUNNER)  # importing it would take half a second
     assert spec is not None
     assert spec.origin is not None
-    folder = Path(spec.origin).parent / "c-code"
     try:
-        return {name: (folder / name).read_text() for name in _STANDARD[fmi_version]}
+        return {name: Path(spec.origin).parent.joinpath("c-code", name).read_text() for name in _STANDARD[fmi_version]}
     except FileNotFoundError as error:
         raise BuildError(
             f"FMPy {version(RUNNER)} has no {Path(error.filename).name}; install FMPy 0.3.28 or later"

@@ -22,7 +22,7 @@ from pathlib import Path
 from threading import Event
 from typing import IO, Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of
+from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of_texts
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import this_machine
 
@@ -55,12 +55,6 @@ class Target:
     fmi2_folder: str
     suffix: str
 
-    def flags_of(self, library: str) -> tuple[str, ...]:
-        """Compiler flags for a library of this name."""
-        if self.suffix == ".dylib":
-            return (f"-Wl,-install_name,@rpath/{library}.dylib",)
-        return ("-fPIC",) if self.suffix == ".so" else ()
-
 
 TARGETS = (
     Target("x86_64-linux", "x86_64-linux-gnu.2.17", "linux64", ".so"),
@@ -75,13 +69,7 @@ WEB_ASSEMBLY = Target("WebAssembly", "wasm32-wasi", "", ".wasm")
 
 
 def native() -> Target:
-    """The target of this machine.
-
-    Raises
-    ------
-    BuildError
-        This machine is not among the targets.
-    """
+    """The target of this machine; `BuildError` if it is not among the targets."""
     name = this_machine()
     if name not in BY_NAME:
         raise BuildError(f"this machine is {name}; expected one of {', '.join(BY_NAME)}; choose targets by name")
@@ -89,20 +77,14 @@ def native() -> Target:
 
 
 def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
-    """Targets by name, `native` or `all`, without duplicates, in the order of the table.
-
-    Raises
-    ------
-    BuildError
-        An unknown name, or none.
-    """
-    requested = set[Target]()
+    """Targets by name, `native` or `all`, in the order of the table; `BuildError` for an unknown name, or none."""
+    requested, expected = set[Target](), f"expected native, all, or one of {', '.join(BY_NAME)}"
     for name in [names] if isinstance(names, str) else names:
         if name not in ("native", "all", *BY_NAME):
-            raise BuildError(f"no target '{name}'; expected native, all, or one of {', '.join(BY_NAME)}")
+            raise BuildError(f"no target '{name}'; {expected}")
         requested.update(TARGETS if name == "all" else [native() if name == "native" else BY_NAME[name]])
     if not requested:
-        raise BuildError("no target; expected native, all, or one of " + ", ".join(BY_NAME))
+        raise BuildError(f"no target; {expected}")
     return tuple(target for target in TARGETS if target in requested)
 
 
@@ -121,8 +103,8 @@ class Compiler(NamedTuple):
         zig builds the C library of Windows anew for each kind of processor, in minutes; so only the files are compiled
         for that.
         """
-        name = target.flags_of(Path(library).stem)
-        ending = ["-I", include, *files, "-o", library, "-lm"]
+        of_system = {".dylib": [f"-Wl,-install_name,@rpath/{Path(library).stem}.dylib"], ".so": ["-fPIC"]}
+        name, ending = of_system.get(target.suffix, []), ["-I", include, *files, "-o", library, "-lm"]
         if not self.is_zig:
             if Path(self.command[0]).stem.lower() == "cl":
                 options = ("/nologo", "/LD", "/O2", "/std:c11", "/fp:precise", "/MT")
@@ -143,29 +125,19 @@ class Compiler(NamedTuple):
 
 
 def zig() -> Compiler:
-    """The compiler of the extra `compile`.
-
-    Raises
-    ------
-    BuildError
-        It is not installed.
-    """
+    """The compiler of the extra `compile`; `BuildError` if it is not installed."""
     if find_spec(COMPILER) is None:
         raise BuildError(f"not installed: {COMPILER} (to compile); install the extra: {_REMEDY}")
     command = (sys.executable, "-m", COMPILER, "cc")
     return Compiler(command, f"{COMPILER} {version(COMPILER)} {_UNORDERED}", is_zig=True)
 
 
-def compiler_of(target: Target, environment: Mapping[str, str] | None = None) -> Compiler:
+def compiler_of(target: Target) -> Compiler:
     """The compiler of a unit for a target; compilers of the system compile for this machine only.
 
-    Raises
-    ------
-    BuildError
-        `CC` names no program, or there is no compiler.
+    `BuildError` if `CC` names no program, or there is no compiler.
     """
-    words = shlex.split((os.environ if environment is None else environment).get("CC", ""))
-    is_here = target.name == this_machine()
+    words, is_here = shlex.split(os.environ.get("CC", "")), target.name == this_machine()
     if is_here and words:
         path = shutil.which(words[0])
         if path is None:
@@ -194,12 +166,7 @@ def compile_library(
     """Compile C files to the library `name`, by zig if no other is given; the same sources give the same bytes.
 
     When `stop` is set, the compiler ends soon, with all processes that it has started. A damaged compiler cache is made
-    anew.
-
-    Raises
-    ------
-    BuildError
-        The compiler failed; contains its message.
+    anew. `BuildError` with the compiler's message if it failed.
     """
     # zig's cache identifies a file by its path, so every file gets a path that depends on its content
     include = str(place_of(headers))
@@ -223,27 +190,19 @@ def compile_library(
                 break
             if not is_last:
                 _empty_objects(in_use)
-        text = message.strip() or f"exit code {code} without a message"
+        text, cache = message.strip() or f"exit code {code} without a message", cache_folder()
         if full:
-            free = shutil.disk_usage(places[full]).free / 1e6
-            place = Path(scratch).parent if full == "TMPDIR" else cache_folder()
-            text += (
-                f"\nOnly {free:.3g} MB are free in {place}, set {full} to a folder with at least {_SPACE / 1e6:.0f} MB."
-            )
+            free, place = shutil.disk_usage(places[full]).free, Path(scratch).parent if full == "TMPDIR" else cache
+            text += f"\nOnly {free / 1e6:.3g} MB are free in {place}, "
+            text += f"set {full} to a folder with at least {_SPACE / 1e6:.0f} MB."
         elif not is_about_sources:
-            text += "\nEmptying the cache did not help; if there is no other explanation, delete the folder "
-            text += str(cache_folder())
+            text += f"\nEmptying the cache did not help; if there is no other explanation, delete the folder {cache}"
     raise BuildError(f"the compiler failed for {target.name}:\n{text}")
 
 
-def object_cache() -> Path:
-    """The folder where zig stores its objects; there is one for each version of zig."""
-    return cache_folder() / f"zig-{version(COMPILER) if find_spec(COMPILER) else 'none'}"
-
-
 def compiler_environment() -> dict[str, str]:
-    """The environment of the process, with the compiler's caches in `object_cache`."""
-    folder = str(object_cache())
+    """The environment of the process, with zig's objects in our cache, in a folder for each version of zig."""
+    folder = str(cache_folder() / f"zig-{version(COMPILER) if find_spec(COMPILER) else 'none'}")
     return {**os.environ, "ZIG_GLOBAL_CACHE_DIR": folder, "ZIG_LOCAL_CACHE_DIR": folder}
 
 
@@ -264,7 +223,7 @@ def _empty_objects(in_use: IO[str]) -> None:
     # release the shared lock first: two processes waiting for each other would deadlock
     _flock(in_use, "LOCK_UN")
     _flock(in_use, "LOCK_EX")
-    folder = object_cache()
+    folder = Path(compiler_environment()["ZIG_GLOBAL_CACHE_DIR"])
     if folder.is_dir() and not folder.is_symlink():
         shutil.rmtree(folder, ignore_errors=True)
     else:
@@ -302,8 +261,7 @@ def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> t
 
 def place_of(files: Mapping[str, str]) -> Path:
     """A permanent folder with these files."""
-    texts = "".join(f"{name}\0{text}\0" for name, text in sorted(files.items()))
-    folder = cache_folder() / digest_of(texts.encode())[:24]
+    folder = cache_folder() / digest_of_texts(files)[:24]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():

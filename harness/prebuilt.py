@@ -28,9 +28,8 @@ from gough_stewart.fmu_build.kernel_library import kernel_code
 from gough_stewart.fmu_build.libraries import (
     VECTOR_FLAGS,
     carried_name,
-    flags_of_level,
+    flags_by_level,
     lanes_code,
-    levels_of,
     machine_library,
 )
 from gough_stewart.fmu_build.plant.component import DEPENDENCIES, KERNEL_SOURCE, plant_component, traced_dependencies
@@ -81,7 +80,7 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
         unit = unit_library(plant_component(load_preset("liu2000")))
         name = f"{target.name}/{unit.name}"
         yield not_loaded_in_place(name + target.suffix, {name: unit.state}, partial(unit.compiled, target))
-        levels = {0: VECTOR_FLAGS} if only_here else {level: flags_of_level(level) for level in levels_of(target)}
+        levels = {0: VECTOR_FLAGS} if only_here else flags_by_level(target)
         for level, flags in levels.items():
             for library in (loop_code(), folds_code()):
                 name = carried_name(target, library.name, level)

@@ -28,12 +28,8 @@ _DISCARD = 2
 class FmuPlant(Plant):
     """An FMU of this project as a `Plant`; `close` removes its unpacked files.
 
-    The platform for which the FMU was built does not matter: all parameters are set.
-
-    Raises
-    ------
-    PlantError
-        No such file, not an FMU, an FMU of another model, or one that does not run on this machine.
+    The platform for which the FMU was built does not matter: all parameters are set. `PlantError` for no such file, no
+    FMU, one of another model, or one that does not run on this machine.
     """
 
     def __init__(
@@ -97,8 +93,7 @@ class FmuPlant(Plant):
             if error.status == _DISCARD:
                 raise StepError(f"FMU, FMI {self.fmi_version}: step", step, time, reason) from error
             raise PlantError(f"{self.path}: {reason}") from error
-        if self._unit.is_alarmed:
-            raise self._alarm()
+        self._check_alarm()
 
     def remarks(self) -> str:
         text = self._unit.take_messages()
@@ -112,9 +107,9 @@ class FmuPlant(Plant):
             call(*arguments)
         except FMICallException as error:
             raise PlantError(f"{self.path}: {action} refused: {self._unit.take_messages() or error}") from error
-        if self._unit.is_alarmed:
-            raise self._alarm()
+        self._check_alarm()
 
-    def _alarm(self) -> PlantError:
-        """The error for a unit that reports a problem although its call succeeded."""
-        return PlantError(f"{self.path}: {self._unit.take_messages()}")
+    def _check_alarm(self) -> None:
+        """Refuse a unit that reports a problem although its call succeeded."""
+        if self._unit.is_alarmed:
+            raise PlantError(f"{self.path}: {self._unit.take_messages()}")

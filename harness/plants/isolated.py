@@ -39,13 +39,8 @@ class Isolated:
     """An object in a separate process, which may crash or hang without affecting this one.
 
     Calls and answers are pickles on the standard streams of the process, one answer per call. An answer is a pair: a
-    success flag, and the value or the error. Output of the FMU is kept for the message after a crash. Not by
-    `multiprocessing`, which would import the user's script again.
-
-    Raises
-    ------
-    GoughStewartError
-        An error that the class raises.
+    success flag, and the value or the error, which is raised here. Output of the FMU is kept for the message after a
+    crash. Not by `multiprocessing`, which would import the user's script again.
     """
 
     def __init__(
@@ -136,13 +131,7 @@ class Isolated:
 
 
 class IsolatedFmu(Plant):
-    """`FmuPlant` in its own process.
-
-    Raises
-    ------
-    PlantError
-        An FMU that `FmuPlant` refuses, or whose process has ended.
-    """
+    """`FmuPlant` in its own process; `PlantError` also if that has ended."""
 
     def __init__(
         self,

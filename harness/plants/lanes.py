@@ -4,7 +4,7 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 """
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.libraries import CONTROLLED, WIDTH, LanesLibrary, lanes_library
+from gough_stewart.fmu_build.libraries import CONTROLLED, WIDTH, LanesLibrary, lanes_code, machine_code
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
@@ -23,7 +23,7 @@ from gough_stewart.model.dynamics import motors_at, static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, Variant, end_of_step
 from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.parameters import Parameters, Variable
+from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import are_too_short, check_leg_com_offsets
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
@@ -57,8 +57,6 @@ class LaneArrays:
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
         n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
-        places = interface.unpack(variant.parameters, np.arange(n_parameters))
-        self._places = {name: slice(int(place.min()), int(place.max()) + 1) for name, place in places.items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
         start = -raw.ctypes.data % 64 // raw.itemsize  # aligned to 64 bytes
@@ -79,9 +77,9 @@ class LaneArrays:
 
     def put_parameter(self, name: str, values: NDArray[np.float64]) -> None:
         """Write one parameter of N members (N, *shape)."""
-        padded = self.padded(values.reshape(len(values), -1))
-        by_element = self.parameters.swapaxes(0, 1)
-        by_element[self._places[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
+        padded = self.padded(values.reshape(len(values), -1)).reshape(-1, self.blocks, WIDTH)
+        rows = interface.unpack(self.variant.parameters, np.arange(self.parameters.shape[1]))[name]
+        self.parameters[:, rows.ravel()] = padded.swapaxes(0, 1)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
         """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
@@ -106,19 +104,18 @@ class CompiledLanes:
         self.features = library.features  # of the processor that it was compiled for: equal texts mean equal bits
         self.library = ctypes.CDLL(str(library.path))
         # the function of c/loop, if it is there
-        self.loop_run: Callable[..., int] | None = getattr(self.library, "loop_run", None)
+        self.loop_run = getattr(self.library, "loop_run", None)
+        number, count, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
         if self.loop_run is not None:
-            self.loop_run.restype = ctypes.c_int64
-        batch, number, count, array = ctypes.POINTER(_CBatch), ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
+            self.loop_run.restype = count
         for name, result, arguments in (
             ("check", count, tuple[Any, ...]()),
-            ("step", count, (number, count, array)),
-            ("advance", count, (number, number, array)),
+            ("step", count, (number, count, number, array)),
             ("signals", None, (array,)),
             ("results", None, (array,)),
         ):
             function = getattr(self.library, f"lanes_{name}")
-            function.argtypes, function.restype = (batch, *arguments), result
+            function.argtypes, function.restype = (ctypes.POINTER(_CBatch), *arguments), result
 
 
 class Stepping(NamedTuple):
@@ -149,7 +146,7 @@ class LanesPlant(Plant):
     PlatformError
         Some have stiction or elastic legs, and others have not.
     BuildError, OSError
-        There is no machine code, and it cannot be built, as `lanes_library`.
+        There is no machine code, and it cannot be built, as `machine_code`.
     """
 
     def __init__(
@@ -173,11 +170,11 @@ class LanesPlant(Plant):
             ("leg_stiffness", self._platforms.field("leg_stiffness") > 0),
         ):
             for k in np.flatnonzero(has_part != has_part[0])[:1].tolist():
-                words = Variant.of(platforms[k]).words.removeprefix("with ")
+                its, of_first = (Variant.of(platforms[m]).words.removeprefix("with ") for m in (k, 0))
                 raise PlatformError(
                     field,
-                    f"gives platform {k} other states: it has {words}, and platform 0 "
-                    f"{variant.words.removeprefix('with ')}; expected one kind, so run each kind for itself",
+                    f"gives platform {k} other states: it has {its}, and platform 0 {of_first}; expected one kind, "
+                    "so run each kind for itself",
                 )
         if variant.parts and substeps is not None:
             raise PlantError(
@@ -195,6 +192,8 @@ class LanesPlant(Plant):
         self.substeps, self.tolerance = substeps, tolerance
         self._kernel = kernel or _of_plants_alone(variant)
         self.features, self.columns = self._kernel.features, variant.columns
+        # of c/loop, if it is in the machine code; then call `begin` and, at last, `came_to`
+        self.loop_run = self._kernel.loop_run
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
@@ -211,11 +210,6 @@ class LanesPlant(Plant):
         self.internal_steps, self.integration_error = (
             numbers[: len(platforms)] for numbers in (batch.internal_steps, batch.error)
         )
-
-    @property
-    def loop_run(self) -> Callable[..., int] | None:
-        """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
-        return self._kernel.loop_run
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
@@ -287,12 +281,8 @@ class LanesPlant(Plant):
     def do_step(self, time: float, step: float) -> None:
         end = end_of_step(time, step, self._time)
         failures = self.begin() if self._steps == 0 else {}
-        library, batch, out = self._kernel.library, self.batch.reference, self._signals.ctypes.data
-        if self.substeps is None:
-            n_failed = library.lanes_advance(batch, step, self.tolerance, out)
-        else:
-            n_failed = library.lanes_step(batch, step / self.substeps, self.substeps, out)
-        if n_failed:
+        size, out = step / (self.substeps or 1), self._signals.ctypes.data
+        if self._kernel.library.lanes_step(self.batch.reference, size, self.substeps or 0, self.tolerance, out):
             failures |= self._stop_failed()
         self._time, self._steps = end, self._steps + 1
         if failures:
@@ -316,12 +306,15 @@ class LanesPlant(Plant):
         failure, x, inputs = int(batch.failure[k]), batch.reached[:, k], batch.inputs[:, k]
         time = begin + float(batch.failed_after[k])
         if failure == Failure.NOT_FINITE:
-            if not np.isfinite(inputs).all():
-                return StepError(*_first_not_finite(interface.INPUTS, inputs), begin, "expected finite numbers")
+            is_of_inputs = not np.isfinite(inputs).all()
+            variables, values = (interface.INPUTS, inputs) if is_of_inputs else (self._variant.states, x)
+            first = int(np.flatnonzero(~np.isfinite(values))[0])
+            quantity = [name for variable in variables for name in variable.scalar_names][first], float(values[first])
+            if is_of_inputs:
+                return StepError(*quantity, begin, "expected finite numbers")
             remedy = "smaller forces, or smoother friction (leg_friction_velocity)"
             remedy = remedy if self.substeps is None else f"more than {self.substeps} substeps, {remedy}"
-            first = _first_not_finite(self._variant.states, x)
-            return StepError(*first, time, f"the motion is not finite; it needs {remedy}")
+            return StepError(*quantity, time, f"the motion is not finite; it needs {remedy}")
         if failure == Failure.TOO_MANY_STEPS:
             most = int(CONTROLLED["MOST_LANE_STEPS"])
             reason = (
@@ -343,22 +336,21 @@ class LanesPlant(Plant):
         """Place the motors of these members (M,) where they hold the pose at rest, moving with it."""
         if not self._variant.springs:
             return
-        states, x = self._variant.states, self.batch.states
-        starts = State.from_vector(x[: interface.N_STATES].T)
-        try:
-            motors = motors_at(self.batch.parameters_of(), starts)
-        except SingularPoseError:
-            motors_of_each = list[dict[str, FloatArray]]()
-            for k in range(x.shape[1]):
-                parameters, start = self.batch.parameters_of(k), State.from_vector(x[: interface.N_STATES, k])
-                try:
-                    motors_of_each.append(motors_at(parameters, start))
-                except SingularPoseError:  # not stretched, in a pose from which `begin` does not start
-                    motors_of_each.append(motors_at(replace(parameters, leg_stiffness=0.0), start))
-            motors = {name: np.stack([of_member[name] for of_member in motors_of_each]) for name in motors_of_each[0]}
-        for name, values in motors.items():
-            begin = interface.size_of(states[: states.index(interface.BY_NAME[name])])
-            x[begin : begin + N_LEGS, members] = values.T[:, members]
+        x = self.batch.states
+
+        def motors_of(columns: Any) -> FloatArray:
+            parameters, start = self.batch.parameters_of(columns), State.from_vector(x[: interface.N_STATES, columns].T)
+            try:
+                motors = motors_at(parameters, start)
+            except SingularPoseError:
+                if not isinstance(columns, int):
+                    return np.stack([motors_of(k) for k in range(x.shape[1])], axis=-1)
+                # not stretched, in a pose from which `begin` does not start
+                motors = motors_at(replace(parameters, leg_stiffness=0.0), start)
+            return np.concatenate([motors["motor_position"], motors["motor_velocity"]], axis=-1).T
+
+        # the last states
+        x[-2 * N_LEGS :, members] = motors_of(slice(None))[:, members]
 
     def _stop_failed(self) -> dict[int, StepError]:
         batch = self.batch
@@ -370,11 +362,4 @@ class LanesPlant(Plant):
 
 @cache
 def _of_plants_alone(variant: Variant) -> CompiledLanes:
-    return CompiledLanes(lanes_library(variant))
-
-
-def _first_not_finite(variables: Sequence[Variable], values: FloatArray) -> tuple[str, float]:
-    """Name and value of the first element that is not finite."""
-    names = [name for variable in variables for name in variable.scalar_names]
-    at = int(np.flatnonzero(~np.isfinite(values))[0])
-    return names[at], float(values[at])
+    return CompiledLanes(machine_code(lanes_code(variant)))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class ModelPlant(Plant):
-    """The stepping model with one of its integrators as a `Plant`, whose rules its methods follow."""
+    """The stepping model with one of its integrators as a `Plant`."""
 
     def __init__(
         self,
@@ -64,13 +64,8 @@ def open_plant(
     """An open plant; an FMU without a file is built for this machine or taken from the cache.
 
     An FMU from a file is third-party code: it runs in its own process, so that a crash does not end the run.
-
-    Raises
-    ------
-    PlantError
-        An unknown kind, a file for the model, an FMU of the other version, or one that `FmuPlant` refuses.
-    BuildError
-        The FMU cannot be built, or what runs it is not installed.
+    `PlantError` for an unknown kind, a file for the model, an FMU of the other version, or one that `FmuPlant` refuses;
+    `BuildError` if the FMU cannot be built, or what runs it is not installed.
     """
     if kind in ("model", "scipy"):
         if fmu is not None:

@@ -1,7 +1,6 @@
 """The interface that the loop requires of a plant, of one platform or many, and a plant of one as one of many."""
 
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
@@ -55,45 +54,41 @@ class Plant(Protocol):
     def set_parameters(self, values: Mapping[str, object]) -> None:
         """Set tunable parameters of all members by name, all of them or none."""
 
-    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
-        """Set tunable parameters of these members (N,) only; values of the others are ignored."""
-        raise _single(self)
-
-    def signals(self) -> FloatArray:
-        """The first part of the results (*shape, 24), perhaps a view that is valid until the next step."""
-        return self.results()[..., : signals.SIZE]
-
     def results(self) -> FloatArray:
         """A copy of all outputs and locals (*shape, N_RESULTS) at the present time."""
 
     def do_step(self, time: float, step: float) -> None:
         """Advance all members that can continue from a time [s] by a step [s]."""
 
+    def signals(self) -> FloatArray:
+        """The first part of the results (*shape, 24), perhaps a view that is valid until the next step."""
+        return self.results()[..., : signals.SIZE]
+
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
+        """Set tunable parameters of these members (N,) only; values of the others are ignored."""
+        self._refuse_members()
+
+    def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
+        """Leave these members (N,) in their present state from now on."""
+        self._refuse_members()
+
     def remarks(self) -> str:
         """What the plant said since the last call while all went well."""
         return ""
 
-    def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
-        """Leave these members (N,) in their present state from now on."""
-        raise _single(self)
-
     def close(self) -> None:
         """Release the plant's resources, by default nothing; may be called again."""
-        return
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-
-def _single(plant: Plant) -> PlantError:
-    return PlantError(
-        f"{type(plant).__name__} is a plant of one platform; expected a plant of many platforms for member actions"
-    )
+    def _refuse_members(self) -> None:
+        raise PlantError(
+            f"{type(self).__name__} is a plant of one platform; expected a plant of many platforms for member actions"
+        )
 
 
 class PlantOfOne(Plant):
@@ -113,7 +108,6 @@ class PlantOfOne(Plant):
         self._plant.set_parameters(values)
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
-        """Set those of the platform, without a member axis."""
         if members.any():
             self._plant.set_parameters(values)
 
@@ -134,13 +128,7 @@ class PlantOfOne(Plant):
 
 
 def tunable(variant: Variant, name: str) -> Variable:
-    """The parameter of this name, which may change during a run.
-
-    Raises
-    ------
-    InterfaceError
-        No such parameter; lists those that may.
-    """
+    """The parameter of this name, which may change during a run; `InterfaceError` lists those that may."""
     for variable in variant.tunable:
         if variable.name == name:
             return variable

@@ -22,7 +22,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, calloc, fmi2CallbackFunctions, fmi2C
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from numpy.typing import ArrayLike
 
-from gough_stewart.fmu_build.component import Layout
+from gough_stewart.fmu_build.component import Layout, Role
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model.errors import GoughStewartError
@@ -53,15 +53,7 @@ _BYTES_KEPT = 500
 class FmuFile:
     """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until closed.
 
-    Parameters
-    ----------
-    path
-        The FMU file.
-
-    Raises
-    ------
-    GoughStewartError
-        No such file, not an FMU, an unsafe archive, or another kind of FMU; each subclass has its own error.
+    Its `error` is raised for no such file, no FMU, an unsafe archive, or another kind of FMU.
     """
 
     error: ClassVar[type[GoughStewartError]] = PlantError
@@ -72,6 +64,7 @@ class FmuFile:
         self.path = Path(path)
         self.description = self._read()
         self.version = str(self.description.fmiVersion)
+        self.is_fmi2 = self.version == "2.0"  # whose variables are scalars
         self._check()
         self._libraries: dict[FmiType, Any] = {}
         self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
@@ -88,11 +81,6 @@ class FmuFile:
         except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:  # the last one if it is encrypted
             self.close()
             raise self.refusal(f"cannot be unpacked ({error})") from error
-
-    @property
-    def is_fmi2(self) -> bool:
-        """Whether it is FMI 2.0, whose variables are scalars."""
-        return self.version == "2.0"
 
     def refusal(self, reason: str) -> GoughStewartError:
         """The error with the reason and the remedy."""
@@ -169,9 +157,8 @@ class UnitFile(FmuFile):
         stated = {v.name: v.valueReference for v in self.description.modelVariables}
         self.variant = Variant("leg_friction_model" in stated, "leg_stiffness" in stated)
         self.layout = plant_layout(self.variant)
-        for variable in (row.variable for row in self.layout.rows if row.derivative_of is None):
-            if variable is self.layout.by_name["time"].variable:
-                continue
+        computed = (Role.DERIVATIVE, Role.INDEPENDENT)
+        for variable in (row.variable for row in self.layout.rows if row.role not in computed):
             names = variable.scalar_names if self.is_fmi2 else (variable.name,)
             for name, reference in zip(names, self.references(variable.name), strict=True):
                 if stated.get(name) != reference:
@@ -185,12 +172,7 @@ class FmuInstance:
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
-    than a warning.
-
-    Raises
-    ------
-    GoughStewartError
-        No binary for this machine, or one that cannot be loaded or instantiated; of the class of the file's errors.
+    than a warning. The file's `error` is raised for no binary for this machine, or one that cannot be instantiated.
     """
 
     def __init__(self, file: FmuFile, fmi_type: FmiType = "CoSimulation", *, name: str = "plant") -> None:
@@ -198,8 +180,16 @@ class FmuInstance:
         self.messages: list[str] = []
         self.is_alarmed, self._heard = False, 0
         self.fmu: Any = copy(file.library(fmi_type))
-        self.fmu.instanceName = name
-        self.fmu._call = partial(_call_of, self.fmu._call)
+        self.fmu.instanceName, call = name, self.fmu._call
+
+        def call_of(function: str, *arguments: Any) -> Any:
+            """FMPy takes a status below 0 for success."""
+            answer = call(function, *arguments)
+            if isinstance(answer, int) and answer < 0:
+                raise FMICallException(function, answer)
+            return answer
+
+        self.fmu._call = call_of
         try:
             if self.is_fmi2:
                 # keep references, since the instance calls them during its lifetime
@@ -296,14 +286,6 @@ class FmuInstance:
             del self.messages[_MESSAGES_KEPT]
 
 
-def _call_of(call: Callable[..., Any], name: str, *arguments: Any) -> Any:
-    """FMPy's call of a function; FMPy takes a status below 0 for success."""
-    answer = call(name, *arguments)
-    if isinstance(answer, int) and answer < 0:
-        raise FMICallException(name, answer)
-    return answer
-
-
 def _ends_of(text: bytes | None) -> str:
     """A text that a unit hands over, of any length: its first and last bytes if it is long, "" for a null pointer."""
     shown = text or b""
@@ -332,37 +314,27 @@ class Values:
 
 
 def check_archive(path: Path) -> None:
-    """Refuse an archive that would write outside its folder or fill the disk.
-
-    Raises
-    ------
-    PlantError
-        Not an archive; an entry with an absolute path, `..` or a backslash; more than `MOST_FILES` files, `MOST_BYTES`
-        unpacked, or `MOST_BYTES_OF_DESCRIPTION` to parse.
-    """
+    """Raise `PlantError` for an archive that would write outside its folder or fill the disk, or for none."""
     try:
         with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
+            sizes = [(entry.orig_filename, entry.file_size) for entry in archive.infolist()]
     except (OSError, zipfile.BadZipFile, NotImplementedError, UnicodeDecodeError) as error:
         raise PlantError(f"{path}: is not an FMU ({error})") from error
-    if len(entries) > MOST_FILES:
-        raise PlantError(f"{path}: contains {len(entries):,} files; expected an FMU of at most {MOST_FILES:,}")
-    for entry in entries:
-        name = entry.orig_filename
+    if len(sizes) > MOST_FILES:
+        raise PlantError(f"{path}: contains {len(sizes):,} files; expected an FMU of at most {MOST_FILES:,}")
+    for name, _ in sizes:
         if _ABSOLUTE.match(name) or "\\" in name or "\0" in name or ".." in name.split("/"):
             raise PlantError(
                 f"{path}: the entry {name!r} points outside the archive; expected relative paths with slashes, as the "
                 "standard requires; nothing was unpacked"
             )
-    size = sum(entry.file_size for entry in entries)
-    if size > MOST_BYTES:
-        largest = max(entries, key=lambda entry: entry.file_size)
+    if (unpacked := sum(size for _, size in sizes)) > MOST_BYTES:
+        name, largest = max(sizes, key=lambda entry: entry[1])
         raise PlantError(
-            f"{path}: would unpack to {size / 1e6:,.0f} MB, {largest.file_size / 1e6:,.0f} MB of it the entry "
-            f"{largest.orig_filename!r}; expected at most {MOST_BYTES / 1e6:,.0f} MB; nothing was unpacked"
+            f"{path}: would unpack to {unpacked / 1e6:,.0f} MB, {largest / 1e6:,.0f} MB of it the entry {name!r}; "
+            f"expected at most {MOST_BYTES / 1e6:,.0f} MB; nothing was unpacked"
         )
-    described = sum(entry.file_size for entry in entries if entry.orig_filename == DESCRIPTION)
-    if described > MOST_BYTES_OF_DESCRIPTION:
+    if (described := sum(size for name, size in sizes if name == DESCRIPTION)) > MOST_BYTES_OF_DESCRIPTION:
         raise PlantError(
             f"{path}: its {DESCRIPTION} has {described / 1e6:,.1f} MB; expected at most "
             f"{MOST_BYTES_OF_DESCRIPTION / 1e6:,.0f} MB; nothing was parsed"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build.libraries import levels_of
+from gough_stewart.fmu_build.libraries import flags_by_level
 from gough_stewart.fmu_build.toolchain import TARGETS
 
 ROOT = Path(__file__).parents[2]
@@ -49,4 +49,4 @@ def test_two_builds_have_the_same_bytes_and_code_for_every_target(tmp_path: Path
     assert "gough_stewart/prebuilt/machine.wasm.xz" in names
     for target in TARGETS:
         found = [name for name in names if f"/{target.name}/" in name]
-        assert len(found) == 2 + 2 * len(levels_of(target)), found
+        assert len(found) == 2 + 2 * len(flags_by_level(target)), found

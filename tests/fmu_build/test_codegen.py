@@ -1,4 +1,4 @@
-"""The kernel as C: complete, with plain signatures, and refused where it is not straight-line code."""
+"""Generated C: straight-line arithmetic, refused where it is not; and which files know of which."""
 
 import re
 from pathlib import Path
@@ -9,16 +9,6 @@ import pytest
 from gough_stewart.fmu_build import codegen
 from gough_stewart.fmu_build import sources as tables
 from gough_stewart.fmu_build.sources import standard_headers
-
-
-def test_the_code_is_arithmetic_only() -> None:
-    """Expected: calls of sin, cos, tanh, sqrt and the square; no branch, no loop, no pointer."""
-    source = codegen.kernel_source()
-    body = source[source.index("void kernel_derivatives") :]
-    assert set(re.findall(r"\b(\w+)\(", body)) - {f"kernel_{n}" for n in ("derivatives", "outputs", "legs")} == {
-        *("sin", "cos", "tanh", "sqrt", "sq", "kernel_forward", "kernel_reverse")
-    }
-    assert not re.search(r"\b(if|for|while|goto|static)\b|\?|\*\w+\s*=", body)
 
 
 def test_the_unit_knows_a_component_by_its_interface_only() -> None:
@@ -32,25 +22,30 @@ def test_the_unit_knows_a_component_by_its_interface_only() -> None:
     assert "component.h" in own
 
 
-def test_code_that_branches_is_refused() -> None:
-    x = casadi.SX.sym("x")
-    function = casadi.Function("f", [x], [casadi.if_else(x > 0, casadi.sin(x), casadi.fmod(x, 2))], ["x"], ["y"])
-    with pytest.raises(RuntimeError, match="unknown construct"):
-        codegen.function_source(function)
+def test_the_kernel_is_arithmetic_only() -> None:
+    """Expected: calls of sin, cos, tanh, sqrt and the square; no branch, no loop, no pointer."""
+    source = codegen.kernel_source()
+    body = source[source.index("void kernel_derivatives") :]
+    assert set(re.findall(r"\b(\w+)\(", body)) - {f"kernel_{n}" for n in ("derivatives", "outputs", "legs")} == {
+        *("sin", "cos", "tanh", "sqrt", "sq", "kernel_forward", "kernel_reverse")
+    }
+    assert not re.search(r"\b(if|for|while|goto|static)\b|\?|\*\w+\s*=", body)
 
 
-def test_conditions_compare_with_zero_where_they_are_allowed() -> None:
-    """Expected: a choice, a negation and a conjunction of numbers, written out; refused by default."""
-    x = casadi.SX.sym("x", 2)
-    both = casadi.logic_or(casadi.logic_and(x[0], x[1]), casadi.logic_not(x[0]))
-    function = casadi.Function("g", [x], [casadi.if_else(both, x[1], 0)], ["x"], ["y"])
+def test_what_is_no_straight_line_is_refused_but_for_conditions_where_they_are_allowed() -> None:
+    """Expected: a choice, a negation and a conjunction compare numbers with 0; of functions that call others never."""
+    x, y = casadi.SX.sym("x", 2), casadi.MX.sym("y")
+    either = casadi.logic_or(casadi.logic_and(x[0], x[1]), casadi.logic_not(x[0]))
+    function = casadi.Function("g", [x], [casadi.if_else(either, x[1], 0)], ["x"], ["y"])
     written = codegen.function_source(function, conditions=True)
-    assert re.search(r"=\(a\d!=0&&a\d!=0\);", written)
-    assert re.search(r"=\(a\d!=0\|\|a\d!=0\);", written)
-    assert re.search(r"=\(a\d==0\);", written)
-    assert re.search(r"=\(a\d!=0\?a\d:0\);", written)
+    for pattern in (r"a\d!=0&&a\d!=0", r"a\d!=0\|\|a\d!=0", r"a\d==0", r"a\d!=0\?a\d:0"):
+        assert re.search(rf"=\({pattern}\);", written)
     with pytest.raises(RuntimeError, match=r"^g: unknown construct '\?' in the generated code$"):
         codegen.function_source(function)
+    inner = casadi.Function("inner", [y], [casadi.sin(y)], {"never_inline": True})
+    outer = casadi.Function("outer", [y], [inner(y) + inner(2 * y)], ["x"], ["y"])
+    with pytest.raises(RuntimeError, match=r"^outer: "):
+        codegen.function_source(outer)
 
 
 def test_a_divisor_is_known_by_its_name_and_value() -> None:
@@ -63,12 +58,3 @@ def test_a_divisor_is_known_by_its_name_and_value() -> None:
     assert codegen.with_reciprocals("\n".join(before), "real") == "\n".join(after)
     once = "\n".join(before[2:4])
     assert codegen.with_reciprocals(once) == once
-
-
-def test_a_function_that_calls_others_is_refused() -> None:
-    """Expected: the number of functions that its code has."""
-    x = casadi.MX.sym("x")
-    inner = casadi.Function("inner", [x], [casadi.sin(x)], {"never_inline": True})
-    outer = casadi.Function("outer", [x], [inner(x) + inner(2 * x)], ["x"], ["y"])
-    with pytest.raises(RuntimeError, match=r"^outer: "):
-        codegen.function_source(outer)

@@ -1,4 +1,4 @@
-"""Units of platforms whose friction sticks and whose legs give, against the stepping model."""
+"""Units of machines that stick or give, beside the stepping model; massless legs and shared joints, by mechanics."""
 
 import re
 from typing import Any
@@ -6,20 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy import simulate_fmu
+from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from tests.support.fmu_plants import ERROR, STATES, Fmu, Plant, by_element, plant, refused
+from gough_stewart.model.formulations import kane
+from tests.support.fmu_plants import ERROR, OK, STATES, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.real_platforms import real_platform
+from tests.support.shared_joints import SHARED
+from tests.support.uneven import INPUT_VALUES, INPUTS, MOVING, STATE, UNEVEN
 
 OWN_STATES = ("leg_bristle", "motor_position", "motor_velocity")
-
-
-def inputs_at(platform: gs.Platform, time: float) -> dict[str, Any]:
-    """Forces that break every leg loose and let it stick again, each at its own frequency."""
-    waves = 45.0 * np.sin(2 * np.pi * time * np.arange(3.0, 9.0) + np.arange(6))
-    force = platform.home_actuator_force + waves
-    return {"actuator_force": force, "external_force": [3.0, -2.0, 5.0], "external_torque": [0.3, 0.1, -0.2]}
 
 
 def at_home(platform: gs.Platform) -> dict[str, Any]:
@@ -27,47 +24,50 @@ def at_home(platform: gs.Platform) -> dict[str, Any]:
     return home | ({"motor_position": platform.home_motor_position} if platform.leg_stiffness else {})
 
 
-def stepped(fmu: Fmu, platform: gs.Platform, steps: int, tolerance: float, fixed: float = 0.0) -> dict[str, FloatArray]:
-    """All variables after steps of 2 ms."""
-    with plant(fmu) as p:
-        p.start({**at_home(platform), "fixed_step_size": fixed}, tolerance, platform=platform)
-        for k in range(steps):
-            for name, value in inputs_at(platform, 2e-3 * k).items():
-                p.set(name, value)
-            p.do_step(2e-3 * k, 2e-3)
-        return p.everything()
+# --- legs that stick or give -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("friction", "version"), [("elasto_plastic", "2.0"), ("lugre", "3.0")])
 def test_the_unit_moves_as_the_stepping_model_does(whole: dict[str, Fmu], friction: str, version: str) -> None:
-    """Expected: the model at a tolerance of 1e-11; the bristles move. Fixed steps have errors of their own."""
-    platform = real_platform(friction, springs=True)
+    """Expected: the model at a tolerance of 1e-11; the bristles move. Fixed steps have errors of their own.
+
+    Forces break every leg loose and let it stick again, each at its own frequency.
+    """
+    platform, times = real_platform(friction, springs=True), 2e-3 * np.arange(60)
+    waves = 45.0 * np.sin(2 * np.pi * times[:, None] * np.arange(3.0, 9.0) + np.arange(6))
+    forces = platform.home_actuator_force + waves
+    load = {"external_force": [3.0, -2.0, 5.0], "external_torque": [0.3, 0.1, -0.2]}
     model = gs.SteppingModel(platform, 1e-11, integrator="scipy")
-    for k in range(60):
-        model.set_many(inputs_at(platform, 2e-3 * k))
-        model.do_step(2e-3 * k, 2e-3)
+    model.set_many(load)
+    for time, force in zip(times.tolist(), forces, strict=True):
+        model.set("actuator_force", force)
+        model.do_step(time, 2e-3)
     assert np.abs(model.get("leg_bristle")).max() > 1e-6
     for tolerance, fixed, bound in ((1e-10, 0.0, 2e-9), (1e-8, 1e-3, 2e-6)):
-        found = stepped(whole[version], platform, 60, tolerance, fixed)
-        for name in ("position", "orientation", "leg_length", "motor_position", "leg_bristle"):
-            assert found[name] == pytest.approx(np.asarray(model.get(name)), abs=bound), name
+        with plant(whole[version]) as p:
+            p.start({**at_home(platform), **load, "fixed_step_size": fixed}, tolerance, platform=platform)
+            for time, force in zip(times.tolist(), forces, strict=True):
+                p.set("actuator_force", force)
+                p.do_step(time, 2e-3)
+            for name in ("position", "orientation", "leg_length", "motor_position", "leg_bristle"):
+                assert p.get(name) == pytest.approx(np.asarray(model.get(name)), abs=bound), name
 
 
 @pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
 def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(
     whole: dict[str, Fmu], sticking: Fmu, springs: bool
 ) -> None:
-    """Expected: the model at 1e-10, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
+    """Expected: the model, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
     platform, h = real_platform("lugre", springs=springs), 1e-3
-    model = gs.SteppingModel(platform, 1e-10, integrator="scipy")
+    model = gs.SteppingModel(platform, 1e-8, integrator="scipy")
     force = np.asarray(platform.home_actuator_force) + 60.0
     model.set("actuator_force", force)
+    model.do_step(0.0, 40 * h)
     with plant(whole["3.0"] if springs else sticking) as p:
         p.start({**at_home(platform), "fixed_step_size": h}, platform=platform)
         p.set("actuator_force", force)
         for k in range(40):
-            for each in (model, p):
-                each.do_step(k * h, (k + 1) * h - k * h)
+            p.do_step(k * h, (k + 1) * h - k * h)
         assert np.abs(model.get("velocity")).max() > 0.1
         assert p.get("position") == pytest.approx(np.asarray(model.get("position")), abs=2e-6)
 
@@ -106,7 +106,7 @@ def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(whole: di
         assert p.get("position")[2] == pytest.approx(platform.home_position[2], abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["model", "fmu2", "fmu3"])
+@pytest.mark.parametrize("kind", ["model", "fmu3"])
 def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kind: str) -> None:
     """Expected: the loop on the model under error control; errors of steps are corrected as by any feedback."""
     settings = {
@@ -124,16 +124,17 @@ def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kin
     assert re.search(r"0\.002 .*too large for legs that stick.*at most 0\.001 s", long.metadata["outcome"]["cause"])
 
 
-def test_a_saved_state_has_the_bristles_and_motors(whole: dict[str, Fmu]) -> None:
+def test_a_saved_state_has_the_bristles_and_motors(whole: dict[str, Fmu], sticking: Fmu) -> None:
     """Expected: the same step in another instance, bit by bit; a unit of another kind refuses the state."""
     platform = real_platform("lugre", springs=True)
-    with plant(whole["2.0"]) as p, plant(whole["3.0"]) as q:
+    with plant(whole["2.0"]) as p, plant(whole["3.0"]) as q, plant(sticking) as other:
         p.start(at_home(platform), platform=platform)
         p.set("actuator_force", platform.home_actuator_force + 40.0)
         p.do_step(0.0, 0.02)
         q.restore(p.serialized())
-        for each in (p, q):
-            each.do_step(0.02, 0.02)
+        p.refuses("version", ERROR, p.restore, other.serialized())
+        for instance in (p, q):
+            instance.do_step(0.02, 0.02)
         assert p.serialized() == q.serialized()
         names = [*STATES, *OWN_STATES, "leg_force"]
         assert p.get_all(names).tobytes() == q.get_all(names).tobytes()
@@ -162,44 +163,108 @@ def test_under_cvode_bristles_are_as_exact_as_their_nominal_says(sticking: Fmu) 
         model.do_step(2e-3 * k, 2e-3)
         exact.append(model.state[[*range(6), *range(12, 18)]])
     values = {name: getattr(platform, name) for name in sticking.variables if hasattr(platform, name)}
-    values |= {**at_home(platform), **start}
+    output = ["position", "orientation", "leg_bristle"]
     result = simulate_fmu(
         str(sticking.path),
         fmi_type="ModelExchange",
-        start_values=by_element(sticking, values),
-        output=["position", "orientation", "leg_bristle"],
+        start_values=by_element(sticking, values | at_home(platform) | start),
+        output=output,
         stop_time=0.4,
         output_interval=2e-3,
         relative_tolerance=1e-6,
     )
-    found = np.concatenate([result[name] for name in ("position", "orientation", "leg_bristle")], axis=1)[1:]
+    found = np.concatenate([result[name] for name in output], axis=1)[1:]
     error = np.sqrt(((found - exact) ** 2).mean(axis=0))
     assert error[:6].max() < 3e-8
     assert error[6:].max() < 3e-10
     assert (np.ptp(np.sign(np.array(exact)[:, 6:]), axis=0) == 2).sum() >= 3
 
 
-def test_a_state_of_a_rigid_unit_is_not_that_of_one_that_gives(whole: dict[str, Fmu], sticking: Fmu) -> None:
-    with plant(whole["3.0"]) as p, plant(sticking) as other:
-        assert refused(p.restore, other.serialized()) == ERROR
-        assert "version" in p.take_messages()
+REFUSED: dict[str, tuple[float, str]] = {
+    "leg_friction_model": (0.0, "leg_friction_model is 0; expected 1"),
+    "leg_coulomb_friction": (0.0, "leg_coulomb_friction is 0 N"),
+    "leg_static_friction": (1.0, "leg_static_friction is 1 N, below leg_coulomb_friction"),
+    "leg_bristle_stiffness": (1.0, "leg_bristle_stiffness is 1 N/m: legs would stick over"),
+    "leg_breakaway_share": (1.0, "leg_breakaway_share is 1; expected at most 0.99"),
+    "leg_armature": (0.0, "leg_armature is 0 kg; a leg with leg_stiffness"),
+    "leg_stiffness": (1.0, "leg_stiffness is 1 N/m; expected"),
+    "motor_position": (1.0, "motor_position[1] is 1 m, but leg_length[1]"),
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("leg_friction_model", 0.0, "leg_friction_model is 0; expected 1"),
-        ("leg_coulomb_friction", 0.0, "leg_coulomb_friction is 0 N"),
-        ("leg_static_friction", 1.0, "leg_static_friction is 1 N, below leg_coulomb_friction"),
-        ("leg_bristle_stiffness", 1.0, "leg_bristle_stiffness is 1 N/m: legs would stick over"),
-        ("leg_breakaway_share", 1.0, "leg_breakaway_share is 1; expected at most 0.99"),
-        ("leg_armature", 0.0, "leg_armature is 0 kg; a leg with leg_stiffness"),
-        ("leg_stiffness", 1.0, "leg_stiffness is 1 N/m; expected"),
-        ("motor_position", 1.0, r"motor_position\[1\] is 1 m, but leg_length\[1\]"),
-    ],
-)
-def test_what_a_platform_refuses_the_unit_refuses(whole: dict[str, Fmu], name: str, value: float, message: str) -> None:
+def test_what_a_platform_refuses_the_unit_refuses(whole: dict[str, Fmu]) -> None:
     platform = real_platform("lugre", springs=True)
-    with Plant(whole["2.0"]) as p:
-        assert refused(p.start, {**at_home(platform), name: value}, platform=platform) == ERROR
-        assert re.search(message, p.take_messages())
+    for name, (value, message) in REFUSED.items():
+        with Plant(whole["2.0"]) as p:
+            assert refused(p.start, {**at_home(platform), name: value}, platform=platform) == ERROR
+            assert message in p.take_messages()
+
+
+# --- massless legs ---------------------------------------------------------------------------------------------------
+
+_ZEROS = ("leg_lower_mass", "leg_upper_mass", "leg_lower_inertia", "leg_upper_inertia", "leg_armature")
+MASSLESS = UNEVEN.with_parameters(dict.fromkeys((*_ZEROS, "leg_viscous_friction", "leg_coulomb_friction"), 0.0))
+
+
+def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu: Fmu) -> None:
+    """Expected: Newton and Euler for one body about its centre of mass; joints carry the actuators' forces alone.
+
+    At rest six of these balance the weight, by a linear system.
+    """
+    R = Rotation.from_euler("xyz", STATE.orientation).as_matrix()
+    arms, com = MASSLESS.platform_points @ R.T, R @ MASSLESS.platform_com
+    u = STATE.position + arms - MASSLESS.base_points
+    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    forces, omega = INPUT_VALUES["actuator_force"][:, None] * u, STATE.angular_velocity
+    total = forces.sum(axis=0) + INPUT_VALUES["external_force"]
+    moment = np.cross(arms - com, forces).sum(axis=0) + INPUT_VALUES["external_torque"]
+    moment = moment - np.cross(com, INPUT_VALUES["external_force"])
+    inertia = R @ MASSLESS.platform_inertia @ R.T
+    turning = np.linalg.solve(inertia, moment - np.cross(omega, inertia @ omega))
+    of_com = total / MASSLESS.platform_mass + MASSLESS.gravity
+    acceleration = of_com - np.cross(turning, com) - np.cross(omega, np.cross(omega, com))
+    expected = {"acceleration": acceleration, "angular_acceleration": turning, "joint_force": forces}
+    model = gs.SteppingModel(MASSLESS)
+    model.set_many(MOVING)
+    with plant(fmu) as p:
+        p.start(MOVING, platform=MASSLESS)
+        for name, value in expected.items():
+            assert np.asarray(model.get(name)) == pytest.approx(value, rel=1e-9, abs=1e-9), name
+            assert p.get(name) == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    weight = MASSLESS.platform_mass * MASSLESS.gravity
+    held = np.linalg.solve(np.vstack([u.T, np.cross(arms, u).T]), -np.concatenate([weight, np.cross(com, weight)]))
+    assert gs.static_leg_forces(MASSLESS, STATE.position, STATE.orientation) == pytest.approx(held, rel=1e-10)
+
+
+# --- joints that legs share ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
+def test_a_unit_with_shared_joints_moves_as_kane_does(fmu: Fmu, platform: gs.Platform) -> None:
+    """Expected: the constrained equations of motion of all bodies, integrated."""
+    start = kane.consistent_start(platform, STATE)
+    expected = kane.integrate(platform, *start, INPUTS, np.array([0.0, 0.2])).platform
+    with plant(fmu) as p:
+        p.start(MOVING, 1e-10, platform=platform)
+        p.do_step(0.0, 0.2)
+        assert p.get("position") == pytest.approx(expected.position[-1], abs=2e-7)
+        assert p.get("orientation") == pytest.approx(expected.orientation[-1], abs=2e-7)
+
+
+@pytest.mark.parametrize(("one", "other"), [(0, 5), (1, 3), (4, 2)])
+@pytest.mark.parametrize("name", ["base_points", "platform_points"])
+def test_legs_that_share_both_joints_are_named(fmu: Fmu, name: str, one: int, other: int) -> None:
+    """Expected: closer than a millionth of the largest distance is one joint; one end may be shared."""
+    low, high = sorted((one + 1, other + 1))
+    elsewhere = {"base_points", "platform_points"} - {name}
+    for share, shares_both, is_one in ((0.5, False, False), (0.5, True, True), (2.0, True, False)):
+        points = {key: np.array(getattr(UNEVEN, key)) for key in ("base_points", "platform_points")}
+        for key in (name, *elsewhere) if shares_both else (name,):
+            points[key][other] = points[key][one]
+        widest = max(np.linalg.norm(a - b) for a in points[name] for b in points[name])
+        points[name][other] += share * 1e-6 * widest * np.array([0.6, 0.0, -0.8])
+        with plant(fmu) as p:
+            status = refused(p.start, {**MOVING, **points})
+            assert (f"legs {low} and {high} share both joints" in p.take_messages()) == is_one
+        assert is_one or shares_both or status == OK
+        assert not is_one or status == ERROR

@@ -80,7 +80,9 @@ def test_what_has_no_counterpart_is_named_and_the_rest_is_there(tmp_path: Path) 
     assert model.jnt_range[model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE] == pytest.approx(stroke)
 
 
-def test_an_unknown_form_is_named(tmp_path: Path) -> None:
-    with pytest.raises(gs.GoughStewartError, match="no form 'urdf'; expected 'fmu' or 'mjcf'"):
-        gs.build(tmp_path, forms=["urdf"])
-    assert not any(tmp_path.iterdir())
+def test_mujoco_is_told_to_need_a_mass_and_nothing_is_written(tmp_path: Path) -> None:
+    """Expected: the name, and a thousandth of the platform's 11.5 kg."""
+    massless = replace(UNEVEN, leg_lower_mass=0.0)
+    with pytest.raises(gs.GoughStewartError, match=r"leg_lower_mass: is 0 kg; MuJoCo needs a mass .* to 0\.0115 kg or"):
+        gs.build(tmp_path, forms=["mjcf"], platform=massless)
+    assert not list(tmp_path.iterdir())

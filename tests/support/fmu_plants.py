@@ -128,6 +128,11 @@ class Plant:
         self.messages.clear()
         return text
 
+    def refuses(self, words: str, status: int, call: Any, *arguments: Any) -> None:
+        """A call has this status, and says so with these words."""
+        assert refused(call, *arguments) == status
+        assert words in self.messages[-1].text
+
     # --- values ------------------------------------------------------------------------------------------------
 
     def references(self, name: str) -> list[int]:

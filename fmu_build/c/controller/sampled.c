@@ -70,13 +70,8 @@ static const char *expected_value(int slot, double value)
 
 outcome component_check(component *c, int slot, double value)
 {
-    char name[NAME_SIZE];
-    const char *expected = expected_value(slot, value), *unit = variable_of(slot)->unit;
-    if (!expected)
-        return DONE;
-    write_slot_name(slot, name);
-    write_message(c->message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
-    return NOT_POSSIBLE;
+    const char *expected = expected_value(slot, value);
+    return expected ? refuse_value(slot, value, expected, c->message) : DONE;
 }
 
 void component_put(component *c, int slot, double value)

@@ -1,5 +1,5 @@
 /* Poses with given leg lengths, row after row of a log: Newton's method from the pose of the row before. */
-#include "plant_table.h"
+#include "conditioning.h"
 #include "vectors.h"
 
 #include <math.h>
@@ -42,39 +42,15 @@ static void legs_at(const geometry *g, const double pose[6], double length[6], d
 /* Replaces b by the solution of A x = b; returns the sign of det A, or 0 if A is singular. */
 static int solve(double A[6][6], double b[6])
 {
-    int sign = 1;
-    for (int k = 0; k < 6; k++) {
-        int pivot = k;
-        for (int i = k + 1; i < 6; i++)
-            if (fabs(A[i][k]) > fabs(A[pivot][k]))
-                pivot = i;
-        if (!(fabs(A[pivot][k]) > SMALLEST_PIVOT))
-            return 0;
-        if (pivot != k)
-            sign = -sign;
-        for (int j = 0; j < 6; j++) {
-            double kept = A[k][j];
-            A[k][j] = A[pivot][j];
-            A[pivot][j] = kept;
-        }
-        double kept = b[k];
-        b[k] = b[pivot];
-        b[pivot] = kept;
-        if (A[k][k] < 0)
-            sign = -sign;
-        for (int i = k + 1; i < 6; i++) {
-            double factor = A[i][k] / A[k][k];
-            for (int j = k; j < 6; j++)
-                A[i][j] -= factor * A[k][j];
-            b[i] -= factor * b[k];
-        }
-    }
+    double determinant = factorise(A, b);
     for (int k = 5; k >= 0; k--) {
+        if (!(fabs(A[k][k]) > SMALLEST_PIVOT))
+            return 0;
         for (int j = k + 1; j < 6; j++)
             b[k] -= A[k][j] * b[j];
         b[k] /= A[k][k];
     }
-    return sign;
+    return determinant > 0 ? 1 : -1;
 }
 
 /* Moves a pose by a twist, shortened to LARGEST_STEP; the angles by their rates. */

@@ -254,8 +254,7 @@ int64_t step_controlled(group *g, double duration, double tolerance)
 
 /* ---- all members ---------------------------------------------------------------------------------------------- */
 
-/* Steps of all members, of fixed substeps or error-controlled ones. */
-static int64_t step_all(const batch *members, double size, int64_t substeps, double tolerance, double *signals)
+int64_t lanes_step(const batch *members, double size, int64_t substeps, double tolerance, double *signals)
 {
     int64_t failed = 0;
     for (int64_t block = 0; block < members->blocks; block++) {
@@ -267,16 +266,6 @@ static int64_t step_all(const batch *members, double size, int64_t substeps, dou
             write_rows(signals + g.first, N_SIGNALS, g.at_x.signals, members->stride);
     }
     return failed;
-}
-
-int64_t lanes_step(const batch *members, double size, int64_t substeps, double *signals)
-{
-    return step_all(members, size, substeps, 0, signals);
-}
-
-int64_t lanes_advance(const batch *members, double duration, double tolerance, double *signals)
-{
-    return step_all(members, duration, 0, tolerance, signals);
 }
 
 int64_t lanes_check(const batch *members)

@@ -19,22 +19,20 @@ typedef struct {
     double *reached;          /* (N_STATES, M), state at the failure */
     double *failed_after;     /* (M), time of the failure since the begin of the step [s] */
     double *error;            /* (M), largest estimate of the error of a step so far */
-    double *proposed;         /* (M), size of the next internal step of `lanes_advance` [s]; 0 before the first */
+    double *proposed;         /* (M), size of the next internal step of error control [s]; 0 before the first */
     double *internal_steps;   /* (M), internal steps so far, with those that were too large */
 } batch;
 
-/* `substeps` steps of classical RK4, each of `size` [s], under constant inputs. Returns the number of members that
-   fail; their states do not change, and `failure` has the reason. Poses are checked at the end of each substep.
-   Writes the signals at the end (N_SIGNALS, M) unless NULL; computing them here is
-   cheap.
+/* A step under constant inputs. Returns the number of members that fail; their states do not change, and `failure` has
+   the reason. Poses are checked at the end of each internal step. Writes the signals at the end (N_SIGNALS, M) unless
+   NULL; computing them here is cheap.
 
-   The error is max |x - x5| / (1 + |x|) with x5 of order 5 by Cash and Karp (ACM Trans. Math. Softw. 16, 1990, 201-222)
-   from the begin of each substep, the sum over the substeps. */
-OFFERED int64_t lanes_step(const batch *members, double size, int64_t substeps, double *signals);
-/* A step of `duration` [s] under constant inputs with error-controlled internal steps, each member's own, that end at its
-   end, see steps.h. The error of an internal step is at most `tolerance`; that of a step the sum of its internal ones. Poses are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS
-   fails. Returns and writes as `lanes_step`. */
-OFFERED int64_t lanes_advance(const batch *members, double duration, double tolerance, double *signals);
+   With `substeps` so many of classical RK4, each of `size` [s]. The error is max |x - x5| / (1 + |x|) with x5 of order 5
+   by Cash and Karp (ACM Trans. Math. Softw. 16, 1990, 201-222) from the begin of each substep, the sum over them.
+   Without, a step of `size` with error-controlled internal steps, each member's own, that end at its end, see steps.h.
+   The error of an internal step is at most `tolerance`; that of a step the sum of its internal ones. A member that needs
+   more than MOST_LANE_STEPS fails. */
+OFFERED int64_t lanes_step(const batch *members, double size, int64_t substeps, double tolerance, double *signals);
 /* Checks the current poses: like `lanes_step` of zero duration. */
 OFFERED int64_t lanes_check(const batch *members);
 /* (N_SIGNALS, M) */

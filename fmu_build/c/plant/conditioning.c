@@ -5,8 +5,7 @@
 
 #define N N_LEGS
 
-/* LU factors in place, of the rows in the order of their pivots; returns the determinant. */
-static double factorise(double a[N][N])
+double factorise(double a[N][N], double b[N])
 {
     double determinant = 1;
     for (int j = 0; j < N; j++) {
@@ -21,6 +20,11 @@ static double factorise(double a[N][N])
             memcpy(row, a[j], sizeof row);
             memcpy(a[j], a[pivot], sizeof row);
             memcpy(a[pivot], row, sizeof row);
+            if (b) {
+                double kept = b[j];
+                b[j] = b[pivot];
+                b[pivot] = kept;
+            }
             determinant = -determinant;
         }
         determinant *= a[j][j];
@@ -29,6 +33,8 @@ static double factorise(double a[N][N])
             double factor = a[i][j] *= reciprocal;
             for (int k = j + 1; k < N; k++)
                 a[i][k] -= factor * a[j][k];
+            if (b)
+                b[i] -= factor * b[j];
         }
     }
     return determinant;
@@ -68,14 +74,14 @@ double exact_condition_number(const double jacobian[N][N])
 {
     double factors[N][N];
     memcpy(factors, jacobian, sizeof factors);
-    return factorise(factors) == 0 ? INFINITY : sqrt(sum_of_squares(jacobian)) * norm_of_inverse(factors);
+    return factorise(factors, NULL) == 0 ? INFINITY : sqrt(sum_of_squares(jacobian)) * norm_of_inverse(factors);
 }
 
 double condition_number(const double jacobian[N][N], double *determinant)
 {
     double factors[N][N], mean = sum_of_squares(jacobian) / N;
     memcpy(factors, jacobian, sizeof factors);
-    *determinant = factorise(factors);
+    *determinant = factorise(factors, NULL);
     double bound = 2 * mean * mean * mean / fabs(*determinant);
     return bound < SINGULAR_CONDITION_NUMBER ? bound : exact_condition_number(jacobian);
 }

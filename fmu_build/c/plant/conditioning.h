@@ -6,6 +6,9 @@
 #include "plant_table.h"
 
 INTERNAL_BEGIN
+/* LU factors in place by Gauss with pivots, of the rows in the order of these; returns the determinant. A right side, unless
+   NULL, becomes that of the upper factor. */
+double factorise(double a[N_LEGS][N_LEGS], double right_side[N_LEGS]);
 /* Condition number in Frobenius norms, which is one to six times the spectral one. */
 double exact_condition_number(const double jacobian[N_LEGS][N_LEGS]);
 /* The same and det J; an upper bound instead if that is below the limit, which costs less:

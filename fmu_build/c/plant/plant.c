@@ -42,25 +42,17 @@ void component_reset(component *c)
     forget_results(c);
 }
 
-const char *component_message(const component *c)
-{
-    return c->message;
-}
+const char *component_message(const component *c) { return c->message; }
 
 outcome component_check(component *c, int slot, double value)
 {
-    char name[NAME_SIZE], pitch[80];
+    char pitch[80];
     const char *expected = expected_of_slot(slot, value);
     if (!expected && slot == FIRST_STATE + X_PITCH && !(fabs(value) < LARGEST_PITCH)) {
         snprintf(pitch, sizeof pitch, "a pitch below 90 degrees, at most %.5g rad", LARGEST_PITCH);
         expected = pitch;
     }
-    if (!expected)
-        return DONE;
-    write_slot_name(slot, name);
-    write_message(c->message, "%s = %g %s rejected; expected %s", name, value, variable_of(slot)->unit,
-                  expected);
-    return NOT_POSSIBLE;
+    return expected ? refuse_value(slot, value, expected, c->message) : DONE;
 }
 
 void component_put(component *c, int slot, double value)
@@ -282,10 +274,7 @@ outcome component_begin(component *c)
     return checked;
 }
 
-double component_time(const component *c)
-{
-    return c->s.time;
-}
+double component_time(const component *c) { return c->s.time; }
 
 outcome component_set_time(component *c, double time)
 {
@@ -297,10 +286,7 @@ outcome component_set_time(component *c, double time)
     return DONE;
 }
 
-void component_get_states(const component *c, double x[])
-{
-    memcpy(x, c->s.x, sizeof c->s.x);
-}
+void component_get_states(const component *c, double x[]) { memcpy(x, c->s.x, sizeof c->s.x); }
 
 outcome component_set_states(component *c, const double x[])
 {
@@ -316,10 +302,7 @@ outcome component_set_states(component *c, const double x[])
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-void component_save(const component *c, double saved[])
-{
-    memcpy(saved, &c->s, sizeof c->s);
-}
+void component_save(const component *c, double saved[]) { memcpy(saved, &c->s, sizeof c->s); }
 
 int component_can_restore(const double saved[])
 {

@@ -72,6 +72,15 @@ const char *expected_of_slot(int slot, double value)
     return NULL;
 }
 
+outcome refuse_value(int slot, double value, const char *expected, char message[MESSAGE_SIZE])
+{
+    char name[NAME_SIZE];
+    const char *unit = variable_of(slot)->unit;
+    write_slot_name(slot, name);
+    write_message(message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
+    return NOT_POSSIBLE;
+}
+
 outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE])
 {
     if (isfinite(start_time) && stop_time >= start_time)

@@ -84,6 +84,8 @@ void component_restore(component *c, const double saved[]);
    have the value found, the value expected, and a remedy. */
 void write_message(char message[MESSAGE_SIZE], const char *format, ...);
 void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments);
+/* The message for a value that a slot cannot have. Returns NOT_POSSIBLE. */
+outcome refuse_value(int slot, double value, const char *expected, char message[MESSAGE_SIZE]);
 /* A finite start time, and a stop time not before it. */
 outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE]);
 /* A step from the current time `now`, forward, not beyond the stop time, within the rounding of importers' clocks. */

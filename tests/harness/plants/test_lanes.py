@@ -4,7 +4,7 @@ Expected motions are those of the tests' Lagrangian under SciPy's DOP853; of mac
 stepping model at a tight tolerance.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -30,7 +30,6 @@ STATES, LENGTHS = slice(0, 12), slice(12, 18)
 U = np.concatenate(list(INPUT_VALUES.values()))
 REST = np.zeros(3)
 HELD = np.concatenate([UNEVEN.home_actuator_force, np.zeros(6)])
-SMOOTH = replace(UNEVEN, leg_coulomb_friction=0.0)
 
 
 @pytest.fixture(params=[{"substeps": 2}, {"tolerance": 1e-9}], ids=["fixed", "controlled"])
@@ -59,11 +58,7 @@ def held(platform: gs.Platform) -> FloatArray:
 def members(n: int, seed: int = 7) -> tuple[list[gs.Platform], list[gs.State], FloatArray]:
     """The uneven platform and random ones, moving gently, each under forces of its own."""
     rng = np.random.default_rng(seed)
-    platforms = [UNEVEN, *(random_platform(rng) for _ in range(min(n, 12) - 1))]
-    # a random platform takes long: the further ones are the first with other payloads
-    platforms += [
-        replace(platforms[k % 12], platform_mass=platforms[k % 12].platform_mass * 1.01) for k in range(12, n)
-    ]
+    platforms = [UNEVEN, *(random_platform(rng) for _ in range(n - 1))]
     starts, inputs = [], []
     for platform in platforms:
         size = platform.characteristic_length
@@ -150,22 +145,6 @@ def test_members_move_as_the_lagrangian_says_with_changes_for_those_that_are_mea
             assert value == pytest.approx(model.get(name), rel=1e-6, abs=1e-6), name
 
 
-def test_a_member_has_the_same_bits_in_any_company(steps: dict[str, Any]) -> None:
-    """Expected: those of the member alone; in ten, in hundreds and in another order."""
-    n = 300
-    platforms, starts, inputs = members(n)
-
-    def everything(chosen: Sequence[int]) -> tuple[FloatArray, ...]:
-        plant = LanesPlant([platforms[k] for k in chosen], [starts[k] for k in chosen], **steps)
-        begun = plant.results().copy()
-        return begun, run(plant, inputs[list(chosen)], 4), plant.integration_error, plant.internal_steps
-
-    everyone = everything(range(n))
-    for chosen in ([0], [n - 1], list(range(3, 13)), list(reversed(range(n)))):
-        for found, expected in zip(everything(chosen), everyone, strict=True):
-            np.testing.assert_array_equal(found, expected[chosen])
-
-
 # --- internal steps and their errors ---------------------------------------------------------------------------------
 
 
@@ -203,15 +182,6 @@ def test_controlled_steps_hold_their_tolerance_over_a_long_step(tolerance: float
     taken, bound = float(plant.internal_steps[0]), float(plant.integration_error[0])
     assert 0.01 * taken * tolerance < bound <= taken * tolerance
     assert distance(plant.signals()[0, STATES], exact_end(UNEVEN, STATE, U, 0.1)) < 2 * bound
-    # local errors of order 5: a hundredth of the tolerance takes 100^(1/5) = 2.5 times as many
-    finer = one_step(UNEVEN, STATE, U, 0.1, tolerance=max(tolerance / 100, 1e-13))
-    assert 1.3 < finer.internal_steps[0] / taken < 4
-    # one internal step of half the size is off by a 32nd
-    ends = [one_step(SMOOTH, STATE, U, size, tolerance=1e-3) for size in (0.02, 0.01)]
-    assert [plant.internal_steps[0] for plant in ends] == [1, 1]
-    exact = [exact_end(SMOOTH, STATE, U, size) for size in (0.02, 0.01)]
-    errors = [distance(plant.signals()[0, STATES], end) for plant, end in zip(ends, exact, strict=True)]
-    assert errors[0] / errors[1] == pytest.approx(32, rel=0.2)
 
 
 def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
@@ -319,20 +289,17 @@ def test_short_legs_are_told_of_members_that_start_only() -> None:
     """Expected: of three with a leg too short for their parts, the two that are not frozen; 1 % longer is enough."""
     low = at_rest(UNEVEN, [0.0, 0.0, 0.6], [0.0, 0.0, 0.3])
     shortest = float(gs.leg_geometry(UNEVEN, low.position, low.orientation).length.min())
-    parts: tuple[dict[str, Any], ...] = (
-        *({"leg_lower_com": 1.01 * shortest}, {}, {"leg_upper_com": 2.1}, {"leg_lower_com": 2.0}),
-        *({"leg_lower_com": 0.99 * shortest}, {"leg_upper_com": 0.99 * shortest}),
-    )
+    lower, upper = (f"leg_{part}_com" for part in ("lower", "upper"))
+    parts: list[dict[str, Any]] = [{lower: 1.01 * shortest}, {}, {upper: 2.1}, {lower: 2.0}]
+    parts += [{name: 0.99 * shortest} for name in (lower, upper)]
     platforms = [replace(UNEVEN, **part) for part in parts]
     plant = LanesPlant(platforms, [low, at_rest(UNEVEN), low, low, low, low], substeps=1)
     plant.freeze(np.arange(6) == 3)
     failures = failures_of(plant, 0.0, 1e-6)
     found = {k: (error.quantity, error.value, error.time) for k, error in failures.items()}
-    assert found == {0: ("leg_lower_com", 1.01 * shortest, 0.0), 2: ("leg_upper_com", 2.1, 0.0)}
-    assert str(failures[2]) == (
-        "leg_upper_com = 2.1 at time 0 s: is 2.1 m from the platform joint; expected between 0 and the shortest leg of "
-        f"the start pose, {shortest:g} m"
-    )
+    assert found == {0: (lower, 1.01 * shortest, 0.0), 2: (upper, 2.1, 0.0)}
+    told = f"expected between 0 and the shortest leg of the start pose, {shortest:g} m"
+    assert str(failures[2]) == f"leg_upper_com = 2.1 at time 0 s: is 2.1 m from the platform joint; {told}"
     plant.do_step(1e-6, 1e-6)  # once the first step is done there is no such check
 
 
@@ -442,13 +409,6 @@ def test_machines_move_as_the_stepping_model_does(friction: str, springs: bool) 
     assert 0 < plant.integration_error.max() < 1e-6
     # legs have moved by more than the bristles bend, or the springs stretch
     assert np.abs(np.array(expected)[..., LENGTHS] - np.array(expected)[:, :1, LENGTHS]).max() > 1e-3
-    # alone it has the same bits, and with a coarser tolerance a larger error
-    alone = LanesPlant(platforms[1:], starts[1:], tolerance=1e-8)
-    np.testing.assert_array_equal(stepped(alone, inputs[1][:, None])[-1, 0], plant.results()[1])
-    coarse = LanesPlant(platforms, starts, tolerance=1e-5)
-    worse = np.abs(stepped(coarse, np.stack(inputs, axis=1)) - np.stack(expected, axis=1))[..., STATES].max()
-    assert gap[..., STATES].max() < 0.1 * worse
-    assert worse < 1e-3
 
 
 STICKING, GIVING = real_platform("elasto_plastic"), real_platform("elasto_plastic", True)

@@ -2,7 +2,6 @@
 
 import re
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,54 +9,46 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart import GoughStewartError, Platform, State
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.open import ModelPlant, open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.model import interface
 from tests.support.fmu_plants import Fmu
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 from tests.support.uneven_loops import experiment_of
 
-Open = Callable[[Platform, State | None], Plant]
 KINDS = ("model", "2.0", "3.0")
 
 
-@pytest.fixture(params=KINDS)
-def open_one(request: pytest.FixtureRequest, fmus: dict[str, Fmu]) -> Open:
-    """Each kind of plant, one after the other."""
-    return opener(request.param, fmus)
+def plant_of(kind: str, fmus: dict[str, Fmu], *arguments: Any) -> Plant:
+    """A plant in this process: of a platform, a start, a tolerance and a fixed step."""
+    return ModelPlant(*arguments) if kind == "model" else FmuPlant(fmus[kind].path, *arguments)
 
 
-def opener(kind: str, fmus: dict[str, Fmu]) -> Open:
-    if kind == "model":
-        return ModelPlant
-
-    def open_fmu(platform: Platform, start: State | None = None) -> Plant:
-        return FmuPlant(fmus[kind].path, platform, start)
-
-    return open_fmu
-
-
-def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platform) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_parameters_change_together_or_not_at_all(kind: str, fmus: dict[str, Fmu], paper: gs.Platform) -> None:
     """Expected: rule 3; without gravity and forces nothing accelerates at rest."""
-    with open_one(paper, None) as plant:
+
+    def rise(plant: Plant) -> float:
+        return float(plant.results()[plant.columns.index("acceleration[3]")])
+
+    with plant_of(kind, fmus, paper) as plant:
         plant.set_inputs(np.zeros(12))
-        at_rest = interface.unpack(interface.RESULTS, plant.results())["acceleration"]
+        assert rise(plant) < -5
         plant.do_step(0.0, 0.01)
         plant.set_parameters({"gravity": np.zeros(3), "platform_mass": 20.0})
-        floating = interface.unpack(interface.RESULTS, plant.results())["acceleration"]
-        with pytest.raises(GoughStewartError, match="base_points"):
-            plant.set_parameters({"platform_mass": 30.0, "base_points": np.zeros((6, 3))})
-        with pytest.raises(GoughStewartError, match="platform_com"):
-            plant.set_parameters({"platform_mass": 30.0, "platform_com": [1.0, 2.0]})
-        with pytest.raises(GoughStewartError, match="triangle"):
-            plant.set_parameters({"platform_mass": 30.0, "platform_inertia": np.diag([1.0, 1.0, 3.0])})
+        floating = rise(plant)
+        assert abs(floating) < 0.1
+        for name, value, reason in (
+            ("base_points", np.zeros((6, 3)), "base_points"),
+            ("platform_com", [1.0, 2.0], "platform_com"),
+            ("platform_inertia", np.diag([1.0, 1.0, 3.0]), "triangle"),
+        ):
+            with pytest.raises(GoughStewartError, match=reason):
+                plant.set_parameters({"platform_mass": 30.0, name: value})
         plant.set_parameters({})
-        assert (interface.unpack(interface.RESULTS, plant.results())["acceleration"] == floating).all()
-    assert at_rest[2] < -5
-    assert abs(floating[2]) < 0.1
+        assert rise(plant) == floating
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
@@ -95,39 +86,34 @@ def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu]) -> No
 @pytest.mark.parametrize("kind", ["model", "fmu2", "fmu3", "file"])
 def test_open_plant_hands_on_start_tolerance_and_step(kind: str, fmus: dict[str, Fmu]) -> None:
     """Expected: to the last bit the plants themselves with the same options; a file in a process of its own."""
-    version = {"fmu2": "2.0", "fmu3": "3.0", "file": "2.0"}.get(kind)
-    ends = []
+    version = {"fmu3": "3.0", "model": "model"}.get(kind, "2.0")
+    name: Any = "fmu2" if kind == "file" else kind
+    fmu, ends = fmus["2.0"].path if kind == "file" else None, set[bytes]()
     for tolerance, step in ((1e-3, 0.0), (1e-9, 0.0), (1e-8, 0.004)):
-        if version is None:
-            own: Plant = ModelPlant(UNEVEN, STATE, tolerance, step)
-        else:
-            own = FmuPlant(fmus[version].path, UNEVEN, STATE, tolerance, step)
-        fmu = fmus["2.0"].path if kind == "file" else None
-        name = "fmu2" if kind == "file" else kind
-        options = {"tolerance": tolerance, "fixed_step_size": step, "fmu": fmu}
-        with own, open_plant(name, UNEVEN, STATE, **options) as opened:  # type: ignore[arg-type]
+        opened = open_plant(name, UNEVEN, STATE, tolerance=tolerance, fixed_step_size=step, fmu=fmu)
+        with plant_of(version, fmus, UNEVEN, STATE, tolerance, step) as own, opened:
             assert isinstance(opened, IsolatedFmu) == (kind == "file")
             for plant in (own, opened):
                 plant.set_inputs(INPUTS.to_vector())
                 plant.do_step(0.0, 0.05)
             assert np.array_equal(opened.results(), own.results())
             assert np.array_equal(opened.signals(), own.results()[:24])
-            ends.append(own.results().tobytes())
-    assert len(set(ends)) == len(ends)
+            ends.add(own.results().tobytes())
+    assert len(ends) == 3
 
 
-def test_a_plant_of_one_platform_has_no_members(open_one: Open) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_plant_of_one_platform_has_no_members(kind: str, fmus: dict[str, Fmu]) -> None:
     """Expected: no leading axis; actions of members are refused by the name of the plant."""
-    with open_one(UNEVEN, STATE) as plant:
+    with plant_of(kind, fmus, UNEVEN, STATE) as plant:
         assert plant.shape == ()
         assert plant.results().shape == (50,)
-        assert plant.signals().tolist() == plant.results()[:24].tolist()
-        name = type(plant).__name__
+        name, member = type(plant).__name__, np.array([True])
         text = f"^{name} is a plant of one platform; expected a plant of many platforms for member actions$"
         with pytest.raises(GoughStewartError, match=text):
-            plant.freeze(np.array([True]))
+            plant.freeze(member)
         with pytest.raises(GoughStewartError, match=text):
-            plant.set_parameters_of(np.array([True]), {"platform_mass": 3.0})
+            plant.set_parameters_of(member, {"platform_mass": 3.0})
 
 
 STEEL = {

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.libraries import folds_sources, machine_code, state_of_c, vector_library
+from gough_stewart.fmu_build.cache import digest_of_texts
+from gough_stewart.fmu_build.libraries import folds_sources, machine_code, vector_library
 from gough_stewart.harness.loop.folding import FoldKernels, FoldsOfRows
 from gough_stewart.harness.loop.folds import (
     AfterLast,
@@ -210,7 +211,7 @@ class MadeUp(TermFold):
 @pytest.fixture(scope="module")
 def kernels() -> FoldKernels:
     sources = folds_sources([MadeUp(1.0).traced()])
-    return FoldKernels(machine_code(vector_library("folds", lambda: sources, state_of_c(sources))).path)
+    return FoldKernels(machine_code(vector_library("folds", lambda: sources, digest_of_texts(sources.files))).path)
 
 
 def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops(kernels: FoldKernels) -> None:
