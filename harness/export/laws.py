@@ -1,15 +1,20 @@
-"""Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations."""
+"""Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations.
 
-from collections.abc import Mapping
+A law says which of its numbers stay tunable: its settings.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.component import Link, with_links
+from gough_stewart.harness.control.component import Link, Parameter, with_links
 from gough_stewart.harness.control.laws import Controller, LinearController, Space, fresh_controller
 from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
 from gough_stewart.harness.control.makers import name_of
@@ -19,13 +24,59 @@ from gough_stewart.harness.control.state_space import Method, StateSpace, matric
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.parameters import Bound, Variability, Variable
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Tolerance beyond the unit circle, needed for chains of integrators, whose eigenvalues are rounded.
 _ROUNDING = 1e-6
+
+
+class Setting(NamedTuple):
+    """A parameter of the exported controller, with its designed value: in C a field of a struct."""
+
+    variable: Variable
+    value: FloatArray  # in the variable's shape
+    # C conditions on the struct `parameters`, besides finite values and the variable's bound
+    conditions: tuple[str, ...] = ()
+    may_be_infinite: bool = False  # a limit; none is 0, or infinite
+    largest: float = LARGEST_NUMBER  # magnitude of an element
+    expected: str = ""  # the conditions in the user's words; by default as they are
+
+
+def setting(
+    name: str,
+    unit: str,
+    bound: Bound,
+    description: str,
+    value: ArrayLike,
+    *,
+    variability: Variability = "tunable",
+    conditions: Iterable[str] = (),
+    **more: Any,
+) -> Setting:
+    """A setting with the shape of its value; `more` are other fields."""
+    value = np.asarray(value, dtype=float)
+    variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
+    return Setting(variable, value, tuple(conditions), **more)
+
+
+def setting_of(parameter: Parameter, value: ArrayLike, more: str = "") -> Setting:
+    """The setting of a component's parameter, with more words in its description."""
+    name, unit = parameter.name, parameter.unit
+    is_limit = parameter.none is not None and math.isinf(parameter.none)
+    # at least a thousandth, written so that it holds for float and for double
+    condition = "!(value > 0) || value * 1000 >= 1" if is_limit else parameter.condition
+    named = {"value": f"parameters->{name}", "sample_time": "parameters->sample_time"}
+    condition = re.sub(r"\b(value|sample_time)\b", lambda word: named[word[0]], condition)
+    return setting(
+        *(name, unit, parameter.bound, parameter.description + more, value),
+        conditions=(condition,) if condition else (),
+        may_be_infinite=is_limit,
+        expected=f"0, which is none, or at least 0.001 {unit}" if is_limit else parameter.expected,
+    )
 
 
 class Linear(NamedTuple):
@@ -63,41 +114,34 @@ class PidLaw:
     def settings(self) -> tuple[Setting, ...]:
         """Gains, and the related times."""
         channels = channels_of(self.gains)
-        differentiate, integrate = channels.differentiates, channels.integrates
+        differentiates, integrates = channels.differentiates, channels.integrates
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
         channel = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
-        settings = [
-            setting("proportional_gain", units[0], "> 0", f"proportional gain {channel}", channels.proportional)
-        ]
-        if differentiate.any():
+
+        def gain(name: str, unit: str, bound: Bound, value: Any, acts: NDArray[np.bool_]) -> Setting:
+            """Of six channels, of which those that do not act have none."""
+            none = [f"!(parameters->{name}_gain[{k}] > 0)" for k in np.flatnonzero(~acts)]
+            return setting(f"{name}_gain", unit, bound, f"{name} gain {channel}", value, conditions=none)
+
+        settings = [gain("proportional", units[0], "> 0", channels.proportional, np.ones(N_LEGS, dtype=bool))]
+        if differentiates.any():
             sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
             settings += [
-                setting(
-                    *("derivative_gain", units[1], ">= 0", f"derivative gain {channel}", channels.derivative),
-                    conditions=_zero_but_where("derivative_gain", differentiate),
-                ),
+                gain("derivative", units[1], ">= 0", channels.derivative, differentiates),
                 setting(
                     *("derivative_filter", "s", "> 0", "time constant of the derivative filter"),
                     channels.filter_time[0],
                     conditions=sampled if self.discretisation == "tustin" else (),
                 ),
             ]
-        if integrate.any():
-            late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrate)]
+        if integrates.any():
+            late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrates)]
+            text = "time constant of back-calculation at a limit"
             settings += [
-                setting(
-                    *("integral_gain", units[2], ">= 0", f"integral gain {channel}", channels.integral),
-                    conditions=_zero_but_where("integral_gain", integrate),
-                ),
-                setting(
-                    *("anti_windup_time", "s", "> 0", "time constant of back-calculation at a limit"),
-                    channels.tracking_time,
-                    conditions=late,
-                ),
+                gain("integral", units[2], ">= 0", channels.integral, integrates),
+                setting("anti_windup_time", "s", "> 0", text, channels.tracking_time, conditions=late),
             ]
-        for link in self.links:
-            settings += [setting_of(p, getattr(link, p.key)) for p in link.parameters()]
-        return tuple(settings)
+        return (*settings, *(setting_of(p, getattr(link, p.key)) for link in self.links for p in link.parameters()))
 
     @cached_property
     def linear(self) -> Linear:
@@ -348,24 +392,10 @@ def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]
     """One symbol for each distinct value in matrices, and the matrices of these symbols and of numbers."""
     blocks = [np.asarray(block) for block in system.blocks]
     entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in blocks]))))
-    place = dict[int, int]()
-    values: list[casadi.SX] = []
-    places = list[int | None]()
-    for entry in entries:
-        if entry.is_constant():
-            places.append(None)
-            continue
-        key = entry.element_hash()
-        if key not in place:
-            place[key] = len(values)
-            values.append(entry)
-        places.append(place[key])
-    c = casadi.SX.sym("coefficients", len(values))
-    flat = np.array([float(e) if k is None else c[k] for e, k in zip(entries, places, strict=True)], dtype=object)
-    ends = np.cumsum([b.size for b in blocks])
-    A, B, C, D = (part.reshape(b.shape) for part, b in zip(np.split(flat, ends[:-1]), blocks, strict=True))
-    return casadi.vertcat(*values), c, StateSpace(A, B, C, D, 1.0)
-
-
-def _zero_but_where(name: str, there: NDArray[np.bool_]) -> list[str]:
-    return [f"!(parameters->{name}[{k}] > 0)" for k in np.flatnonzero(~there)]
+    distinct = {entry.element_hash(): entry for entry in entries if not entry.is_constant()}
+    c = casadi.SX.sym("coefficients", len(distinct))
+    places = {key: place for place, key in enumerate(distinct)}
+    flat = np.array([float(e) if e.is_constant() else c[places[e.element_hash()]] for e in entries], dtype=object)
+    parts = np.split(flat, np.cumsum([b.size for b in blocks])[:-1])
+    A, B, C, D = (part.reshape(b.shape) for part, b in zip(parts, blocks, strict=True))
+    return casadi.vertcat(*distinct.values()), c, StateSpace(A, B, C, D, 1.0)

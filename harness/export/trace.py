@@ -20,7 +20,7 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed
 from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
-from gough_stewart.harness.export.relative import Home, change_of_lengths
+from gough_stewart.harness.export.symbols import Home, change_of_lengths
 from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
