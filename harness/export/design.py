@@ -17,7 +17,16 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom, carried
-from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw, Setting, own_law, setting, setting_of
+from gough_stewart.harness.export.laws import (
+    FunctionLaw,
+    Law,
+    Setting,
+    matrix_law,
+    own_law,
+    pid_law,
+    setting,
+    setting_of,
+)
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
@@ -294,10 +303,10 @@ def _law_of(chosen: Any, prepared: Prepared) -> Law | None:
     controller, T = fresh_controller(prepared.controller), prepared.loop.timing.sample_time
     if isinstance(chosen, PD | PID):
         gains = chosen.gains(prepared.platform)
-        return PidLaw(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
+        return pid_law(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
     if isinstance(controller, LinearController):
         controller.check_sample_time(T)
-        return MatrixLaw(controller)
+        return matrix_law(controller)
     if isinstance(controller, UnitController):
         raise ExportError(f"controller is {controller.path}, which is already an FMU; expected its source controller")
     rows = prepared.loop.reference
