@@ -163,21 +163,6 @@ def version(variant: Variant = IDEAL) -> int:
 # ---- a run as a block ----
 
 
-def machine_of(
-    experiment: Experiment,
-    prepared: Prepared,
-    kept: int = 64,
-    forever: bool = False,
-    turned: Mapping[str, Any] | None = None,
-) -> Block:
-    """A run of an experiment as a block, with its plan; see `machine_block`."""
-    planned = _planned(experiment, prepared, kept)
-    tolerance = experiment.plant.tolerance
-    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
-    with plant, prepared.law_in_a_run() as law_from:
-        return machine_block(plant, law_from, prepared.loop, planned, kept, forever, turned)
-
-
 def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block, Prepared, dict[str, Any]]:
     """The machine of an experiment that goes on until its host ends it, what is prepared of it, and what may be turned.
 
@@ -189,58 +174,59 @@ def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block
         A controller that needs Python or an FMU, another plant than the model, steps of a fixed size, or settings of
         the loop that change.
     """
-    name, kind = experiment.where, getattr(experiment.controller, "type", "")
-    if experiment.code:
-        raise ExportError(
-            f"{name} executes {', '.join(map(str, experiment.code))}, which {host} cannot; expected a controller of "
-            "the types pd, pid, state_space or open_loop, and the plant 'model'"
-        )
-    if experiment.plant.kind != "model":
-        raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
-    if experiment.plant.fixed_step_size:
-        raise ExportError(
-            f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; {host} steps by error control: "
-            "set plant.fixed_step_size=0"
-        )
-    if any(change.has_settings or change.enabled is not None for change in experiment.change):
-        raise ExportError(
-            f"{name} changes settings of its loop during the run, which {host} cannot; expected "
-            "[[change]] of parameters alone"
-        )
+    name, plant = experiment.where, experiment.plant
+    changes = [change.has_settings or change.enabled is not None for change in experiment.change]
+    for is_so, text in (
+        (
+            experiment.code,
+            f"executes {', '.join(map(str, experiment.code))}, which {host} cannot; expected a controller of the types "
+            "pd, pid, state_space or open_loop, and the plant 'model'",
+        ),
+        (plant.kind != "model", f"has the plant '{plant.kind}'; expected 'model': set plant.kind=model"),
+        (
+            plant.fixed_step_size,
+            f"has plant.fixed_step_size {plant.fixed_step_size:g}; {host} steps by error control: set "
+            "plant.fixed_step_size=0",
+        ),
+        (
+            any(changes),
+            f"changes settings of its loop during the run, which {host} cannot; expected [[change]] of parameters "
+            "alone",
+        ),
+    ):
+        if is_so:
+            raise ExportError(f"{name} {text}")
     prepared = prepare(experiment)
     try:
         turned = turning(experiment, prepared)
         block = machine_of(experiment, prepared, kept, forever=True, turned=turned)
     except ControllerError as error:
+        kind = getattr(experiment.controller, "type", "")
         raise ExportError(f"{name}: controller '{kind}': {error}") from error
     if block.law is not None:
         raise ExportError(f"{name}: {host} has the laws of shipped components; expected one of them")
     return block, prepared, turned
 
 
+def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, **options: Any) -> Block:
+    """A run of an experiment as a block, with its plan; options as of `machine_block`."""
+    planned = _planned(experiment, prepared, kept)
+    tolerance = experiment.plant.tolerance
+    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
+    with plant, prepared.law_in_a_run() as law_from:
+        return machine_block(plant, law_from, prepared.loop, planned, kept, **options)
+
+
 def machine_block(
-    plant: LanesPlant,
+    plant: LanesPlant,  # at its start, of one member
     law_from: LawFrom | None,
     loop: Loop,
-    planned: Mapping[str, Any] | None = None,
-    kept: int = 64,
-    forever: bool = False,
-    turned: Mapping[str, Any] | None = None,
+    planned: Mapping[str, Any] | None = None,  # what it follows, which C computes row by row; else there are tables
+    kept: int = 64,  # rows that a call of `machine_run` keeps, at most
+    forever: bool = False,  # it does not end with the run, if it has a plan or needs none; jitter and injection do
+    turned: Mapping[str, Any] | None = None,  # what may be turned while it runs, see `turning`
 ) -> Block:
     """A run of one member as a block.
-
-    Parameters
-    ----------
-    plant
-        At its start, of one member.
-    planned
-        The fields of what it follows, which C computes row by row; otherwise there are tables of all rows.
-    kept
-        Rows that a call of `machine_run` keeps, at most.
-    forever
-        It does not end with the run, if it has a plan or needs none; jitter and injection do.
-    turned
-        The fields of what may be turned while it runs, see `turning`.
 
     Raises
     ------
