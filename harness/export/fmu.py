@@ -15,8 +15,8 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed, designed
+from gough_stewart.harness.export.laws import Setting
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.settings import Setting
 from gough_stewart.harness.export.stability import stability_of
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model.process.progress import StepProgress

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.relative import Home
+from gough_stewart.harness.export.symbols import Home
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of, smaller
 from gough_stewart.harness.motion.paths.polynomials import Polynomials

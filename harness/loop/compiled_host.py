@@ -17,7 +17,8 @@ from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import CUT, FROZEN
-from gough_stewart.harness.control.laws_of_members import LinearLaw
+from gough_stewart.harness.control.laws_of_members import LinearLaw, rests_of
+from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
@@ -60,6 +61,7 @@ class _Out(ctypes.Structure):
 MEMORY = (
     *("signals", "measured", "streams", "memory", "next", "pose", "lengths", "command", "excess", "limited"),
     *("planned", "delayed", "target", "driven", "acting", "cut", "frozen", "held", "at_row", "ended"),
+    *("off", "manual_force", "transfer"),
 )
 _ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_motors", "row_force_limited", "row_rate_limited")
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
@@ -80,13 +82,16 @@ class LoopBlock(ctypes.Structure):
         ("entries", ctypes.c_int64),
         *((name, ctypes.c_void_p) for name in ("entry_row", "entry_column")),
         ("values", _Table),
+        ("rest_entries", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in ("rest_row", "rest_column")),
+        ("rests", _Table),
         ("used", ctypes.c_void_p),
         ("jacobian", _Table),
         ("inverse", _Table),
         ("senses", ctypes.c_void_p),
         ("n_noisy", ctypes.c_int64),
         ("noisy", ctypes.c_void_p),
-        *((name, _Table) for name in ("deviations", "sensors", "limits", "drives", "delay")),
+        *((name, _Table) for name in ("deviations", "sensors", "limits", "drives", "takeover", "delay")),
         ("most_delay", ctypes.c_int64),
         *((name, _Table) for name in ("shortest", "longest", "farthest")),
         *((name, ctypes.c_void_p) for name in MEMORY),
@@ -103,7 +108,7 @@ class CompiledHost:
     feedforward alone.
     """
 
-    def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
+    def __init__(  # noqa: PLR0912, PLR0915 - `loop` of c/loop/loop.h, part by part
         self, plant: LanesPlant, law: LinearLaw | CompiledLaw | None, loop: Loop, reading: FloatArray
     ) -> None:
         self._plant, self._loop = plant, loop
@@ -141,6 +146,14 @@ class CompiledHost:
                 "entry_column": self._indices(entry_column),
                 "values": self._table(np.ascontiguousarray(law.matrices[:, entry_row, entry_column].T)),
             }
+            if loop.has_switch:
+                rest_row, rest_column = self.rest_entries = np.indices(law.rests.shape[1:]).reshape(2, -1)
+                parts |= {
+                    "rest_entries": len(rest_row),
+                    "rest_row": self._indices(rest_row),
+                    "rest_column": self._indices(rest_column + n_states),
+                    "rests": self._table(np.ascontiguousarray(law.rests[:, rest_row, rest_column].T)),
+                }
             if law.jacobians is not None and law.inverses is not None:
                 lengths[:, :n] = law.lengths
                 m = len(law.jacobians)
@@ -179,6 +192,7 @@ class CompiledHost:
             parts["drives"] = self._table(coefficients_of(Drive, values, timing.plant_step))
         most_delay = int(max(delay.max(), *(settings.actuators.delay for settings in turned), 0))
         parts |= {"delay": self._table(delay[None]), "most_delay": most_delay}
+        parts["takeover"] = self._table(coefficients_of(Takeover, {}, timing.sample_time))
         forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
 
         # ends of runs; without a limit, what is not a number is too far from the reference
@@ -197,7 +211,7 @@ class CompiledHost:
             "next": rows(N_LEGS + n_states),
             "pose": rows(N_LEGS),
             "lengths": lengths,
-            "command": rows(N_LEGS),
+            "command": rows(N_LEGS, forces),
             "excess": rows(N_LEGS),
             "limited": rows(N_LEGS),
             "planned": rows(N_LEGS, forces),
@@ -211,6 +225,8 @@ class CompiledHost:
         if loop.has_faults:
             faults = {"cut": rows(N_LEGS), "frozen": rows(signals.SIZE), "held": rows(signals.SIZE, reading.T)}
             self._memory |= faults
+        if loop.has_switch:
+            self._memory |= {name: rows(N_LEGS) for name in ("off", "manual_force", "transfer")}
         sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
         self._law = law
         self.structure = LoopBlock(
@@ -253,6 +269,13 @@ class CompiledHost:
             n = len(faults)
             self._memory["cut"][:, :n], self._memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
 
+    def switch(self, manual: FloatArray) -> None:
+        """Which controllers are off from the next sample on, and their forces (N, 12), see `ChangeChoice.manual`."""
+        if self._loop.has_switch:
+            n, force = len(manual), manual[:, N_LEGS:].T
+            self._memory["off"][:, :n] = manual[:, :N_LEGS].T
+            self._memory["manual_force"][:, :n] = np.where(np.isnan(force), self._memory["command"][:, :n], force)
+
     def _sensor_tables(self, sensors: Sensors) -> dict[str, FloatArray]:
         (n,) = self._plant.shape
         steps, deviations = (by_element(sizes, self._used, n) for sizes in (sensors.quantisation, sensors.noise))
@@ -279,6 +302,8 @@ class CompiledHost:
             old = np.zeros_like(new)
             old[*self.entries] = self.arrays[c.values.at][0, :, 0]
             tables["values"] = new[*self.entries][:, None]
+            if self._loop.has_switch:
+                tables["rests"] = rests_of([settings.system], c.kinds)[0][*self.rest_entries][:, None]
             n = c.n_states
             for state in filters_of(old, n):
                 rests = [float(M[N_LEGS + state, n:] @ memory[n:] / (1 - M[N_LEGS + state, state])) for M in (old, new)]
@@ -311,6 +336,7 @@ class CompiledHost:
             c.sample_state, c.sample_limited = _out(rows.state), _out(rows.limited)
         plant.set_inputs(changes.inputs)
         self.fail(changes.faults)
+        self.switch(changes.manual)
         plant.freeze(~monitor.going)
         not_started = plant.begin()
         for member in not_started:  # they end at the first row
@@ -325,6 +351,7 @@ class CompiledHost:
                     changes.apply(row)
                     plant.set_inputs(changes.inputs)
                     self.fail(changes.faults)
+                    self.switch(changes.manual)
                     for settings in changes.settings(row):
                         self.turn(settings)
                 room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import CUT, FROZEN, Cut, Freeze, NoCoefficients
 from gough_stewart.harness.control.laws_of_members import Law
+from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel
@@ -57,7 +58,10 @@ class PythonHost:
         self._target = start
         self._no_flags = np.zeros((N_LEGS, n), dtype=bool).T
         self._no_state = np.zeros((n, 0))
-        self._command, self._excess = members.zeros((n,), N_LEGS), members.zeros((n,), N_LEGS)
+        self._command, self._excess = start.T.copy(), members.zeros((n,), N_LEGS)
+        self._takeover = Takeover.prepare({}, loop.timing.sample_time)
+        self._transfer = Takeover.start(self._takeover, (start,))
+        self._off, self._manual_force = np.zeros(n, dtype=bool), start
         self._force_limited: BoolArray = self._no_flags
 
     def run(  # noqa: PLR0912, PLR0915 - a row, in the order of what happens
@@ -72,8 +76,11 @@ class PythonHost:
         has_motors, reads_motors = MOTORS in plant.columns, loop.sensors.side == "motor"
         reading = readings.latest
         for row, time in enumerate(timing.times.tolist()):
-            if row and row in changes.by_row:
-                changes.apply(row)
+            if row in changes.by_row:
+                if row:
+                    changes.apply(row)
+                self._off, force = changes.manual[:, 0] > 0, changes.manual[:, N_LEGS:]
+                self._manual_force = np.where(np.isnan(force), self._command, force).T
             # what ends and is recorded is where the platform is
             now = plant.signals()
             at_motors = seen(plant, "motor") if has_motors else now
@@ -131,10 +138,13 @@ class PythonHost:
                 if not monitor.going.any():
                     return
 
-    def _sample(self, j: int, reading: FloatArray, due: BoolArray | None, monitor: RowMonitor) -> None:
+    def _sample(  # noqa: PLR0915 - a sample, in the order of what happens
+        self, j: int, reading: FloatArray, due: BoolArray | None, monitor: RowMonitor
+    ) -> None:
         """Compute and command at sample j, for members that are due (N,), None for all; failures end members."""
         loop, law, state = self._loop, self._law, self._no_state
         due = _those_going(due, monitor)
+        off = None if not self._off.any() else self._off if due is None else self._off & due
         command = loop.feedforward[j]
         if loop.injection is not None:
             command = command + loop.injection[j]
@@ -142,12 +152,19 @@ class PythonHost:
             # the controller counts nominal samples, regardless of jitter
             row = j * self._every
             state = law.state
-            force = law.force(j, row * self._plant_step, loop.reference[row], reading, self._excess, due)
+            force = law.force(j, row * self._plant_step, loop.reference[row], reading, self._excess, due, off)
             if failures := law.failures:
                 failed = np.isin(np.arange(len(monitor.going)), list(failures))
                 monitor.end(failed, monitor.n_rows, "stopped", lambda k: str(failures[k]))
                 due = _those_going(due, monitor)
             command = command + force
+        if loop.has_switch:
+            wanted = np.broadcast_to(command, self._command.shape).T
+            transfer, (taken,) = Takeover.step(
+                self._takeover, self._transfer, (wanted, self._manual_force, self._off.astype(float))
+            )
+            command = taken.T
+            self._transfer = transfer if due is None else (np.where(due, transfer[0], self._transfer[0]),)
         if due is not None:
             # a member's command stays until its next sample; that of an ended member is cleared
             held = np.where(monitor.going[:, None], self._command, 0.0)
@@ -176,7 +193,7 @@ class PythonHost:
             excess = None if excess is None else np.where(due, excess, self._excess.T)
         self._planned = planned
         if excess is not None:
-            self._excess = excess.T
+            self._excess = excess.T if off is None else np.where(off, 0.0, excess).T
         limited = self._no_flags if is_cut is None else is_cut.T
         if law is not None and law.limited is not None:
             limited = limited | law.limited

@@ -20,7 +20,8 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.write import RUNTIME, controller_sources, function_of_time
+from gough_stewart.harness.export.moments import function_of_time
+from gough_stewart.harness.export.write import RUNTIME, controller_sources
 from gough_stewart.harness.motion.limits.reach import legs_of
 from tests.harness.export.test_controllers import CIRCLE, HOLD, PD, PID, SINE, often
 from tests.harness.export.test_toolchains import M4F, STRICT
