@@ -59,12 +59,13 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
-    if kind == "gravity":
-        (forces,) = once_at_rest(lambda rows: [static_leg_forces(platform, rows.position, rows.orientation)], motion)
-    else:
-        (forces,) = once_at_rest(
-            lambda rows: [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))], motion
-        )
+
+    def forces_of(rows: Motion) -> list[FloatArray]:
+        if kind == "gravity":
+            return [static_leg_forces(platform, rows.position, rows.orientation)]
+        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
+
+    (forces,) = once_at_rest(forces_of, motion)
     return forces
 
 
@@ -284,7 +285,7 @@ class PythonController(ControllerChoice):
             )
         try:
             if is_made:
-                return constructed(defined, self.design(platform, sample_time), user_folder)
+                return constructed(defined, self.design(platform, sample_time), user_folder.inside)
             return controller_of(user_folder.path / defined if isinstance(defined, str | Path) else defined)
         except ControllerError as error:
             raise ControllerError(f"{file}: {error}") from error

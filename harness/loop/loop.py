@@ -182,17 +182,18 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
         return of_members[0] if are_equal else np.stack(of_members)
 
     joined = []
-    for _, changing in sorted(alike.items(), key=lambda item: item[0]):
+    for (*_, names, has_wrench, has_faults), changing in sorted(alike.items(), key=lambda item: item[0]):
         any_change = next(iter(changing.values()))  # gives those who do not change some values
         changes = [changing.get(member, any_change) for member in range(len(by_member))]
         whose = np.array([member in changing for member in range(len(by_member))])
+
         joined.append(
             Change(
                 any_change.time,
-                {name: values([change.parameters[name] for change in changes]) for name in any_change.parameters},
-                None if any_change.external_wrench is None else values([c.external_wrench for c in changes]),
+                {name: values([change.parameters[name] for change in changes]) for name in names},
+                values([change.external_wrench for change in changes]) if has_wrench else None,
                 None if whose.all() else whose,
-                None if any_change.faults is None else values([change.faults for change in changes]),
+                values([change.faults for change in changes]) if has_faults else None,
             )
         )
     return tuple(joined)
@@ -209,10 +210,6 @@ class ScheduledChanges:
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
-
-    def settings(self, row: int) -> list[LoopSettings]:
-        """The loop's settings that change at a row."""
-        return [change.settings for change in self.by_row.get(row, ()) if change.settings is not None]
 
     def apply(self, row: int) -> None:
         """Pass the changes of a row to the plant, the inputs, and the faults."""
