@@ -51,11 +51,6 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """Actuator forces (n, 6) [N] along a reference motion.
 
     gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, inverse dynamics.
-
-    Raises
-    ------
-    SingularPoseError
-        The legs cannot hold a pose of the motion.
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
@@ -70,25 +65,13 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
 
 
 class ControllerChoice(Kind):
-    """The controller of an experiment, with its feedforward.
-
-    Raises
-    ------
-    ControllerError
-        Impossible values; names the key, its value, and what was expected.
-    """
+    """The controller of an experiment, with its feedforward."""
 
     error: ClassVar[type[ControllerError]] = ControllerError
     feedforward: Feedforward = "none"
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
-        """The controller for a platform and a sample time [s], None without feedback; `folder` resolves file names.
-
-        Raises
-        ------
-        ControllerError
-            No controller for this platform and sample time, or a file without one.
-        """
+        """The controller for a platform and a sample time [s], None without feedback; `folder` resolves file names."""
 
     is_closed: ClassVar[bool] = True  # whether the loop has feedback
 
@@ -158,11 +141,6 @@ class SixChannels(ControllerChoice):
         -------
         Gains
             Of six channels; without integral action of a PD.
-
-        Raises
-        ------
-        ControllerError
-            Impossible gains.
         """
         keys_of_integral = ("integral_gain", "integral_time", "anti_windup_time")
         integral_gain, integral_time, anti_windup_time = (getattr(self, key, None) for key in keys_of_integral)

@@ -99,12 +99,6 @@ def controller_of(controller: Any, design: Design | None = None) -> Controller:
     - A class or factory: called as `make(platform, sample_time, **parameters)`.
     - A function of a `Sample`.
     - Another object that can be called with a `Sample`, or a method: copied.
-
-    Raises
-    ------
-    ControllerError
-        None of them, as `LinearController`, a class or factory that cannot be called so, or an object that cannot be
-        copied.
     """
     if isinstance(controller, LinearController | UnitController | Maker):
         return controller
@@ -129,11 +123,6 @@ def fresh_controller(
     """A controller for one run of one member: a fresh one of a maker, any other as it is.
 
     One that only `peeks` leaves it to the next run.
-
-    Raises
-    ------
-    ControllerError
-        The maker fails, or makes something that is not a controller.
     """
     if not isinstance(controller, Maker):
         return controller

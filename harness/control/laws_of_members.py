@@ -74,11 +74,6 @@ def laws_of(
 
     Controllers are linear ones of one structure (states, inputs, signals, space), or functions, or makers. Makers are
     asked then, once for each member. All members call the same function.
-
-    Raises
-    ------
-    ControllerError
-        Another sample time, different structures, or FMUs.
     """
     _check([controller for controller in controllers if not isinstance(controller, Maker)], sample_time)
     members = np.minimum(np.arange(len(controllers) + copies), len(controllers) - 1)

@@ -118,13 +118,7 @@ class Maker:
 def constructed(
     make: Callable[..., Any], design: Design, inside: Callable[[], AbstractContextManager[None]] = nullcontext
 ) -> Maker:
-    """The maker of controllers by a class or a factory, which is called `inside` the folder of its file.
-
-    Raises
-    ------
-    ControllerError
-        It cannot be called as `make(platform, sample_time, **parameters)`; names the keywords that it accepts.
-    """
+    """The maker of controllers by a class or a factory, which is called `inside` the folder of its file."""
     maker, signature = name_of(make), _signature(make)
     if signature is not None and not _binds(signature, None, None, **design.parameters):
         named = _named_parameters(signature)
@@ -169,13 +163,7 @@ def copied(original: Any) -> Maker:
 
 
 def is_maker(controller: Callable[..., Any]) -> bool:
-    """Whether a callable makes controllers: a class, or a function with two required arguments.
-
-    Raises
-    ------
-    ControllerError
-        It takes neither a sample alone, nor platform and sample time.
-    """
+    """Whether a callable makes controllers: a class, or a function with two required arguments."""
     if inspect.isclass(controller.func if isinstance(controller, partial) else controller):
         return True
     signature = _signature(controller)
@@ -243,13 +231,7 @@ class UserFolder:
         self._modules = dict[str, ModuleType]()  # of the user, while others run
 
     def defined(self, file: Path, name: str) -> Any:
-        """The object that a file of the folder defines under a name; the file is executed with the user's rights.
-
-        Raises
-        ------
-        ControllerError
-            No such file or name, or the file fails.
-        """
+        """The object that a file of the folder defines under a name; the file is executed with the user's rights."""
         if not file.is_file():
             raise ControllerError(f"{file}: no such file; expected a Python file that defines '{name}'")
         if file.suffix != ".py":

@@ -139,11 +139,6 @@ def linearised(  # noqa: PLR0915 - one road, in sections
 
     Its memory is what changes when it is called; first it comes to rest under constant inputs. Of two sizes of change
     and of both signs the gains have to be the same; else they are in doubt, as with a dead zone or a quantisation.
-
-    Raises
-    ------
-    ControllerError
-        It fails, or does not answer to the measurements.
     """
     rows = (_SAMPLES_TO_REST + 2, N_LEGS)
     feedforward, planned = (np.broadcast_to(forces[0], rows) for forces in (known.feedforward, known.planned))
@@ -232,11 +227,6 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     Its memory is the change since the start of what changes between samples. It is traced at the first and at a later
     sample, and its forces are held against the controller's over a run with these references (m, 30) at its samples, in
     which they pass their limits.
-
-    Raises
-    ------
-    ControllerError
-        It cannot be traced: names the line, and what to write instead.
     """
     shape = (_BLOCK * len(_ERRORS), N_LEGS)
     feedforward, planned = (np.resize(forces, shape) for forces in (known.feedforward, known.planned))

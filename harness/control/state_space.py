@@ -73,13 +73,7 @@ def is_control_system(value: Any) -> bool:
 
 
 def state_space_of(system: Any, role: str = "controller") -> Any:
-    """The state space of a linear system: itself, this project's or python-control's, or that of a transfer function.
-
-    Raises
-    ------
-    ControllerError
-        Another kind of system, or not a system, or a transfer function that is improper; names it as its `role`.
-    """
+    """The state space of a linear system: itself, ours or python-control's, or that of a transfer function."""
     if isinstance(system, StateSpace):
         return system
     if is_control_system(system):
@@ -133,12 +127,6 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
 
     tustin: s = 2/T (z − 1)/(z + 1); backward_diff: s = (z − 1)/(T z); zoh: exact for held inputs. The states are those
     of python-control's `sample_system`.
-
-    Raises
-    ------
-    ControllerError
-        The system is already discrete, the sample time is not > 0, the method is unknown, or a pole is too fast for the
-        sample time: by Tustin's rule it would ring from sample to sample.
     """
     if system.dt:
         raise ControllerError(f"the system is already discrete (dt = {system.dt:g} s); expected a continuous one")

@@ -50,13 +50,7 @@ class UnitController:
                 raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, possible)}")
 
     def open(self, sample_time: float) -> "UnitLaw":
-        """The FMU, ready for a run; close it afterwards.
-
-        Raises
-        ------
-        ControllerError
-            No such FMU, variables that do not fit, or another sample time.
-        """
+        """The FMU, ready for a run; close it afterwards."""
         arguments = (self.path, dict(self.names), dict(self.parameters), sample_time)
         if self.is_foreign:
             process = Isolated(self.path, f"{__name__}:ControllerUnit", arguments, ControllerError)

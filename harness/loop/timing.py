@@ -37,12 +37,6 @@ class Timing:
 
     With `jitter` J each sample but the first is delayed by a random number of plant steps h, uniform on 0 … ⌊J/h⌋, both
     ends included. For many members the jitter may be an array (N,), with one seed for each.
-
-    Raises
-    ------
-    ControllerError
-        The plant step does not divide the sample time or the duration, there would be more than `MOST_STEPS`, or the
-        jitter is shorter than a plant step or not shorter than the sample time.
     """
 
     duration: float  # [s]

@@ -52,11 +52,3 @@ def run_with(controller: Any, loop: Loop, plant: Masses | None = None, **options
 def constant(force: FloatArray = FORCES) -> Callable[[Sample], FloatArray]:
     """The same forces at every sample."""
     return lambda _sample: force
-
-
-
-
-
-
-
-

@@ -68,8 +68,8 @@ def test_the_notch_filters_the_forces_of_every_channel(notch: dict[str, float], 
 
 @pytest.mark.parametrize(
     ("space", "integral", "single"),
-    [("leg", INTEGRAL, False), ("task", {}, False), ("task", INTEGRAL, True)],
-    ids=["pid in legs", "pd of poses", "pid of poses in floats"],
+    [("leg", INTEGRAL, False), ("task", {}, True)],
+    ids=["pid in legs", "pd of poses in floats"],
 )
 def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, Any], single: bool) -> None:
     """Expected: the loop's forces, of an uneven platform off its reference; with other values of a notch, too."""
@@ -90,7 +90,7 @@ def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, An
     names = [setting.variable.name for setting in made.settings]
     assert [name for name in names if name.startswith("notch")] == ["notch_frequency", "notch_damping", "notch_depth"]
     exported = Exported(made, "float" if single else "double")
-    for other in ({}, {"frequency": 63.0}, {"frequency": 22.0, "damping": 0.7, "depth": 0.4}):
+    for other in ({}, {"frequency": 22.0, "damping": 0.7, "depth": 0.4}):
         run = run_in_python(uneven_experiment(controller=table(**other), reference=HOLD))
         for key, value in other.items():
             exported.parameters[f"notch_{key}"] = value
