@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
-from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, name_of, place_in_code
+from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, copied, name_of, place_in_code
 from gough_stewart.harness.control.state_space import Solve, stacked_blocks
 from gough_stewart.harness.control.traced_law import CasadiFunction, is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController, UnitLaw
@@ -187,6 +187,15 @@ class CalledLaw:
             self.command = self._known.planned[k] + force  # in this order, as the loop adds them
         return force.astype(float)
 
+    def asked(self, *arguments: Any) -> FloatArray:
+        """What `force` would give; the memory stays as it is."""
+        kept = self.function, self.command
+        try:
+            self.function = copied(self.function).original
+            return self.force(*arguments)
+        finally:
+            self.function, self.command = kept
+
 
 class SeparateLaws:
     """Members' own laws, called one by one; members that have ended are not sampled, which user code must not be."""
@@ -227,14 +236,17 @@ class SeparateLaws:
         measured: FloatArray,
         excess: FloatArray,
         due: BoolArray | None = None,
+        off: BoolArray | None = None,
     ) -> FloatArray:
         """Forces (N, 6) [N] at sample k, as of `LinearLaw`; members that gave none are in `failures`."""
         failures = dict(self._not_made)
         references = np.broadcast_to(reference, (len(measured), reference.shape[-1]))
         for member, law in enumerate(self._laws):
             if law is not None and (due is None or due[member]):
+                is_off = off is not None and off[member] and isinstance(law, CalledLaw)
+                force = law.asked if is_off else law.force
                 try:
-                    self._forces[member] = law.force(k, time, references[member], measured[member], excess[member])
+                    self._forces[member] = force(k, time, references[member], measured[member], excess[member])
                 except ControllerError as error:
                     failures[member] = error
         self.failures = _of_copies(failures, self._members)
@@ -311,15 +323,10 @@ class LinearLaw:
         self._x = self._xu[:n]
         self._u = np.split(self._xu[n:], [size, 2 * size])[: first.kinds]
         # the steady state under constant inputs
+        self.rests = rests_of(systems, first.kinds)
+        self._rest_columns = np.ascontiguousarray(np.moveaxis(self.rests, 0, -1).swapaxes(0, 1))
         self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), True)
-        forcing = product_of_members(self._columns, self._xu)[N_LEGS:].T  # (N, n)
-        A = np.broadcast_to(self.matrices[:, N_LEGS:, :n], (n_members, n, n))
-        poles = np.diagonal(A, axis1=1, axis2=2)
-        is_integrator = (1 - poles) ** 2 < _INTEGRATES
-        x = np.where(is_integrator, 0.0, forcing / np.where(is_integrator, 1.0, 1 - poles))
-        for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
-            x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
-        self._x[...] = x.T
+        self._x[...] = product_of_members(self._rest_columns, self._xu[n:])
         self._start = self._x.copy(), self._pose.copy(), self.lengths.copy()
 
     def restart(self, members: BoolArray) -> None:
@@ -340,10 +347,17 @@ class LinearLaw:
         measured: FloatArray,  # (N, 24)
         excess: FloatArray,  # what the limits cut off the last command (N, 6) [N]
         due: BoolArray | None = None,  # the members to sample (N,); None means all
+        off: BoolArray | None = None,  # those of them whose controller is off, and rests in these signals
     ) -> FloatArray:
         """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space."""
-        are_due = True if due is None else due
+        are_due: Any = True if due is None else due
+        if off is not None:
+            np.copyto(self.lengths, measured.T[self._at], where=off)
+            np.copyto(self._pose, 0.0, where=off)
         self._feed(k, reference, measured, excess.T, are_due)
+        if off is not None:
+            np.copyto(self._x, product_of_members(self._rest_columns, self._xu[len(self._x) :]), where=off)
+            are_due = are_due & ~off
         force, following = np.split(product_of_members(self._columns, self._xu), [N_LEGS])
         np.copyto(self._x, following, where=are_due)
         return (force if self.inverses is None else product_of_members(self.inverses[k], force)).T
@@ -373,6 +387,19 @@ Law = SeparateLaws | LinearLaw
 def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:
     """Steady state x = A x + forcing; zero in integrators, on which `integrating` projects."""
     return solve(np.eye(len(A)) - A + integrating, forcing - integrating @ forcing)
+
+
+def rests_of(systems: Sequence[Any], kinds: int) -> FloatArray:
+    """R (k, n, inputs) of x = R u: the steady states of systems under constant inputs, as if no limit acted."""
+    A, B = (np.stack([getattr(system, name) for system in systems]) for name in "AB")
+    poles = np.diagonal(A, axis1=1, axis2=2)[..., None]
+    is_integrator = (1 - poles) ** 2 < _INTEGRATES
+    rests = np.where(is_integrator, 0.0, B / np.where(is_integrator, 1.0, 1 - poles))
+    for k in np.flatnonzero((A - poles * np.eye(A.shape[1])).any(axis=(1, 2))).tolist():
+        rests[k] = rest(A[k], integrators(integrating_modes(A[k])), B[k])
+    if kinds == 3:
+        rests[:, :, -N_LEGS:] = 0.0
+    return rests
 
 
 def integrating_modes(A: FloatArray) -> FloatArray:

@@ -584,6 +584,13 @@ class Preparation:
                 f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
                 "of at least 1, for instance by --set loop.delay=1",
             )
+        if isinstance(controller, UnitController) and any(change.manual is not None for change in tables["change"]):
+            raise ExperimentError(
+                where,
+                "change",
+                f"enabled switches a controller off, and {controller.path} is an FMU, whose memory would go on; "
+                "expected a controller of another type",
+            )
         if self.controller is None:
             forces = choice.planned(forces)
         elif isinstance(controller, UnitController):
@@ -720,7 +727,7 @@ class Preparation:
         faults: Sequence[FaultChoice],
         machine: Platform | None,
     ) -> tuple[Change, ...]:
-        """Of the machine's parameters, then of the load, then faults; each list in order of time."""
+        """Of the machine's parameters and the switch, then of the load, then faults; each list in order of time."""
         where, timing = self._where, self._timing
         changes: list[Change] = []
         if machine is not None:
@@ -856,7 +863,7 @@ def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platfor
             if name not in tunable:
                 raise PlatformError(name, f"cannot change during a run{nearest(name, tunable)}")
         platform = platform.with_parameters(values)
-        changes.append(Change(choice.at, {name: getattr(platform, name) for name in values}))
+        changes.append(Change(choice.at, {name: getattr(platform, name) for name in values}, manual=choice.manual))
     return changes
 
 

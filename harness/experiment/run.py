@@ -30,6 +30,7 @@ from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.report.document import Note, Number, Report
 from gough_stewart.harness.report.quantities import LENGTH
 from gough_stewart.harness.report.requirements import Required, with_requirements
@@ -37,7 +38,7 @@ from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics, metrics_json
-from gough_stewart.harness.results.oscillation import FAULTS
+from gough_stewart.harness.results.oscillation import FAULTS, MANUAL
 from gough_stewart.harness.results.record import Record, columns, plain, platform_of
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model import interface
@@ -351,6 +352,9 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
         if any(value is not None for value in changed):
             values = over_time(getattr(prepared.machine, variable.name), changed)
             parts.append((list(variable.scalar_names), values))
+    if loop.has_switch:
+        manual = over_time(np.zeros(2 * N_LEGS), (change.manual for change in loop.changes))
+        parts.append(([MANUAL], manual[:, :1] > 0))
     faults = over_time(np.zeros(N_FAULTS), (change.faults for change in loop.changes))
     frozen = (FROZEN.start + signals.positions([name]) for name in signals.NAMES)
     for name, at in zip(FAULTS, (np.arange(N_FAULTS)[CUT], *frozen), strict=True):

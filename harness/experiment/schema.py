@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
@@ -18,11 +19,13 @@ from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.quantities import (
     ZEROS,
     Angle,
     AngularVelocity,
     Force,
+    LegForces,
     Number,
     Orientation,
     Position,
@@ -40,6 +43,7 @@ from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform_joints import Pairing
 from gough_stewart.model.units import in_si
+from gough_stewart.model.vectors import FloatArray
 
 
 def _by_parameter(value: Any) -> Any:
@@ -131,10 +135,11 @@ class LimitChoice(Section):
 
 
 class ChangeChoice(Section):
-    """`[[change]]`: from a time on other parameters of the machine, or factors on them, or other settings of the loop.
+    """`[[change]]`: from a time on other parameters of the machine, other settings of the loop, or no controller.
 
     `controller` is a whole table of the same type and structure as `[controller]`; the others are keys of `[loop]`,
-    `[actuators]` and `[sensors]`. Settings hold from the next sample on.
+    `[actuators]` and `[sensors]`. Settings hold from the next sample on. With `enabled` false the controller is off
+    from there on, and `manual_force` acts, by default the last command; true switches it on again.
     """
 
     at: Time
@@ -145,6 +150,8 @@ class ChangeChoice(Section):
     force_limit: ForceLimit | None = None
     noise: PerSignal | None = None
     quantisation: PerSignal | None = None
+    enabled: bool | None = None
+    manual_force: LegForces | None = None
 
     @property
     def has_settings(self) -> bool:
@@ -152,10 +159,20 @@ class ChangeChoice(Section):
         settings = (self.controller, self.delay, self.force_limit, self.noise, self.quantisation)
         return any(setting is not None for setting in settings)
 
+    @property
+    def manual(self) -> FloatArray | None:
+        """By leg 1 while the controller is off, and the manual forces [N], NaN for the last command; (12,)."""
+        if self.enabled is None:
+            return None
+        force = np.nan if self.manual_force is None else np.asarray(self.manual_force, dtype=float)
+        return np.concatenate([np.full(N_LEGS, 0.0 if self.enabled else 1.0), np.broadcast_to(force, N_LEGS)])
+
     @model_validator(mode="after")
     def _something(self) -> "ChangeChoice":
-        if not self.parameters and not self.factors and not self.has_settings:
-            raise ValueError("has no effect; expected parameters, factors, or settings of the loop")
+        if self.manual_force is not None and self.enabled is not False:
+            raise ValueError("manual_force acts while the controller is off; expected enabled = false beside it")
+        if not self.parameters and not self.factors and not self.has_settings and self.enabled is None:
+            raise ValueError("has no effect; expected parameters, factors, or settings of the loop, such as enabled")
         if self.has_settings and not self.at:
             raise ValueError("at is 0 s, where settings are those of the tables; expected a later time")
         return self

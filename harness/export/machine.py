@@ -201,7 +201,7 @@ def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block
             f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; {host} steps by error control: "
             "set plant.fixed_step_size=0"
         )
-    if any(change.has_settings for change in experiment.change):
+    if any(change.has_settings or change.enabled is not None for change in experiment.change):
         raise ExportError(
             f"{name} changes settings of its loop during the run, which {host} cannot; expected "
             "[[change]] of parameters alone"

@@ -17,7 +17,8 @@ from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import CUT, FROZEN
-from gough_stewart.harness.control.laws_of_members import LinearLaw
+from gough_stewart.harness.control.laws_of_members import LinearLaw, rests_of
+from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import stacked_blocks
 from gough_stewart.harness.loop.folds import AT
@@ -61,6 +62,7 @@ class _Out(ctypes.Structure):
 MEMORY = (
     *("signals", "measured", "streams", "memory", "next", "pose", "lengths", "command", "excess", "limited"),
     *("planned", "delayed", "target", "driven", "acting", "cut", "frozen", "held", "at_row", "ended"),
+    *("off", "manual_force", "transfer"),
 )
 _ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_motors", "row_force_limited", "row_rate_limited")
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
@@ -81,13 +83,16 @@ class LoopBlock(ctypes.Structure):
         ("entries", ctypes.c_int64),
         *((name, ctypes.c_void_p) for name in ("entry_row", "entry_column")),
         ("values", _Table),
+        ("rest_entries", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in ("rest_row", "rest_column")),
+        ("rests", _Table),
         ("used", ctypes.c_void_p),
         ("jacobian", _Table),
         ("inverse", _Table),
         ("senses", ctypes.c_void_p),
         ("n_noisy", ctypes.c_int64),
         ("noisy", ctypes.c_void_p),
-        *((name, _Table) for name in ("deviations", "sensors", "limits", "drives", "delay")),
+        *((name, _Table) for name in ("deviations", "sensors", "limits", "drives", "takeover", "delay")),
         ("most_delay", ctypes.c_int64),
         *((name, _Table) for name in ("shortest", "longest", "farthest")),
         *((name, ctypes.c_void_p) for name in MEMORY),
@@ -152,6 +157,11 @@ class CompiledHost:
             c.entries = len(entry_row)
             c.entry_row, c.entry_column = self._indices(entry_row), self._indices(entry_column)
             c.values = self._table(np.ascontiguousarray(law.matrices[:, entry_row, entry_column].T))
+            if loop.has_switch:
+                rest_row, rest_column = self.rest_entries = np.indices(law.rests.shape[1:]).reshape(2, -1)
+                c.rest_entries = len(rest_row)
+                c.rest_row, c.rest_column = self._indices(rest_row), self._indices(rest_column + c.n_states)
+                c.rests = self._table(np.ascontiguousarray(law.rests[:, rest_row, rest_column].T))
             if law.jacobians is not None and law.inverses is not None:
                 lengths[:, :n] = law.lengths
                 m = len(law.jacobians)
@@ -187,6 +197,7 @@ class CompiledHost:
             c.limits = self._table(coefficients_of(ForceLimits, values, timing.sample_time))
         if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
             c.drives = self._table(coefficients_of(Drive, values, timing.plant_step))
+        c.takeover = self._table(coefficients_of(Takeover, {}, timing.sample_time))
         most_delay = int(max(delay.max(), *(settings.actuators.delay for settings in turned), 0))
         c.delay, c.most_delay = self._table(delay[None]), most_delay
         forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
@@ -206,9 +217,9 @@ class CompiledHost:
             "streams": streams,
             "memory": memory,
             "next": rows(N_LEGS + c.n_states),
-            **{name: rows(N_LEGS) for name in ("pose", "command", "excess", "limited")},
+            **{name: rows(N_LEGS) for name in ("pose", "excess", "limited")},
             "lengths": lengths,
-            **{name: rows(N_LEGS, forces) for name in ("planned", "target", "acting")},
+            **{name: rows(N_LEGS, forces) for name in ("command", "planned", "target", "acting")},
             "delayed": rows((most_delay + 1) * N_LEGS, np.tile(forces, (most_delay + 1, 1))),
             "driven": rows(2 * N_LEGS, np.tile(forces, (2, 1))),
             "at_row": np.zeros(blocks, np.int64),
@@ -217,6 +228,8 @@ class CompiledHost:
         if loop.has_faults:
             faults = {"cut": rows(N_LEGS), "frozen": rows(signals.SIZE), "held": rows(signals.SIZE, reading.T)}
             self._memory |= faults
+        if loop.has_switch:
+            self._memory |= {name: rows(N_LEGS) for name in ("off", "manual_force", "transfer")}
         for name, array in self._memory.items():
             setattr(c, name, self._address(array))
 
@@ -243,6 +256,13 @@ class CompiledHost:
         if self._loop.has_faults and faults.size:
             n = len(faults)
             self._memory["cut"][:, :n], self._memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
+
+    def switch(self, manual: FloatArray) -> None:
+        """Which controllers are off from the next sample on, and their forces (N, 12), see `ChangeChoice.manual`."""
+        if self._loop.has_switch:
+            n, force = len(manual), manual[:, N_LEGS:].T
+            self._memory["off"][:, :n] = manual[:, :N_LEGS].T
+            self._memory["manual_force"][:, :n] = np.where(np.isnan(force), self._memory["command"][:, :n], force)
 
     def _sensor_tables(self, sensors: Sensors) -> dict[str, FloatArray]:
         (n,) = self._plant.shape
@@ -271,6 +291,8 @@ class CompiledHost:
             old = np.zeros_like(new)
             old[*self.entries] = self.arrays[c.values.at][0, :, 0]
             tables["values"] = new[*self.entries][:, None]
+            if self._loop.has_switch:
+                tables["rests"] = rests_of([settings.system], c.kinds)[0][*self.rest_entries][:, None]
             n = c.n_states
             A = old[N_LEGS:, :n]
             for state in range(n):
@@ -305,6 +327,7 @@ class CompiledHost:
             c.sample_state, c.sample_limited = _out(rows.state), _out(rows.limited)
         plant.set_inputs(changes.inputs)
         self.fail(changes.faults)
+        self.switch(changes.manual)
         plant.freeze(~monitor.going)
         not_started = plant.begin()
         for member in not_started:  # they end at the first row
@@ -326,6 +349,7 @@ class CompiledHost:
                     changes.apply(row)
                     plant.set_inputs(changes.inputs)
                     self.fail(changes.faults)
+                    self.switch(changes.manual)
                     for change in changes.by_row[row]:
                         if change.settings is not None:
                             self.turn(change.settings)

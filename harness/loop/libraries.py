@@ -22,6 +22,7 @@ from gough_stewart.harness.control.faults import Cut, Freeze
 from gough_stewart.harness.control.laws import Controller
 from gough_stewart.harness.control.laws_of_members import Law, LinearLaw
 from gough_stewart.harness.control.makers import Maker
+from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
 from gough_stewart.harness.errors import ControllerError
@@ -41,10 +42,11 @@ _COMPONENTS: tuple[tuple[str, str, type[Stepped], int], ...] = (
     ("drive", "DRIVE", Drive, N_LEGS),
     ("cut", "CUT", Cut, N_LEGS),
     ("freeze", "FREEZE", Freeze, 1),
+    ("takeover", "TAKEOVER", Takeover, N_LEGS),
 )
 # Sources besides those of the plant's machine code.
 _SOURCES = (
-    ("gough_stewart.harness.control", "component.py", "drive.py", "faults.py", "sensor.py"),
+    ("gough_stewart.harness.control", "component.py", "drive.py", "faults.py", "manual.py", "sensor.py"),
     (str(__package__), "folds.py", "libraries.py"),
 )
 # Share of the largest number by which a law's machine code may differ from its function; they differ by rounding.

@@ -73,8 +73,9 @@ class LoopSettings(NamedTuple):
 class Change:
     """From `time` [s] on, new values of tunable parameters, a new external wrench (6,) [N, N m], or what has failed.
 
-    Faults are flags (N_FAULTS,), see `control/faults.py`. With many members, all of these may have a leading axis (N,),
-    and `members` (N,) selects those that change. Settings are those of one member, in machine code; `time` is then that
+    Faults are flags (N_FAULTS,), see `control/faults.py`; `manual` is (12,), see `ChangeChoice.manual`, and holds from
+    the next sample on. With many members, all of these may have a leading axis (N,), and `members` (N,) selects those
+    that change. Settings are those of one member, in machine code; `time` is then that
     of a sample, and the feedforward knows them.
     """
 
@@ -84,6 +85,7 @@ class Change:
     members: BoolArray | None = None
     faults: FloatArray | None = None
     settings: LoopSettings | None = None
+    manual: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,11 @@ class Loop:
         return any(change.faults is not None for change in self.changes)
 
     @property
+    def has_switch(self) -> bool:
+        """Whether its controller is switched off and on."""
+        return any(change.manual is not None for change in self.changes)
+
+    @property
     def steps_a_reading(self) -> int:
         """Plant steps between readings of sensors with a clock of their own; 0 for readings at the samples."""
         period = self.sensors.sample_time
@@ -163,7 +170,7 @@ def members_last(values: FloatArray | None) -> FloatArray | None:
 def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:
     """The changes of N members as those of one loop, in order of time, and of each member's own at equal times.
 
-    The i-th changes of members at a row are one if they change the same parameters, the wrench, or faults.
+    The i-th changes of members at a row are one if they change the same parameters, the wrench, faults, or the switch.
     """
     if all(changes is by_member[0] for changes in by_member):
         return tuple(by_member[0])
@@ -173,8 +180,8 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
         for change in changes:
             row = timing.row(change.time, "a change")
             number = number_at_row[row] = number_at_row.get(row, -1) + 1
-            has_wrench, has_faults = change.external_wrench is not None, change.faults is not None
-            kind = row, number, tuple(sorted(change.parameters)), has_wrench, has_faults
+            has = [part is not None for part in (change.external_wrench, change.faults, change.manual)]
+            kind = row, number, tuple(sorted(change.parameters)), *has
             alike.setdefault(kind, {})[member] = change
 
     def values(of_members: list[Any]) -> Any:
@@ -182,7 +189,7 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
         return of_members[0] if are_equal else np.stack(of_members)
 
     joined = []
-    for (*_, names, has_wrench, has_faults), changing in sorted(alike.items(), key=lambda item: item[0]):
+    for (*_, names, has_wrench, has_faults, has_manual), changing in sorted(alike.items(), key=lambda item: item[0]):
         any_change = next(iter(changing.values()))  # gives those who do not change some values
         changes = [changing.get(member, any_change) for member in range(len(by_member))]
         whose = np.array([member in changing for member in range(len(by_member))])
@@ -194,25 +201,27 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
                 values([change.external_wrench for change in changes]) if has_wrench else None,
                 None if whose.all() else whose,
                 values([change.faults for change in changes]) if has_faults else None,
+                manual=values([change.manual for change in changes]) if has_manual else None,
             )
         )
     return tuple(joined)
 
 
 class ScheduledChanges:
-    """The changes of a loop by row, and what they change: parameters of a plant, its inputs, and what fails."""
+    """The changes of a loop by row, and what they change: parameters of a plant, its inputs, what fails, the switch."""
 
     def __init__(self, loop: Loop, plant: Plant) -> None:
         self._plant = plant
         self.inputs = members.zeros(plant.shape, interface.N_INPUTS)  # of the plant
         self.inputs[:, :N_LEGS] = loop.start_force
         self.faults = members.zeros(plant.shape, N_FAULTS)  # 1 of what has failed
+        self.manual = members.zeros(plant.shape, 2 * N_LEGS)  # see `Change`
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
 
     def apply(self, row: int) -> None:
-        """Pass the changes of a row to the plant, the inputs, and the faults."""
+        """Pass the changes of a row to the plant, the inputs, the faults, and the switch."""
         for change in self.by_row.get(row, ()):
             if change.members is not None and change.parameters:
                 self._plant.set_parameters_of(change.members, change.parameters)
@@ -223,3 +232,5 @@ class ScheduledChanges:
                 np.copyto(self.inputs[:, N_LEGS:], change.external_wrench, where=whose)
             if change.faults is not None:
                 np.copyto(self.faults, change.faults, where=whose)
+            if change.manual is not None:
+                np.copyto(self.manual, change.manual, where=whose)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import CUT, FROZEN, Cut, Freeze, NoCoefficients
 from gough_stewart.harness.control.laws_of_members import Law
+from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
@@ -69,13 +70,18 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
     delay = np.broadcast_to(np.asarray(loop.actuators.delay), (n,))
     delayed = np.tile(start, (int(delay.max()) + 1, 1, 1))
     has_one_delay, all_members = delay.min() == delay.max(), np.arange(n)
-    command, excess = members.zeros((n,), N_LEGS), members.zeros((n,), N_LEGS)
+    command, excess = start.copy().T, members.zeros((n,), N_LEGS)
+    takeover = Takeover.prepare({}, timing.sample_time)
+    transfer, switched_off, manual_force = Takeover.start(takeover, (start,)), np.zeros(n, dtype=bool), start
     no_flags, state = np.zeros((N_LEGS, n), dtype=bool).T, np.zeros((n, 0))
     force_limited: BoolArray = no_flags
 
     for row, time in enumerate(timing.times.tolist()):
-        if row and row in changes.by_row:
-            changes.apply(row)
+        if row in changes.by_row:
+            if row:
+                changes.apply(row)
+            switched_off, force_by_hand = changes.manual[:, 0] > 0, changes.manual[:, N_LEGS:]
+            manual_force = np.where(np.isnan(force_by_hand), command, force_by_hand).T
         # what ends and is recorded is where the platform is
         now = plant.signals()
         at_motors = seen(plant, "motor") if has_motors else now
@@ -98,15 +104,25 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
             if is_sample:
                 # the command; the controller counts nominal samples, regardless of jitter, and may end members
                 due = _due_and_going(due, monitor)
+                off = None
+                if switched_off.any():
+                    off = switched_off if due is None else switched_off & due
                 new = loop.feedforward[j] if loop.injection is None else loop.feedforward[j] + loop.injection[j]
                 if law is not None and loop.reference is not None:
                     state = law.state
-                    force = law.force(j, j * every * step, loop.reference[j * every], reading, excess, due)
+                    force = law.force(j, j * every * step, loop.reference[j * every], reading, excess, due, off)
                     if failures := law.failures:
                         failed, causes = np.isin(all_members, list(failures)), dict(failures)
                         monitor.end(failed, monitor.n_rows, "stopped", lambda k, causes=causes: str(causes[k]))
                         due = _due_and_going(due, monitor)
                     new = new + force
+                if loop.has_switch:
+                    wanted = np.broadcast_to(new, command.shape).T
+                    lacked, (taken,) = Takeover.step(
+                        takeover, transfer, (wanted, manual_force, switched_off.astype(float))
+                    )
+                    new = taken.T
+                    transfer = lacked if due is None else (np.where(due, lacked[0], transfer[0]),)
                 if due is not None:
                     # a member's command stays until its next sample; that of an ended member is cleared
                     new = np.where(due[:, None], new, np.where(going[:, None], command, 0.0))
@@ -128,6 +144,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                 late = delayed[(j - int(delay[0])) % len(delayed)]
                 if not has_one_delay:
                     late = delayed[(j - delay) % len(delayed), :, all_members].T
+                rest = rest if rest is None or off is None else np.where(off, 0.0, rest)
                 if due is None:
                     planned, target = following, late
                     excess = excess if rest is None else rest.T

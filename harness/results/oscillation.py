@@ -31,6 +31,8 @@ _USED = ("error.leg_length", "reference.leg_length", "leg_length")
 _INPUTS = ("reference.leg_length", "controller.injection", "external_force", "external_torque")
 # What fails, by leg or element of a signal, as the flags of `control/faults.py`.
 FAULTS = ("flag.force_cut", *(f"flag.frozen_{name}" for name in NAMES))
+# While the controller is off.
+MANUAL = "flag.manual"
 # Cycles in the window: without and with a moving reference.
 _CYCLES, _CYCLES_MOVING = 3, 8
 # A reference has no part in what is so many times above 99.9 % of the power of its accelerations.
@@ -80,7 +82,7 @@ def oscillation(record: RecordData) -> Oscillation | None:
         float(record["leg_length"].mean()), points, sensors.get("noise") or {}, sensors.get("quantisation") or {}
     )
     # what acts on the loop, by the names of `acting_columns`
-    names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
+    names = (*_INPUTS, *FAULTS, MANUAL, *record.metadata.get("machine", {}))
     acting = [record[name].reshape(record.table.height, -1) for name in names if name in record]
     legs = np.ascontiguousarray(record["reference.leg_length"].T)
     judge = SelfExcitation(record["time"], legs, rest_begins(acting))

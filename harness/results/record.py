@@ -111,8 +111,8 @@ class Record(RecordData):
       to the reference, about the world's axes;
     - `measured.` the controller's inputs at its last sample, and `controller.` its results: `force` before any limit,
       the `feedforward` part of it, `state`;
-    - `flag.` booleans per leg: `force_limited`, `rate_limited`, `stroke_exceeded`; of faults, if there are any,
-      `force_cut`, and per element of a signal `frozen_leg_length`, `frozen_position`, …
+    - `flag.` booleans per leg: `force_limited`, `rate_limited`, `stroke_exceeded`; `manual`, while the controller is
+      off; of faults, if there are any, `force_cut`, and per element of a signal `frozen_leg_length`, …
 
     Parameters of the machine that change have a column under their names.
     """

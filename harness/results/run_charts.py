@@ -280,7 +280,7 @@ def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
 
 
 class FaultSpan(NamedTuple):
-    """A fault of an experiment: what failed, and when."""
+    """A fault of an experiment, or its controller off: what failed, and when."""
 
     text: str  # "leg 3 without force"
     begin: float  # [s]
@@ -291,9 +291,16 @@ class FaultSpan(NamedTuple):
 
 
 def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
-    """The faults in the experiment of a run's or ensemble's metadata, in order of time."""
-    spans = []
-    for fault in (metadata.get("experiment") or {}).get("fault") or ():
+    """Of a run's or ensemble's metadata, the faults and when the controller is off, in order of time."""
+    spans, experiment = list[FaultSpan](), metadata.get("experiment") or {}
+    switches = [change for change in experiment.get("change") or () if change.get("enabled") is not None]
+    begin: float | None = None
+    for change in sorted(switches, key=lambda change: float(change["at"])):
+        if change["enabled"] and begin is not None:
+            spans.append(FaultSpan("controller off", begin, float(change["at"])))
+        begin = None if change["enabled"] else float(change["at"]) if begin is None else begin
+    spans += [] if begin is None else [FaultSpan("controller off", begin, None)]
+    for fault in experiment.get("fault") or ():
         cut, texts = fault.get("cut") or [], list[str]()
         if cut:
             texts.append(f"{'leg' if len(cut) == 1 else 'legs'} {listed(list(map(str, cut)))} without force")

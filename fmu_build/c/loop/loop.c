@@ -178,8 +178,14 @@ static void times(const vector *v, const table *matrix, int64_t sample, int tran
     }
 }
 
-/* The parts of u, in task space of displacements: see harness/control/laws_of_members.py. */
-static void feed(vector *v, int64_t sample, mask due)
+/* Those of some members whose controller is off. */
+static mask those_off(const vector *v, mask due)
+{
+    return v->loop->off ? due & (remembered(v, v->loop->off, 0) > 0) : due & 0;
+}
+
+/* The parts of u, in task space of displacements, which begin anew while it is off: see harness/control/laws_of_members.py. */
+static void feed(vector *v, int64_t sample, mask due, mask off)
 {
     const loop *l = v->loop;
     lanes beyond[N_LEGS], excess[N_LEGS], step[N_LEGS], now[N_LEGS], ahead[N_LEGS], length[N_LEGS];
@@ -189,11 +195,11 @@ static void feed(vector *v, int64_t sample, mask due)
     if (in_task_space) {
         for (int i = 0; i < N_LEGS; i++) {
             length[i] = remembered(v, l->measured, l->used[i]);
-            step[i] = length[i] - remembered(v, l->lengths, i);
+            step[i] = length[i] - choose(off, length[i], remembered(v, l->lengths, i));
         }
         times(v, &l->inverse, sample, 0, step, now);
         for (int i = 0; i < N_LEGS; i++) {
-            now[i] += remembered(v, l->pose, i);
+            now[i] += choose(off, (lanes)0.0, remembered(v, l->pose, i));
             step[i] = value_at(v, &l->reference, sample * l->every, l->used[i]) - length[i];
         }
         times(v, &l->inverse, sample, 0, step, ahead);
@@ -213,12 +219,26 @@ static void feed(vector *v, int64_t sample, mask due)
         remember(v, l->memory, l->n_states + 2 * l->size + i, excess[i]);
 }
 
-/* The controller's forces; x goes on where a sample is due. */
+/* The first rows of y = M (x, u), element by element. */
+static void multiply(const vector *v, int64_t rows, int64_t entries, const int64_t *row, const int64_t *column,
+                     const table *values)
+{
+    const loop *l = v->loop;
+    for (int64_t i = 0; i < rows; i++)
+        remember(v, l->next, i, (lanes)0.0);
+    for (int64_t k = 0; k < entries; k++) {
+        lanes term = value_at(v, values, 0, k) * remembered(v, l->memory, column[k]);
+        remember(v, l->next, row[k], remembered(v, l->next, row[k]) + term);
+    }
+}
+
+/* The controller's forces; x goes on where a sample is due and it is on. */
 static void control(vector *v, int64_t sample, mask due, lanes force[])
 {
     const loop *l = v->loop;
+    mask off = those_off(v, due);
     lanes output[N_LEGS];
-    feed(v, sample, due);
+    feed(v, sample, due, off);
     for (int64_t i = 0; i < l->n_states; i++)
         write_number(v, &l->sample_state, sample, i, remembered(v, l->memory, i), due);
     if (l->law) { /* it gets the time of the sample and the reference's accelerations besides references and readings */
@@ -227,18 +247,17 @@ static void control(vector *v, int64_t sample, mask due, lanes force[])
         for (int i = 0; i < N_ACCELERATIONS; i++)
             remember(v, l->memory, next + 1 + i, value_at(v, &l->reference, row, N_SIGNALS + i));
         l->law(l->memory + v->first, l->next + v->first, v->stride);
-    } else { /* y = C x + D u, x+ = A x + B u, element by element */
-        for (int64_t i = 0; i < N_LEGS + l->n_states; i++)
-            remember(v, l->next, i, (lanes)0.0);
-        for (int64_t k = 0; k < l->entries; k++) {
-            int64_t i = l->entry_row[k];
-            lanes term = value_at(v, &l->values, 0, k) * remembered(v, l->memory, l->entry_column[k]);
-            remember(v, l->next, i, remembered(v, l->next, i) + term);
+    } else {
+        if (any(off)) { /* x = R u */
+            multiply(v, l->n_states, l->rest_entries, l->rest_row, l->rest_column, &l->rests);
+            for (int64_t i = 0; i < l->n_states; i++)
+                remember(v, l->memory, i, choose(off, remembered(v, l->next, i), remembered(v, l->memory, i)));
         }
+        multiply(v, N_LEGS + l->n_states, l->entries, l->entry_row, l->entry_column, &l->values);
     }
     for (int64_t i = 0; i < l->n_states; i++) {
         lanes next = remembered(v, l->next, N_LEGS + i);
-        remember(v, l->memory, i, choose(due, next, remembered(v, l->memory, i)));
+        remember(v, l->memory, i, choose(due & ~off, next, remembered(v, l->memory, i)));
     }
     recall(v, l->next, N_LEGS, output);
     memcpy(force, output, sizeof output);
@@ -276,6 +295,19 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
             command[i] += value_at(v, &l->injection, sample, i);
         if (l->kinds)
             command[i] += force[i];
+    }
+    if (l->off) {
+        lanes c[TAKEOVER_COEFFICIENTS], before[TAKEOVER_STATES], after[TAKEOVER_STATES], by_hand[N_LEGS], off[N_LEGS];
+        lanes wanted[N_LEGS];
+        memcpy(wanted, command, sizeof wanted);
+        read_coefficients(v, &l->takeover, 0, TAKEOVER_COEFFICIENTS, c);
+        recall(v, l->transfer, TAKEOVER_STATES, before);
+        recall(v, l->manual_force, N_LEGS, by_hand);
+        recall(v, l->off, N_LEGS, off);
+        component_takeover(c, before, wanted, by_hand, off, after, command);
+        keep(v, l->transfer, TAKEOVER_STATES, after, due);
+    }
+    for (int i = 0; i < N_LEGS; i++) {
         most = larger_of(most, magnitude(command[i]));
         nothing += command[i] * 0;
     }
@@ -287,6 +319,8 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
         read_coefficients(v, &l->limits, 0, LIMIT_COEFFICIENTS, c);
         recall(v, l->planned, LIMIT_STATES, before);
         component_limits(c, before, command, after, allowed, is_cut, excess);
+        for (int i = 0; i < N_LEGS; i++)
+            excess[i] = choose(those_off(v, due), (lanes)0.0, excess[i]);
         keep(v, l->planned, LIMIT_STATES, after, goes_on);
         keep(v, l->excess, N_LEGS, excess, goes_on);
         keep(v, l->limited, N_LEGS, is_cut, goes_on);
@@ -533,7 +567,7 @@ void loop_begin(const batch *members, const loop *l)
         remember(&v, l->lengths, i, remembered(&v, l->measured, l->used[i]));
         remember(&v, l->pose, i, (lanes)0.0);
     }
-    feed(&v, 0, everyone_of(&v));
+    feed(&v, 0, everyone_of(&v), everyone_of(&v) & 0);
 }
 #endif
 

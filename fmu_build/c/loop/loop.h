@@ -72,6 +72,9 @@ typedef struct {
     int64_t entries;
     const int64_t *entry_row, *entry_column;
     table values;           /* one row, `entries` elements */
+    int64_t rest_entries; /* of R, of a controller that may be off: it rests in x = R u */
+    const int64_t *rest_row, *rest_column;
+    table rests;
     const int64_t *used;    /* positions of its signals among all */
     table jacobian, inverse; /* by sample (36), for task space; NULL for leg space */
 
@@ -82,8 +85,9 @@ typedef struct {
     const int64_t *noisy; /* (n_noisy, 2): the first element of each and their number */
     table deviations, sensors;
 
-    /* coefficients of the limits and the drives, one row, NULL if they do nothing; samples of delay, and the most */
-    table limits, drives, delay;
+    /* coefficients of the limits and the drives, one row, NULL if they do nothing; of what takes over from manual
+       operation; samples of delay, and the most */
+    table limits, drives, takeover, delay;
     int64_t most_delay;
 
     /* ends of runs, one row: lengths of the stroke [m], NULL if they end no run; largest distance from the reference */
@@ -110,6 +114,9 @@ typedef struct {
     double *held;        /* 24: readings of the last sample */
     int64_t *at_row;     /* (blocks): next row of each vector */
     int64_t *ended;      /* (M): row of the member's end, or -1 */
+    double *off;         /* 6: whether the controller is off, 1 or 0; NULL, as the next two: it never is */
+    double *manual_force; /* 6: the command then */
+    double *transfer;    /* 6: what the controller's own command lacks of it */
 
     /* what is kept: by row since `first_row`, and by sample */
     int64_t first_row;
