@@ -243,8 +243,8 @@ class SeparateLaws:
         references = np.broadcast_to(reference, (len(measured), reference.shape[-1]))
         for member, law in enumerate(self._laws):
             if law is not None and (due is None or due[member]):
-                is_off = off is not None and off[member] and isinstance(law, CalledLaw)
-                force = law.asked if is_off else law.force
+                is_off = off is not None and off[member]
+                force = law.asked if is_off and isinstance(law, CalledLaw) else law.force
                 try:
                     self._forces[member] = force(k, time, references[member], measured[member], excess[member])
                 except ControllerError as error:

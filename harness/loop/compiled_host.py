@@ -23,7 +23,7 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import stacked_blocks
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
-from gough_stewart.harness.loop.loop import Loop, LoopSettings, ScheduledChanges, Sensors, members_last
+from gough_stewart.harness.loop.loop import Actuators, Loop, LoopSettings, ScheduledChanges, Sensors, members_last
 from gough_stewart.harness.loop.python_host import by_element, streams_of
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor, Status
 from gough_stewart.harness.plants import signals
@@ -177,29 +177,28 @@ class CompiledHost:
         steps = np.max([by_element(sensors.quantisation, used, n) for sensors in every], axis=0)
         noisy = self._noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
         senses = np.where((deviations > 0).any(axis=1) | (steps != 0).any(axis=1), _SENSES, 0)
-        now = self._sensor_tables(sensors)
+        tables = self._tables_of(sensors, loop.actuators)
         if senses.any():
-            c.sensors = self._table(now["sensors"])
+            c.sensors = self._table(tables["sensors"])
         if sensors.side == "motor" and plant.batch.variant.springs:
             senses[signals.LEGS] |= _AT_MOTOR
         streams = rows(4).view(np.int64)
         if noisy:
             streams[:, :n] = streams_of(sensors.seed)
             c.noisy = self._indices(np.array([(at.start, at.stop - at.start) for at in noisy.values()]))
-            c.deviations = self._table(now["deviations"])
+            c.deviations = self._table(tables["deviations"])
         c.senses, c.n_noisy = self._indices(senses), len(noisy)
 
         # actuators
-        values = {name: np.full(n, value, float) for name, value in loop.actuators.values.items()}
-        delay = np.full(n, loop.actuators.delay, float)
-        force_limits = [a.values["force_limit"] for a in (loop.actuators, *(s.actuators for s in turned))]
-        if np.isfinite(np.hstack([*force_limits, values["rate_limit"]])).any():
-            c.limits = self._table(coefficients_of(ForceLimits, values, timing.sample_time))
-        if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
-            c.drives = self._table(coefficients_of(Drive, values, timing.plant_step))
+        every_path = [loop.actuators, *(settings.actuators for settings in turned)]
+        largest = [path.values["force_limit"] for path in every_path] + [loop.actuators.values["rate_limit"]]
+        if np.isfinite(np.concatenate([np.ravel(limit) for limit in largest])).any():
+            c.limits = self._table(tables["limits"])
+        if np.isfinite(loop.actuators.values["rate_limit"]).any() or np.any(np.asarray(loop.actuators.lag) > 0):
+            c.drives = self._table(tables["drives"])
         c.takeover = self._table(coefficients_of(Takeover, {}, timing.sample_time))
-        most_delay = int(max(delay.max(), *(settings.actuators.delay for settings in turned), 0))
-        c.delay, c.most_delay = self._table(delay[None]), most_delay
+        c.delay = self._table(tables["delay"])
+        c.most_delay = most_delay = max(int(np.max(path.delay)) for path in every_path)
         forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
 
         # ends of runs; without a limit, what is not a number is too far from the reference
@@ -264,13 +263,18 @@ class CompiledHost:
             self._memory["off"][:, :n] = manual[:, :N_LEGS].T
             self._memory["manual_force"][:, :n] = np.where(np.isnan(force), self._memory["command"][:, :n], force)
 
-    def _sensor_tables(self, sensors: Sensors) -> dict[str, FloatArray]:
-        (n,) = self._plant.shape
+    def _tables_of(self, sensors: Sensors, actuators: Actuators) -> dict[str, FloatArray]:
+        """Coefficients of what measures and what acts, (size, N)."""
+        (n,), timing = self._plant.shape, self._loop.timing
         steps, deviations = (by_element(sizes, self._used, n) for sizes in (sensors.quantisation, sensors.noise))
-        coefficients = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (n, 24, N)
+        values = {name: np.full(n, value, float) for name, value in actuators.values.items()}
+        by_signal = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (size, 24, N)
         return {
-            "sensors": coefficients.swapaxes(0, 1).reshape(-1, n),
+            "sensors": by_signal.swapaxes(0, 1).reshape(-1, n),
             "deviations": np.array([deviations[at.start] for at in self._noisy.values()]),
+            "limits": coefficients_of(ForceLimits, values, timing.sample_time),
+            "drives": coefficients_of(Drive, values, timing.plant_step),
+            "delay": np.full((1, n), actuators.delay, float),
         }
 
     def turn(self, settings: LoopSettings) -> None:
@@ -279,13 +283,7 @@ class CompiledHost:
         Each filter of a derivative, a state of the first order that is fed by inputs alone, goes on with the force that
         it gave: x = r' + c/c' (x − r) about its rest r.
         """
-        c, timing = self.structure, self._loop.timing
-        values = {name: np.full(1, value, float) for name, value in settings.actuators.values.items()}
-        tables = {
-            **self._sensor_tables(settings.sensors),
-            "limits": coefficients_of(ForceLimits, values, timing.sample_time),
-            "delay": np.array([[float(settings.actuators.delay)]]),
-        }
+        c, tables = self.structure, self._tables_of(settings.sensors, settings.actuators)
         if isinstance(self._law, LinearLaw) and settings.system is not None:
             new, memory = stacked_blocks(settings.system), self._memory["memory"][:, 0]
             old = np.zeros_like(new)

@@ -164,10 +164,26 @@ class Folding:
         # members that have ended may compute NaN, and squares may overflow
         with np.errstate(all="ignore"):
             if self._kernels is not None:
-                if self._structure is None:
+                structure = self._structure
+                if structure is None:
                     stops = np.cumsum([0, *(columns[name].shape[1] for name in self._checked)]).tolist()
-                    self._compile(self._kernels, dict(zip(self._checked, map(slice, stops, stops[1:]), strict=False)))
-                self._add_in_vectors(self._kernels, first, columns, ends)
+                    places = dict(zip(self._checked, map(slice, stops, stops[1:]), strict=False))
+                    structure = self._compile(self._kernels, places)
+                vectors, width = len(ends) // WIDTH, max(at.stop for at in self._places.values())
+                for begin in range(0, rows, _ROWS):
+                    end = min(begin + _ROWS, rows)
+                    padded = np.zeros((end - begin + 1, width, vectors * WIDTH))
+                    for name, at in self._places.items():
+                        padded[:, at, :n] = columns[name][begin : end + 1]
+                    raw = np.zeros(padded.size + WIDTH)
+                    aligned = raw[-raw.ctypes.data % 64 // raw.itemsize :][: padded.size]  # to 64 bytes, as vectors are
+                    chunk = aligned.reshape(vectors, -1, width, WIDTH)
+                    chunk[...] = padded.reshape(-1, width, vectors, WIDTH).transpose(2, 0, 1, 3)
+                    to = ends - begin  # how many of these rows count for each member
+                    for vector in range(vectors):
+                        pointers = to[vector * WIDTH :].ctypes.data, chunk[vector].ctypes.data
+                        sizes = vector, first + begin, end - begin, width
+                        self._kernels.add(ctypes.byref(structure), *sizes, *pointers)
             else:
                 finite = [np.isfinite(columns[name][1:]).all(axis=1) for name in self._checked]
                 broken = ~np.logical_and.reduce(finite) if finite else np.zeros((rows, n), dtype=bool)
@@ -180,24 +196,6 @@ class Folding:
         for kept in self._kept:
             kept.keep(first, columns)
         self._rows = first + rows
-
-    def _add_in_vectors(self, kernels: FoldKernels, first: int, columns: Columns, counting: NDArray[np.int64]) -> None:
-        """Add a block of rows in machine code, as many of them as count for each member (M,), more of those going."""
-        vectors, width = len(counting) // WIDTH, max(at.stop for at in self._places.values())
-        rows = len(next(iter(columns.values()))) - 1
-        for begin in range(0, rows, _ROWS):
-            end = min(begin + _ROWS, rows)
-            padded = np.zeros((end - begin + 1, width, vectors * WIDTH))
-            for name, at in self._places.items():
-                padded[:, at, : self._members] = columns[name][begin : end + 1]
-            raw = np.zeros(padded.size + WIDTH)
-            aligned = raw[-raw.ctypes.data % 64 // raw.itemsize :][: padded.size]  # to 64 bytes, as vectors are
-            chunk = aligned.reshape(vectors, -1, width, WIDTH)
-            chunk[...] = padded.reshape(-1, width, vectors, WIDTH).transpose(2, 0, 1, 3)
-            ends = counting - begin
-            for vector in range(vectors):
-                pointers = ends[vector * WIDTH :].ctypes.data, chunk[vector].ctypes.data
-                kernels.add(ctypes.byref(self._structure), vector, first + begin, end - begin, width, *pointers)
 
     def results(self) -> dict[str, FloatArray]:
         """Results (..., N) of all folds by name, so far."""

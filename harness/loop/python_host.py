@@ -111,10 +111,9 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                 if law is not None and loop.reference is not None:
                     state = law.state
                     force = law.force(j, j * every * step, loop.reference[j * every], reading, excess, due, off)
-                    if failures := law.failures:
-                        failed, causes = np.isin(all_members, list(failures)), dict(failures)
-                        monitor.end(failed, monitor.n_rows, "stopped", lambda k, causes=causes: str(causes[k]))
-                        due = _due_and_going(due, monitor)
+                    for member, error in law.failures.items():
+                        monitor.end_one(member, monitor.n_rows, "stopped", str(error))
+                    due = _due_and_going(due, monitor)
                     new = new + force
                 if loop.has_switch:
                     wanted = np.broadcast_to(new, command.shape).T
@@ -129,13 +128,9 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                 command, commanded = np.broadcast_to(new, command.shape), due
                 if not members.all_below(command.T, LARGEST_NUMBER):
                     beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
-                    # with this row, before its limits are checked
-                    monitor.end(
-                        beyond,
-                        monitor.n_rows + 1,
-                        "diverged",
-                        lambda k, j=j, command=command: loop.failure_of_forces(j, command[k]),
-                    )
+                    for member in np.flatnonzero(beyond).tolist():  # with this row, before its limits are checked
+                        cause = loop.failure_of_forces(j, command[member])
+                        monitor.end_one(member, monitor.n_rows + 1, "diverged", cause)
                     due = _due_and_going(due, monitor)
 
                 # what of the command is allowed, and what of that reaches the drives now

@@ -144,23 +144,18 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
     outcomes = observe(plant, law_from, loop, rows, progress)
     n = int(rows.counting.max())
     # members before elements
-    results, inputs, rate_limited = (
-        np.moveaxis(values[1 : n + 1], 1, 2) for values in (rows.results, rows.inputs, rows.rate_limited)
-    )
-    measured, command, state, force_limited = (
-        np.moveaxis(values, 1, 2) for values in (rows.measured, rows.command, rows.state, rows.limited)
-    )
+    results = np.moveaxis(rows.results[1 : n + 1], 1, 2)
     run = Run(
         time=loop.timing.times[:n],
         results=results,
-        inputs=inputs,
-        rate_limited=rate_limited,
+        inputs=np.moveaxis(rows.inputs[1 : n + 1], 1, 2),
+        rate_limited=np.moveaxis(rows.rate_limited[1 : n + 1], 1, 2),
         stroke_exceeded=loop.limits.beyond_stroke(results[..., LENGTHS]),
         sample_of_row=samples_of_rows(loop.timing)[:n],
-        measured=measured,
-        command=command,
-        controller_state=state,
-        force_limited=force_limited,
+        measured=np.moveaxis(rows.measured, 1, 2),
+        command=np.moveaxis(rows.command, 1, 2),
+        controller_state=np.moveaxis(rows.state, 1, 2),
+        force_limited=np.moveaxis(rows.limited, 1, 2),
         outcomes=outcomes,
         used=rows.used,
         host=rows.host,

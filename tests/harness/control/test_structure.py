@@ -27,7 +27,7 @@ def with_gains(settings: dict[str, Any], bandwidth: float = 2.0) -> LoopMargins:
     changes = {key.rpartition(".")[2]: value for key, value in settings.items() if key.startswith("platform.")}
     gains = gs.gains_from_bandwidth(gs.load_preset("motion_base").with_parameters(changes), bandwidth, 0.8)
     kp, kd = np.asarray(gains.proportional), np.asarray(gains.derivative)
-    made = gs.PD(proportional_gain=kp, derivative_gain=kd, derivative_on="measurement")  # type: ignore[arg-type]
+    made = gs.PD(proportional_gain=kp, derivative_gain=kd, derivative_on="measurement")
     return gs.margins("heave_step", {**settings, "controller": made})
 
 
