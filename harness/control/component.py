@@ -111,13 +111,7 @@ class Link(Section, Component):
         """One channel in discrete time, from the values of its keys, numbers or symbols in arrays (1,)."""
 
     def check(self, sample_time: float) -> None:
-        """Refuse values that do not fit a sample time [s].
-
-        Raises
-        ------
-        ControllerError
-            Names the key, its value, and what was expected.
-        """
+        """Refuse values that do not fit a sample time [s]."""
 
 
 def with_links(

@@ -51,43 +51,27 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """Actuator forces (n, 6) [N] along a reference motion.
 
     gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, inverse dynamics.
-
-    Raises
-    ------
-    SingularPoseError
-        The legs cannot hold a pose of the motion.
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
-    if kind == "gravity":
-        (forces,) = once_at_rest(lambda rows: [static_leg_forces(platform, rows.position, rows.orientation)], motion)
-    else:
-        (forces,) = once_at_rest(
-            lambda rows: [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))], motion
-        )
+
+    def forces_of(rows: Motion) -> list[FloatArray]:
+        if kind == "gravity":
+            return [static_leg_forces(platform, rows.position, rows.orientation)]
+        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
+
+    (forces,) = once_at_rest(forces_of, motion)
     return forces
 
 
 class ControllerChoice(Kind):
-    """The controller of an experiment, with its feedforward.
-
-    Raises
-    ------
-    ControllerError
-        Impossible values; names the key, its value, and what was expected.
-    """
+    """The controller of an experiment, with its feedforward."""
 
     error: ClassVar[type[ControllerError]] = ControllerError
     feedforward: Feedforward = "none"
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
-        """The controller for a platform and a sample time [s], None without feedback; `folder` resolves file names.
-
-        Raises
-        ------
-        ControllerError
-            No controller for this platform and sample time, or a file without one.
-        """
+        """The controller for a platform and a sample time [s], None without feedback; `folder` resolves file names."""
 
     is_closed: ClassVar[bool] = True  # whether the loop has feedback
 
@@ -157,11 +141,6 @@ class SixChannels(ControllerChoice):
         -------
         Gains
             Of six channels; without integral action of a PD.
-
-        Raises
-        ------
-        ControllerError
-            Impossible gains.
         """
         keys_of_integral = ("integral_gain", "integral_time", "anti_windup_time")
         integral_gain, integral_time, anti_windup_time = (getattr(self, key, None) for key in keys_of_integral)
@@ -284,7 +263,7 @@ class PythonController(ControllerChoice):
             )
         try:
             if is_made:
-                return constructed(defined, self.design(platform, sample_time), user_folder)
+                return constructed(defined, self.design(platform, sample_time), user_folder.inside)
             return controller_of(user_folder.path / defined if isinstance(defined, str | Path) else defined)
         except ControllerError as error:
             raise ControllerError(f"{file}: {error}") from error

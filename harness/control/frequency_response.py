@@ -33,13 +33,7 @@ _LINES = 60
 
 
 class InjectionChoice(Kind):
-    """A force added to the command of one leg or mode, to measure the frequency response of the loop.
-
-    Raises
-    ------
-    ControllerError
-        Impossible values; names the key, its value, and what was expected.
-    """
+    """A force added to the command of one leg or mode, to measure the frequency response of the loop."""
 
     error: ClassVar[type[ControllerError]] = ControllerError
     leg: Annotated[int, Field(ge=1, le=6)] | None = None
@@ -74,13 +68,7 @@ class InjectionChoice(Kind):
         return max(1, round(period / sample_time))
 
     def lines(self, sample_time: float) -> NDArray[np.intp]:
-        """The harmonics of the period in the band, at which the response is evaluated.
-
-        Raises
-        ------
-        ControllerError
-            None in the band, or some above half the sample rate.
-        """
+        """The harmonics of the period in the band, at which the response is evaluated."""
         return _in_band(self.band, len(self.signal(sample_time)), sample_time)
 
     def directions(self, jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -98,13 +86,7 @@ class InjectionChoice(Kind):
         return forces / size, jacobian.T[k] * size
 
     def forces(self, count: int, sample_time: float, jacobian: FloatArray) -> FloatArray:
-        """The injected force at every sample of a run (count, 6) [N].
-
-        Raises
-        ------
-        ControllerError
-            A band or a period that does not fit the sample time, or too few periods in the run.
-        """
+        """The injected force at every sample of a run (count, 6) [N]."""
         self.lines(sample_time)
         period, least = self.signal(sample_time), self.settle + _LEAST_PERIODS
         if count / len(period) < least:
@@ -230,11 +212,6 @@ def response_of_periods(
     ch. 2].
 
     Whole periods of so many samples count from the beginning, but for those that settle.
-
-    Raises
-    ------
-    ControllerError
-        Fewer than two periods are left.
     """
     periods = len(force) // samples - settle
     if periods < 2:

@@ -78,13 +78,7 @@ class LinearController:
         return None if not dt or dt is True else float(dt)
 
     def check_sample_time(self, sample_time: float) -> None:
-        """Refuse a loop whose sample time [s] differs from the controller's.
-
-        Raises
-        ------
-        ControllerError
-            Names both.
-        """
+        """Refuse a loop whose sample time [s] differs from the controller's."""
         designed = self.sample_time
         if designed is not None and abs(designed - sample_time) > 1e-9 * sample_time:
             raise ControllerError(
@@ -105,12 +99,6 @@ def controller_of(controller: Any, design: Design | None = None) -> Controller:
     - A class or factory: called as `make(platform, sample_time, **parameters)`.
     - A function of a `Sample`.
     - Another object that can be called with a `Sample`, or a method: copied.
-
-    Raises
-    ------
-    ControllerError
-        None of them, as `LinearController`, a class or factory that cannot be called so, or an object that cannot be
-        copied.
     """
     if isinstance(controller, LinearController | UnitController | Maker):
         return controller
@@ -129,25 +117,16 @@ def controller_of(controller: Any, design: Design | None = None) -> Controller:
     return controller if isinstance(controller, FunctionType | BuiltinFunctionType) else copied(controller)
 
 
-def fresh_controller(controller: Controller) -> LinearController | UnitController | ControlFunction:
+def fresh_controller(
+    controller: Controller, *, peeks: bool = False
+) -> LinearController | UnitController | ControlFunction:
     """A controller for one run of one member: a fresh one of a maker, any other as it is.
 
-    Raises
-    ------
-    ControllerError
-        The maker fails, or makes something that is not a controller.
+    One that only `peeks` leaves it to the next run.
     """
-    return _checked(controller.make()) if isinstance(controller, Maker) else controller
-
-
-def linear_of(controller: Controller | None) -> LinearController | None:
-    """The linear controller that it is or makes; None if it is none, which the next run then gets."""
-    next_one = _checked(controller.peek()) if isinstance(controller, Maker) else controller
-    return next_one if isinstance(next_one, LinearController) else None
-
-
-def _checked(product: Any) -> LinearController | ControlFunction:
-    """What a maker gave, as a controller."""
+    if not isinstance(controller, Maker):
+        return controller
+    product = controller.peek() if peeks else controller.make()
     if isinstance(product, LinearController):
         return product
     if inspect.isclass(product):
@@ -155,3 +134,9 @@ def _checked(product: Any) -> LinearController | ControlFunction:
     if not callable(product) or is_control_system(product):
         return LinearController(product)
     return cast("ControlFunction", product)
+
+
+def linear_of(controller: Controller | None) -> LinearController | None:
+    """The linear controller that it is or makes, which the next run then gets; None if it is none."""
+    linear = None if controller is None else fresh_controller(controller, peeks=True)
+    return linear if isinstance(linear, LinearController) else None

@@ -6,15 +6,15 @@ and for small signals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
-from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, copied, name_of
-from gough_stewart.harness.control.state_space import Solve
+from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, copied, name_of, place_in_code
+from gough_stewart.harness.control.state_space import Solve, stacked_blocks
 from gough_stewart.harness.control.traced_law import CasadiFunction, is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController, UnitLaw
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError
@@ -44,31 +44,14 @@ class KnownAhead(NamedTuple):
     gains: Mapping[str, Any] = MappingProxyType({})  # the parameters of the controller's table
 
 
+# From the references and signals of the first sample.
 LawFrom = Callable[[FloatArray, FloatArray], "Law"]
-
-
-@dataclass(frozen=True)
-class LinearLaws:
-    """A `LawFrom` of linear controllers, of which it is known before that they use these signals."""
-
-    make: LawFrom
-    used: tuple[str, ...]
-
-    def __call__(self, reference: FloatArray, measured: FloatArray) -> "Law":
-        """The laws of a run that begins with these references and signals."""
-        return self.make(reference, measured)
 
 
 def law_of(
     controller: Controller, sample_time: float, jacobians: FloatArray, known: KnownAhead | None = None
 ) -> LawFrom:
-    """`laws_of` one member.
-
-    Raises
-    ------
-    ControllerError
-        The controller has another sample time, or its maker fails.
-    """
+    """`laws_of` one member, whose maker may fail."""
     make = laws_of([controller], sample_time, jacobians, () if known is None else (known,))
 
     def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
@@ -91,78 +74,70 @@ def laws_of(
 
     Controllers are linear ones of one structure (states, inputs, signals, space), or functions, or makers. Makers are
     asked then, once for each member. All members call the same function.
-
-    Raises
-    ------
-    ControllerError
-        Another sample time, different structures, or FMUs.
     """
-    _check(controllers, sample_time)
+    _check([controller for controller in controllers if not isinstance(controller, Maker)], sample_time)
+    members = np.minimum(np.arange(len(controllers) + copies), len(controllers) - 1)
 
     def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
-        failures = dict[int, ControllerError]()
-        fresh: list[Controller | None] = [None] * len(controllers)
+        fresh, failures, owners = dict[int, Any](), dict[int, ControllerError](), dict[int, int]()
         for member, controller in enumerate(controllers):
             try:
-                fresh[member] = fresh_controller(controller)
-                if isinstance(controller, Maker):
-                    _check([fresh[member]], sample_time)
+                law = fresh_controller(controller)
+                if isinstance(law, LinearController):
+                    law.check_sample_time(sample_time)
+                fresh[member] = law
             except ControllerError as error:
-                failures[member], fresh[member] = error, None
-        if any(isinstance(controller, Maker) for controller in controllers):
-            _check(fresh, sample_time)
-        linear = [law for law in fresh if isinstance(law, LinearController)]
-        if not linear:
-            _check_unshared(controllers, fresh)
-            told: Sequence[KnownAhead | None] = known if known else [None] * len(fresh)
-            laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
-            return SeparateLaws(laws, failures, copies)
-        # a member without a controller ends at once; until then it counts with that of another
-        together = [law if isinstance(law, LinearController) else linear[0] for law in fresh]
-        together += [together[-1]] * copies
-        law_of_all = LinearLaw(together, jacobians, reference, measured)
-        law_of_all.failures = _with_copies(failures, len(fresh), copies)
-        return law_of_all
+                failures[member] = error
+                continue
+            # a CasADi function keeps nothing itself
+            is_made = isinstance(controller, Maker) and not isinstance(law, LinearController)
+            if is_made and not is_casadi_function(law) and (owner := owners.setdefault(id(law), member)) != member:
+                raise SharedMemoryError(
+                    f"members {owner} and {member} got the same {name_of(law)}; expected a factory that makes a new "
+                    "controller at each call"
+                )
+        _check(list(fresh.values()), sample_time)
+        linear = [law for law in fresh.values() if isinstance(law, LinearController)]
+        if linear:
+            # a member without a controller ends at once; until then it counts with that of another
+            law_of_all = LinearLaw([fresh.get(k, linear[0]) for k in members.tolist()], jacobians, reference, measured)
+            law_of_all.failures = _of_copies(failures, members)
+            return law_of_all
+        called: list[CalledLaw | UnitLaw | None] = [
+            CalledLaw(fresh[k], known[k] if known else None) if k in fresh else None for k in range(len(controllers))
+        ]
+        return SeparateLaws(called, failures, copies)
 
-    linear = [controller for controller in controllers if isinstance(controller, LinearController)]
-    return LinearLaws(law_from, linear[0].signals) if len(linear) == len(controllers) else law_from
+    return law_from
 
 
-def _check(controllers: Sequence[Controller | None], sample_time: float) -> None:
+def _check(controllers: Sequence[Controller], sample_time: float) -> None:
     """Refuse FMUs, other sample times, and different structures, which those of makers show when they are made."""
+    structures = set[tuple[Any, ...]]()
     for controller in controllers:
         if isinstance(controller, UnitController):
             raise ControllerError(
                 f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
                 "controller or a function, class or factory for many members"
             )
+        structure: tuple[Any, ...] = ()
         if isinstance(controller, LinearController):
             controller.check_sample_time(sample_time)
-    structures = {
-        f"linear in {controller.space} space with {controller.system.nstates} states, {controller.system.ninputs} "
-        f"inputs and the signals {', '.join(controller.signals)}"
-        if isinstance(controller, LinearController)
-        else "a function"
-        for controller in controllers
-        if controller is not None
-    }
-    if len(structures) > 1 and not any(isinstance(controller, Maker) for controller in controllers):
-        raise ControllerError(
-            f"controllers of different structure, {'; '.join(sorted(structures))}; expected one for all"
-        )
+            system = controller.system
+            structure = controller.space, system.nstates, system.ninputs, controller.signals
+        structures.add(structure)
+    if len(structures) > 1:
+        words = [
+            f"linear in {one[0]} space with {one[1]} states, {one[2]} inputs and the signals {', '.join(one[3])}"
+            if one
+            else "a function"
+            for one in structures
+        ]
+        raise ControllerError(f"controllers of different structure, {'; '.join(sorted(words))}; expected one for all")
 
 
-def _check_unshared(controllers: Sequence[Controller], fresh: Sequence[Controller | None]) -> None:
-    """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself."""
-    owners = dict[int, int]()
-    for member, (controller, law) in enumerate(zip(controllers, fresh, strict=True)):
-        is_made = law is not None and isinstance(controller, Maker) and not is_casadi_function(law)
-        owner = owners.setdefault(id(law), member) if is_made else member
-        if owner != member:
-            raise SharedMemoryError(
-                f"members {owner} and {member} got the same {name_of(law)}; expected a factory that makes a new "
-                "controller at each call"
-            )
+def _of_copies(failures: Mapping[int, ControllerError], members: NDArray[np.intp]) -> dict[int, ControllerError]:
+    return {k: failures[member] for k, member in enumerate(members.tolist()) if member in failures}
 
 
 def shared_by_members(controller: Controller | None) -> Any:
@@ -170,12 +145,6 @@ def shared_by_members(controller: Controller | None) -> Any:
     shared = controller.original if isinstance(controller, Maker) else controller
     is_safe = shared is None or isinstance(shared, LinearController | UnitController) or is_casadi_function(shared)
     return None if is_safe else shared
-
-
-def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: int) -> dict[int, ControllerError]:
-    """The failures of members, and of the copies of the last one."""
-    last = failures.get(members - 1)
-    return {**failures, **({} if last is None else dict.fromkeys(range(members, members + copies), last))}
 
 
 class CalledLaw:
@@ -204,6 +173,7 @@ class CalledLaw:
         except (Exception, SystemExit) as error:  # user code may raise anything
             raise ControllerError(
                 f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
+                f"{place_in_code(error)}"
             ) from error
         try:
             force = np.array(result)
@@ -233,21 +203,21 @@ class SeparateLaws:
     def __init__(
         self,
         laws: Sequence[CalledLaw | UnitLaw | None],
-        failures: Mapping[int, ControllerError] = MappingProxyType({}),
-        copies: int = 0,
+        failures: Mapping[int, ControllerError] = MappingProxyType({}),  # of members whose maker gave none
+        copies: int = 0,  # of the last member
     ) -> None:
-        self._laws, self._not_made, self._copies = laws, failures, copies
-        self._forces = np.zeros((len(laws) + copies, N_LEGS))
-        self.failures: dict[int, ControllerError] = {}
+        self._laws, self._not_made, self.failures = laws, failures, dict[int, ControllerError]()
+        self._members = np.minimum(np.arange(len(laws) + copies), len(laws) - 1)
+        self._forces = np.zeros((len(laws), N_LEGS))
         self.used = tuple(name for name in signals.NAMES if any(law is not None and name in law.used for law in laws))
         # the memory of functions and FMUs is not visible
-        self.state: FloatArray = np.zeros((len(self._forces), 0))
+        self.state: FloatArray = np.zeros((len(self._members), 0))
 
     @property
     def traced(self) -> list[Any] | None:
         """The members' CasADi functions; None if one has another controller, or none."""
         functions = [law.traced if isinstance(law, CalledLaw) else None for law in self._laws]
-        return None if any(f is None for f in functions) else functions + functions[-1:] * self._copies
+        return None if any(f is None for f in functions) else [functions[k] for k in self._members.tolist()]
 
     @property
     def limited(self) -> BoolArray | None:
@@ -256,7 +226,7 @@ class SeparateLaws:
         if all(of_member is None for of_member in flags):
             return None
         none = np.zeros(N_LEGS, dtype=bool)
-        return np.stack([none if of_member is None else of_member for of_member in flags + flags[-1:] * self._copies])
+        return np.stack([none if of_member is None else of_member for of_member in flags])[self._members]
 
     def force(
         self,
@@ -269,20 +239,18 @@ class SeparateLaws:
         off: BoolArray | None = None,
     ) -> FloatArray:
         """Forces (N, 6) [N] at sample k, as of `LinearLaw`; members that gave none are in `failures`."""
-        failures, n = dict(self._not_made), len(self._laws)
-        references = np.broadcast_to(reference, (n, reference.shape[-1])) if reference.ndim == 1 else reference
+        failures = dict(self._not_made)
+        references = np.broadcast_to(reference, (len(measured), reference.shape[-1]))
         for member, law in enumerate(self._laws):
-            if law is None or not (due is None or due[member]):
-                continue
-            try:
-                is_off = off is not None and off[member] and isinstance(law, CalledLaw)
-                force = law.asked if is_off else law.force
-                self._forces[member] = force(k, time, references[member], measured[member], excess[member])
-            except ControllerError as error:
-                failures[member] = error
-        self._forces[n:] = self._forces[n - 1]
-        self.failures = _with_copies(failures, n, self._copies)
-        return self._forces
+            if law is not None and (due is None or due[member]):
+                is_off = off is not None and off[member]
+                force = law.asked if is_off and isinstance(law, CalledLaw) else law.force
+                try:
+                    self._forces[member] = force(k, time, references[member], measured[member], excess[member])
+                except ControllerError as error:
+                    failures[member] = error
+        self.failures = _of_copies(failures, self._members)
+        return self._forces[self._members]
 
 
 def inputs_of(kinds: int, reference: Any, measured: Any, excess: Any) -> tuple[Any, ...]:
@@ -319,7 +287,6 @@ class LinearLaw:
     """
 
     limited = None
-    failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
 
     def __init__(
         self,
@@ -328,16 +295,15 @@ class LinearLaw:
         reference: FloatArray,  # at the first sample (30,) or (N, 30)
         measured: FloatArray,  # at the first sample (N, 24)
     ) -> None:
-        first, n_members = controllers[0], len(controllers)
-        # if all members have the same system, one matrix serves all
-        is_common = all(controller.system is first.system for controller in controllers)
-        systems = [controller.system for controller in (controllers[:1] if is_common else controllers)]
-        A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
-        n = first.system.nstates
-        # [C D; A B], (N, 6 + n, n + size of u), or (1, ...) common to all
-        self.matrices = np.concatenate([np.concatenate([C, D], axis=2), np.concatenate([A, B], axis=2)], axis=1)
+        first, n_members, n = controllers[0], len(controllers), controllers[0].system.nstates
+        self.failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
         self.kinds, self.used = first.kinds, first.signals
         self.positions = signals.positions(first.signals)  # of its signals among all
+        # [C D; A B], (N, 6 + n, n + size of u), or (1, ...) if all members have the same system
+        is_common = all(controller.system is first.system for controller in controllers)
+        systems = [controller.system for controller in (controllers[:1] if is_common else controllers)]
+        self.matrices = np.stack([stacked_blocks(system) for system in systems])
+        self._columns = np.ascontiguousarray(np.moveaxis(self.matrices, 0, -1).swapaxes(0, 1))
         # by sample (m, 6, 6, N), or (m, 6, 6, 1) if common to all members; in task space only
         self.jacobians: FloatArray | None = None
         self.inverses: FloatArray | None = None
@@ -346,24 +312,20 @@ class LinearLaw:
             self.jacobians, self.inverses = (
                 np.ascontiguousarray(np.moveaxis(J, 1, -1)) for J in (by_member, np.linalg.inv(by_member))
             )
-        is_range = np.array_equal(self.positions, np.arange(len(self.positions)) + self.positions[0])
+        # memory, members last: x above u, and of task space the pose and the lengths of the last sample
+        size, low, high = len(self.positions), int(self.positions[0]), int(self.positions[-1]) + 1
         # a slice of consecutive positions, which NumPy reads faster
-        self._at: Any = slice(self.positions[0], self.positions[-1] + 1) if is_range else self.positions
+        self._at: Any = slice(low, high) if np.array_equal(self.positions, np.arange(low, high)) else self.positions
         self._angles = np.flatnonzero(np.isin(self.positions, signals.positions(["orientation"])))
-        self.lengths = measured.T[self._at].copy()  # at the last sample (6, N), for task space
+        self.lengths = measured.T[self._at].copy()
         self._pose = np.zeros_like(self.lengths)
-        # views and results are made in advance: making one takes Python as long as the arithmetic
-        self._columns = np.ascontiguousarray(np.moveaxis(self.matrices, 0, -1).swapaxes(0, 1))
         self._xu: FloatArray = np.zeros((n + first.system.ninputs, n_members))
-        self._x, size = self._xu[:n], len(self.positions)
-        self._inputs = tuple(np.split(self._xu[n:], [size, 2 * size])[: first.kinds])
-        self._numbers, self._factors = self._xu.reshape(-1), self._xu[:, np.newaxis]
-        self._terms: FloatArray = np.zeros(np.broadcast_shapes(self._columns.shape, self._factors.shape))
-        self._output: FloatArray = np.zeros(self._terms.shape[1:])
+        self._x = self._xu[:n]
+        self._u = np.split(self._xu[n:], [size, 2 * size])[: first.kinds]
         # the steady state under constant inputs
         self.rests = rests_of(systems, first.kinds)
-        self._rest_columns = np.moveaxis(self.rests, 0, -1).swapaxes(0, 1)
-        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
+        self._rest_columns = np.ascontiguousarray(np.moveaxis(self.rests, 0, -1).swapaxes(0, 1))
+        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), True)
         self._x[...] = product_of_members(self._rest_columns, self._xu[n:])
         self._start = self._x.copy(), self._pose.copy(), self.lengths.copy()
 
@@ -385,35 +347,22 @@ class LinearLaw:
         measured: FloatArray,  # (N, 24)
         excess: FloatArray,  # what the limits cut off the last command (N, 6) [N]
         due: BoolArray | None = None,  # the members to sample (N,); None means all
-        off: BoolArray
-        | None = None,  # those of them that are off, whose memory rests in these signals; None means none
+        off: BoolArray | None = None,  # those of them whose controller is off, and rests in these signals
     ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call."""
+        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space."""
+        are_due: Any = True if due is None else due
         if off is not None:
             np.copyto(self.lengths, measured.T[self._at], where=off)
             np.copyto(self._pose, 0.0, where=off)
-        self._feed(k, reference, measured, excess.T, due)
+        self._feed(k, reference, measured, excess.T, are_due)
         if off is not None:
             np.copyto(self._x, product_of_members(self._rest_columns, self._xu[len(self._x) :]), where=off)
-            due = ~off if due is None else due & ~off
-        force_and_state = self._force_and_state()
-        if due is None:
-            self._x[...] = force_and_state[N_LEGS:]
-        else:
-            np.copyto(self._x, force_and_state[N_LEGS:], where=due)
-        force = force_and_state[:N_LEGS]
+            are_due = are_due & ~off
+        force, following = np.split(product_of_members(self._columns, self._xu), [N_LEGS])
+        np.copyto(self._x, following, where=are_due)
         return (force if self.inverses is None else product_of_members(self.inverses[k], force)).T
 
-    def _force_and_state(self) -> FloatArray:
-        """`product_of_members` at half its cost for one member; warnings are suppressed only where there may be any."""
-        if self._numbers.dot(self._numbers) < np.inf:
-            np.multiply(self._columns, self._factors, self._terms)
-            return np.asarray(np.add.reduce(self._terms, axis=0, out=self._output))
-        return product_of_members(self._columns, self._xu)
-
-    def _feed(
-        self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: BoolArray | None
-    ) -> None:
+    def _feed(self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: Any) -> None:
         """Set u at sample k."""
         r = (reference.T if reference.ndim == 2 else reference[:, None])[self._at]
         y = measured.T[self._at]
@@ -423,13 +372,12 @@ class LinearLaw:
                 lambda change: product_of_members(rows_of_inverse, change), self._pose, self.lengths, r, lengths
             )
             excess = product_of_members(self.jacobians[k], excess) if self.kinds == 3 else excess
-            are_due = True if due is None else due
-            np.copyto(self._pose, y, where=are_due)
-            np.copyto(self.lengths, lengths, where=are_due)
+            np.copyto(self._pose, y, where=due)
+            np.copyto(self.lengths, lengths, where=due)
         elif self._angles.size:  # in the turns of their references
             y = y.copy()
             y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
-        for place, part in zip(self._inputs, inputs_of(self.kinds, r, y, excess), strict=True):
+        for place, part in zip(self._u, inputs_of(self.kinds, r, y, excess), strict=True):
             place[...] = part
 
 

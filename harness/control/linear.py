@@ -221,13 +221,6 @@ def leg_space_mass(platform: Platform, position: Array | None = None, orientatio
     """Mass matrix seen by the legs in a pose (default: home), J⁻ᵀ M J⁻¹ (6, 6) [kg].
 
     At rest and without gravity L̈ = (J⁻ᵀ M J⁻¹)⁻¹ F, since L̇ = J [v; ω] and M [v̇; ω̇] = Jᵀ F.
-
-    Raises
-    ------
-    InterfaceError
-        The pose is not finite or has another shape, or the pitch is ±90°.
-    SingularPoseError
-        The legs do not determine the motion of the platform.
     """
     pose = pose_of(platform, position, orientation)
     # row k is J⁻ᵀ e_k, so the rows form J⁻¹

@@ -48,11 +48,6 @@ def loop_transfer(
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
     computational delay, and the controller from measurement to force with inverted sign.
-
-    Raises
-    ------
-    ControllerError
-        The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
     controller.check_sample_time(sample_time)
     samples = math.floor(late / sample_time + _ROUNDING)
@@ -161,15 +156,14 @@ def structural_modes(
     Of the linear model: with free motors these are its oscillating modes above the first mode of held motors, at most
     six; motors are held where their states are left out. Legs slide.
     """
-
-    def oscillating(A: FloatArray) -> list[Mode]:
-        none = np.zeros((0, 0))
-        return [mode for mode in modes(StateSpace(A, none, none, none)) if mode.eigenvalue.imag > 0]
-
-    A = linear_matrices(platform, position, orientation).A
-    held = np.array([mode.frequency for mode in oscillating(A[:_STATES_OF_PLATFORM, :_STATES_OF_PLATFORM])])
+    A, none = linear_matrices(platform, position, orientation).A, np.zeros((0, 0))
+    free, held_modes = (
+        [mode for mode in modes(StateSpace(block, none, none, none)) if mode.eigenvalue.imag > 0]
+        for block in (A, A[:_STATES_OF_PLATFORM, :_STATES_OF_PLATFORM])
+    )
+    held = np.array([mode.frequency for mode in held_modes])
     first = float(held[0]) if len(held) else 0.0
-    return tuple(mode for mode in oscillating(A) if mode.frequency > first)[-6:], held[-6:]
+    return tuple(mode for mode in free if mode.frequency > first)[-6:], held[-6:]
 
 
 def structure_of(
@@ -189,20 +183,17 @@ def structure_of(
     free, held = structural_modes(platform, position, orientation)
     held = np.concatenate([held, np.full(len(free), math.nan)])
     _, top = frequency_range(transfer)
-
-    def gain_at(frequency: float) -> float:
-        """σ_max(L); nan beyond half of the sample rate."""
-        omega = 2 * math.pi * frequency
-        return float(np.linalg.norm(response(transfer, np.array([omega]))[0], 2)) if omega < top else math.nan
-
-    loop_modes = tuple(
-        StructuralMode(mode.frequency, mode.damping_ratio, float(frequency), gain_at(mode.frequency))
-        for mode, frequency in zip(free, held[: len(free)], strict=True)
-    )
+    loop_modes = []
+    for mode, held_frequency in zip(free, held[: len(free)], strict=True):
+        omega, gain = 2 * math.pi * mode.frequency, math.nan  # no gain beyond half of the sample rate
+        if omega < top:
+            gain = float(np.linalg.norm(response(transfer, np.array([omega]))[0], 2))
+        loop_modes.append(StructuralMode(mode.frequency, mode.damping_ratio, float(held_frequency), gain))
     if family is None or not free:
-        return LoopStructure(loop_modes, disk, None)
+        return LoopStructure(tuple(loop_modes), disk, None)
     bandwidth, with_bandwidth = family
-    return LoopStructure(loop_modes, disk, largest_bandwidth(with_bandwidth, disk, free[0].frequency, bandwidth))
+    largest = largest_bandwidth(with_bandwidth, disk, free[0].frequency, bandwidth)
+    return LoopStructure(tuple(loop_modes), disk, largest)
 
 
 def largest_bandwidth(with_bandwidth: Callable[[float], StateSpace], disk: float, first: float, start: float) -> float:

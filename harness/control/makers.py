@@ -4,15 +4,16 @@ import copy
 import inspect
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import chdir, contextmanager, nullcontext
+from contextlib import AbstractContextManager, chdir, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.util import module_from_spec
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import FrameType, MappingProxyType, ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -28,6 +29,7 @@ NO_FORCE.flags.writeable = False
 _MAKE = "make(platform, sample_time, **parameters)"
 _PACKAGE = __name__.partition(".")[0]
 _LOCK = threading.RLock()
+_LIBRARIES = frozenset(("casadi", "importlib", "numpy", _PACKAGE))
 
 
 class Sample(NamedTuple):
@@ -93,14 +95,8 @@ class Design:
 class Maker:
     """Makes controllers of one design; a host asks it once for each real member, at that member's first sample.
 
-    Copies that fill a vector of members and records never ask.
-
-    Parameters
-    ----------
-    fresh
-        Makes a controller that shares no memory with those made before.
-    original
-        What they are copies of, if they are.
+    Copies that fill a vector of members and records never ask. `fresh` makes a controller that shares no memory with
+    those made before; `original` is what they are copies of, if they are.
     """
 
     def __init__(self, fresh: Callable[[], Any], original: Any = None) -> None:
@@ -108,53 +104,50 @@ class Maker:
         self._ahead: tuple[Any, ...] = ()
 
     def make(self) -> Any:
-        """A controller that shares no memory with those made before.
-
-        Raises
-        ------
-        ControllerError
-            The user's code fails.
-        """
+        """A controller that shares no memory with those made before; the user's code may fail."""
         controller, self._ahead = self.peek(), ()
         return controller
 
     def peek(self) -> Any:
-        """The controller that `make` will give next, made by now and not called; otherwise as `make`."""
+        """The controller that `make` will give next, made by now and not called."""
         if not self._ahead:
             self._ahead = (self._fresh(),)
         return self._ahead[0]
 
 
-def constructed(make: Callable[..., Any], design: Design, folder: "UserFolder | None" = None) -> Maker:
-    """The maker of controllers by a class or a factory, which is called in the folder of its file.
-
-    Raises
-    ------
-    ControllerError
-        It cannot be called as `make(platform, sample_time, **parameters)`; names the keywords that it accepts.
-    """
-    _check_call(make, design)
+def constructed(
+    make: Callable[..., Any], design: Design, inside: Callable[[], AbstractContextManager[None]] = nullcontext
+) -> Maker:
+    """The maker of controllers by a class or a factory, which is called `inside` the folder of its file."""
+    maker, signature = name_of(make), _signature(make)
+    if signature is not None and not _binds(signature, None, None, **design.parameters):
+        named = _named_parameters(signature)
+        accepted = [p.name for p in named]
+        accepts = f"parameters: {maker} accepts {', '.join(accepted) or 'no parameters'}"
+        takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+        for name in design.parameters:
+            if name not in accepted and (not takes_any or name in signature.parameters):
+                raise ControllerError(f"{accepts}; found '{name}'{nearest(name, accepted) if accepted else ''}")
+        missing = [p.name for p in named if p.default is p.empty and p.name not in design.parameters]
+        if missing and _binds(signature, None, None, **{**design.parameters, **dict.fromkeys(missing)}):
+            raise ControllerError(f"{accepts}; missing {', '.join(missing)}, add it to [controller.parameters]")
+        raise ControllerError(f"{maker} takes {signature}; expected to be called as {_MAKE}")
 
     def fresh() -> Any:
-        with nullcontext() if folder is None else folder.inside():
+        with inside():
             try:
                 return make(design.platform, design.sample_time, **design.parameters)
             except ControllerError:
                 raise
             except (Exception, SystemExit) as error:  # user code may raise anything
-                raise ControllerError(f"{name_of(make)} failed with {type(error).__name__}: {error}") from error
+                text = f"{maker} failed with {type(error).__name__}: {error}{place_in_code(error)}"
+                raise ControllerError(text) from error
 
     return Maker(fresh)
 
 
 def copied(original: Any) -> Maker:
-    """The maker of deep copies of an object as it is now; the caller's own stays as it is.
-
-    Raises
-    ------
-    ControllerError
-        It cannot be copied.
-    """
+    """The maker of deep copies of an object as it is now; what the caller does with it later does not matter."""
 
     def copy_of(controller: Any) -> Any:
         try:
@@ -165,50 +158,23 @@ def copied(original: Any) -> Maker:
                 f"{error}); use a factory, a class or function called as {_MAKE} that makes a new one"
             ) from error
 
-    snapshot = copy_of(original)  # what the caller does with it later does not matter
+    snapshot = copy_of(original)
     return Maker(lambda: copy_of(snapshot), snapshot)
 
 
 def is_maker(controller: Callable[..., Any]) -> bool:
-    """Whether a callable makes controllers: a class, or a function with two required arguments.
-
-    Raises
-    ------
-    ControllerError
-        It takes neither a sample alone, nor platform and sample time.
-    """
+    """Whether a callable makes controllers: a class, or a function with two required arguments."""
     if inspect.isclass(controller.func if isinstance(controller, partial) else controller):
         return True
     signature = _signature(controller)
     if signature is None or _binds(signature, None):
         return False
-    required = {p.name: None for p in _named_parameters(signature) if p.default is p.empty}
-    if _binds(signature, None, None, **required):
+    if _binds(signature, None, None, **{p.name: None for p in _named_parameters(signature) if p.default is p.empty}):
         return True
     raise ControllerError(
         f"{name_of(controller)} takes {signature}; expected a function of one Sample, or a class or factory called as "
         f"{_MAKE}"
     )
-
-
-def _check_call(make: Callable[..., Any], design: Design) -> None:
-    """Refuse a class or factory that cannot be called with the parameters of a design."""
-    signature = _signature(make)
-    if signature is None or _binds(signature, None, None, **design.parameters):
-        return
-    named = _named_parameters(signature)
-    accepted = [p.name for p in named]
-    maker = name_of(make)
-    takes = f"{maker} accepts {', '.join(accepted)}" if accepted else f"{maker} accepts no parameters"
-    takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
-    for name in design.parameters:
-        if name not in accepted and (not takes_any or name in signature.parameters):
-            hint = nearest(name, accepted) if accepted else ""
-            raise ControllerError(f"parameters: {takes}; found '{name}'{hint}")
-    missing = [p.name for p in named if p.default is p.empty and p.name not in design.parameters]
-    if missing and _binds(signature, None, None, **{**design.parameters, **dict.fromkeys(missing)}):
-        raise ControllerError(f"parameters: {takes}; missing {', '.join(missing)}, add it to [controller.parameters]")
-    raise ControllerError(f"{maker} takes {signature}; expected to be called as {_MAKE}")
 
 
 def name_of(thing: Any) -> str:
@@ -217,6 +183,21 @@ def name_of(thing: Any) -> str:
         return f"class {thing.__qualname__}"
     name = getattr(thing, "__qualname__", None)
     return f"{name}()" if name else f"object of class {type(thing).__qualname__}"
+
+
+def is_of_user(frame: FrameType) -> bool:
+    """Whether code is neither of this package nor of a library that computes for the user's."""
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0] not in _LIBRARIES
+
+
+def place_in_code(error: BaseException) -> str:
+    """The last line of the user's that an error passed, for the end of a message; nothing if there is none."""
+    places = [
+        f" ({Path(frame.f_code.co_filename).name}, line {line})"
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if is_of_user(frame)
+    ]
+    return places[-1] if places else ""
 
 
 def _named_parameters(signature: inspect.Signature) -> list[inspect.Parameter]:
@@ -250,13 +231,7 @@ class UserFolder:
         self._modules = dict[str, ModuleType]()  # of the user, while others run
 
     def defined(self, file: Path, name: str) -> Any:
-        """The object that a file of the folder defines under a name; the file is executed with the user's rights.
-
-        Raises
-        ------
-        ControllerError
-            No such file or name, or the file fails.
-        """
+        """The object that a file of the folder defines under a name; the file is executed with the user's rights."""
         if not file.is_file():
             raise ControllerError(f"{file}: no such file; expected a Python file that defines '{name}'")
         if file.suffix != ".py":
@@ -271,7 +246,8 @@ class UserFolder:
             with self.inside():
                 loader.exec_module(module)
         except (Exception, SystemExit) as error:  # user code may raise anything
-            raise ControllerError(f"{file}: fails with {type(error).__name__}: {error}") from error
+            text = f"{file}: fails with {type(error).__name__}: {error}{place_in_code(error)}"
+            raise ControllerError(text) from error
         if not hasattr(module, name):
             raise ControllerError(f"{file}: defines no '{name}'; expected the controller under that name")
         return getattr(module, name)

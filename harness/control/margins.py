@@ -95,16 +95,9 @@ class Margins:
 
 
 def loop_margins(L: StateSpace) -> Margins:
-    """Margins of a loop transfer (6×6), in continuous or discrete time.
+    """Margins of a loop transfer (6×6), in continuous or discrete time; an unstable loop has none, which is an error.
 
     Peaks and crossings are searched on a grid of frequencies that is dense near the poles, then refined.
-
-    Raises
-    ------
-    ControllerError
-        Not square, not finite, or an algebraic loop without a solution.
-    UnstableLoopError
-        The closed loop is unstable, and margins are undefined.
     """
     worst, badness = _worst_pole(closed_loop(L))
     if badness >= 0:
@@ -145,13 +138,7 @@ def disk_margin(
 
 
 def closed_loop(L: StateSpace) -> StateSpace:
-    """T = L (1 + L)⁻¹ as a state space: with E = (1 + D)⁻¹, ẋ = (A − B E C) x + B E u and y = E C x + D E u.
-
-    Raises
-    ------
-    ControllerError
-        Not square, not finite, or an algebraic loop without a solution.
-    """
+    """T = L (1 + L)⁻¹ as a state space: with E = (1 + D)⁻¹, ẋ = (A − B E C) x + B E u and y = E C x + D E u."""
     if L.ninputs != L.noutputs:
         raise ControllerError(f"the loop transfer is {L.noutputs}×{L.ninputs}; expected as many outputs as inputs")
     if not all(np.isfinite(block).all() for block in L.blocks):
@@ -197,10 +184,22 @@ def response(L: StateSpace, omega: FloatArray) -> ComplexArray:
     if L.nstates <= _FEW_STATES:
         resolvent = s[:, None, None] * np.eye(L.nstates) - L.A
         return np.asarray(L.C @ np.linalg.solve(resolvent, L.B.astype(complex)[None]) + L.D)
-    # delays add many states: a triangular system is solved row by row from below, for all frequencies at once
+    # delays add many states: with A = Q T Qᴴ, T an upper triangle, (s − T_ii) x_i = b_i + ∑_{j>i} T_ij x_j is solved
+    # row by row from below, for many frequencies at once
+    from scipy.linalg import solve_triangular
+
     T, B, C = _triangular(L)
-    parts = np.array_split(s, math.ceil(len(s) * L.nstates * L.ninputs / _MOST_NUMBERS))
-    return np.concatenate([C @ _solved(T, B, part) + L.D for part in parts])
+    (n, m), answers = B.shape, list[ComplexArray]()
+    for part in np.array_split(s, math.ceil(len(s) * n * m / _MOST_NUMBERS)):
+        if len(part) < _FEW_FREQUENCIES:
+            x = np.array([solve_triangular(point * np.eye(n) - T, B, check_finite=False) for point in part])
+        else:
+            flat, at = np.empty((n, len(part) * m), dtype=complex), np.repeat(part, m)
+            for i in reversed(range(n)):
+                flat[i] = (np.tile(B[i], len(part)) + T[i, i + 1 :] @ flat[i + 1 :]) / (at - T[i, i])
+            x = np.moveaxis(flat.reshape(n, len(part), m), 0, 1)
+        answers.append(C @ x + L.D)
+    return np.concatenate(answers)
 
 
 @lru_cache(maxsize=2)
@@ -210,20 +209,6 @@ def _triangular(L: StateSpace) -> tuple[ComplexArray, ComplexArray, ComplexArray
 
     T, Q = schur(np.asarray(L.A, dtype=complex), output="complex")
     return T, Q.conj().T @ L.B, L.C @ Q
-
-
-def _solved(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexArray:
-    """(s − T)⁻¹ B (len(s), n, m) for an upper triangle T: (s − T_ii) x_i = b_i + ∑_{j>i} T_ij x_j."""
-    from scipy.linalg import solve_triangular
-
-    n, m = B.shape
-    if len(s) < _FEW_FREQUENCIES:
-        return np.array([solve_triangular(point * np.eye(n) - T, B, check_finite=False) for point in s])
-    x = np.empty((n, len(s) * m), dtype=complex)
-    at = np.repeat(s, m)
-    for i in reversed(range(n)):
-        x[i] = (np.tile(B[i], len(s)) + T[i, i + 1 :] @ x[i + 1 :]) / (at - T[i, i])
-    return np.moveaxis(x.reshape(n, len(s), m), 0, 1)
 
 
 def one_leg_open(R: ComplexArray, k: int) -> ComplexArray:
@@ -280,14 +265,20 @@ def _classical_margins(L: StateSpace, omega: FloatArray, loci: Sequence[Locus]) 
     """Where the factors c of 1 + c λ = 0 are real, or of magnitude 1, for the nearest of some loci λ."""
     # from the frequency response, since polynomials of this order have no correct digits
     real_at, real, crossed_at, crossed = [], [], [], []
+    edges = np.array([omega[0], omega[-1]])
+    beyond = np.array([omega[0] / 10, omega[-1] * (1 if L.isdtime() else 10)])
     for values, at in loci:
         turns = _crossings(at, np.imag, omega, values)
         on_axis = at(turns)
         is_real = np.abs(on_axis.imag) < _FLAT * np.abs(on_axis.real)
-        ends, end_values = _limits(at, L, omega)
+        # at frequency 0 and the highest the response may have converged to the negative real axis, a stability limit
+        # without a change of sign; what tends to infinity or zero along the axis does not converge
+        near = at(edges)
+        size = np.abs(near)
+        is_limit = (np.abs(at(beyond) - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)
         crossing = _crossings(at, lambda value: np.log(np.abs(value)), omega, values)
-        real_at += [turns[is_real], ends]
-        real += [on_axis[is_real].real, end_values.real]
+        real_at += [turns[is_real], edges[is_limit]]
+        real += [on_axis[is_real].real, near[is_limit].real]
         crossed_at.append(crossing)
         crossed.append(at(crossing))
     turns, crossings = np.concatenate(real_at), np.concatenate(crossed_at)
@@ -312,22 +303,6 @@ def _classical_margins(L: StateSpace, omega: FloatArray, loci: Sequence[Locus]) 
     )
 
 
-def _limits(
-    at: Callable[[FloatArray], ComplexArray], L: StateSpace, omega: FloatArray
-) -> tuple[FloatArray, ComplexArray]:
-    """Frequency 0 and the highest, where the response there has converged to the real axis, and the response.
-
-    It may end on the negative real axis there, a stability limit without a change of sign. A response that tends to
-    infinity or zero along the axis does not converge.
-    """
-    low, high = omega[0], omega[-1]
-    beyond = high if L.isdtime() else 10 * high
-    near, far = at(np.array([low, high])), at(np.array([low / 10, beyond]))
-    size = np.abs(near)
-    is_limit = (np.abs(far - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)
-    return np.array([low, high])[is_limit], near[is_limit]
-
-
 def _crossings(
     at: Callable[[FloatArray], ComplexArray],
     part: Callable[[ComplexArray], FloatArray],
@@ -344,9 +319,7 @@ def _crossings(
 def _poles(L: StateSpace) -> ComplexArray:
     """Open- and closed-loop poles in continuous time [1/s], without those of pure delays."""
     poles = np.concatenate([L.poles(), closed_loop(L).poles()])
-    if L.isdtime():
-        poles = np.log(poles[np.abs(poles) > 1e-9]) / L.dt
-    return poles
+    return np.log(poles[np.abs(poles) > 1e-9]) / L.dt if L.isdtime() else poles
 
 
 def _frequencies(L: StateSpace, n: int) -> FloatArray:

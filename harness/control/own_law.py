@@ -4,6 +4,7 @@ What it remembers is found by calling it: the numbers in its attributes, contain
 """
 
 import linecache
+import re
 import sys
 import traceback
 import warnings
@@ -17,7 +18,7 @@ import numpy as np
 
 from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.laws_of_members import CalledLaw, KnownAhead
-from gough_stewart.harness.control.makers import Maker, Sample, name_of
+from gough_stewart.harness.control.makers import Maker, Sample, is_of_user, name_of
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE, SIZES
 from gough_stewart.harness.errors import ControllerError
@@ -36,7 +37,6 @@ _SEED = 4
 # of the gains, how much they may depend on the size and sign of the change; no multiples of usual steps of encoders.
 _SAMPLES_TO_REST, _CHANGES, _LINEAR = 2000, (1.37e-6, 2.93e-5), 1e-3
 _DRAWN, _AT_REST, _NEGLIGIBLE = 4, 1e-9, 1e-6
-_LIBRARIES = frozenset(("casadi", "numpy", __name__.partition(".")[0]))
 _BRANCHES = "write np.where(condition, a, b) in place of if, and, or; and functions of NumPy of whole signals"
 _NUMBERS = (
     "float(), int() and elements of arrays of numbers hold no symbol: write arithmetic of whole signals, "
@@ -49,6 +49,9 @@ Place = tuple[Any, ...]
 Line = tuple[str, int]
 
 
+# ---- what a controller remembers ----
+
+
 def numbers_in(value: Any, place: Place = (), visited: set[int] | None = None) -> Iterator[tuple[Place, Any]]:
     """Numbers, arrays of numbers and symbols in an object, with their places."""
     visited = set() if visited is None else visited
@@ -59,7 +62,7 @@ def numbers_in(value: Any, place: Place = (), visited: set[int] | None = None) -
             yield place, value.copy()
     elif id(value) not in visited:
         visited.add(id(value))
-        for key, part in _parts(value):
+        for key, part in _parts(value).items():
             yield from numbers_in(part, (*place, key), visited)
 
 
@@ -69,7 +72,7 @@ def with_numbers(value: Any, numbers: Mapping[Place, Any], place: Place = ()) ->
         return numbers[place]
     if not any(changed[: len(place)] == place for changed in numbers):
         return value
-    parts = {key: with_numbers(part, numbers, (*place, key)) for key, part in _parts(value)}
+    parts = {key: with_numbers(part, numbers, (*place, key)) for key, part in _parts(value).items()}
     if isinstance(value, dict):
         return parts
     if isinstance(value, deque):
@@ -85,17 +88,17 @@ def with_numbers(value: Any, numbers: Mapping[Place, Any], place: Place = ()) ->
     return value
 
 
-def _parts(value: Any) -> list[tuple[Any, Any]]:
+def _parts(value: Any) -> dict[Any, Any]:
     """What an object of the user's holds, by name."""
     if isinstance(value, dict):
-        return list(value.items())
+        return value
     if isinstance(value, list | tuple | deque):
-        return list(enumerate(value))
+        return dict(enumerate(value))
     if isinstance(value, FunctionType):
-        return list(zip(value.__code__.co_freevars, (c.cell_contents for c in value.__closure__ or ()), strict=True))
+        return dict(zip(value.__code__.co_freevars, (c.cell_contents for c in value.__closure__ or ()), strict=True))
     if isinstance(value, MethodType):
-        return [("__self__", value.__self__)]
-    return [] if isinstance(value, type | ModuleType) else list(getattr(value, "__dict__", {}).items())
+        return {"__self__": value.__self__}
+    return {} if isinstance(value, type | ModuleType) else dict(getattr(value, "__dict__", {}))
 
 
 def _is_symbol(value: Any) -> bool:
@@ -114,11 +117,11 @@ def _remember(law: CalledLaw, numbers: Mapping[Place, Any]) -> None:
 
 
 def _changed(before: Mapping[Place, Any], after: Mapping[Place, Any]) -> set[Place]:
-    return {
-        place
-        for place in {**before, **after}
-        if not np.array_equal(before.get(place, np.nan), after.get(place, np.nan))
-    }
+    places = {**before, **after}
+    return {p for p in places if not np.array_equal(before.get(p, np.nan), after.get(p, np.nan))}
+
+
+# ---- its small signals ----
 
 
 class LinearForm(NamedTuple):
@@ -136,11 +139,6 @@ def linearised(  # noqa: PLR0915 - one road, in sections
 
     Its memory is what changes when it is called; first it comes to rest under constant inputs. Of two sizes of change
     and of both signs the gains have to be the same; else they are in doubt, as with a dead zone or a quantisation.
-
-    Raises
-    ------
-    ControllerError
-        It fails, or does not answer to the measurements.
     """
     rows = (_SAMPLES_TO_REST + 2, N_LEGS)
     feedforward, planned = (np.broadcast_to(forces[0], rows) for forces in (known.feedforward, known.planned))
@@ -152,6 +150,12 @@ def linearised(  # noqa: PLR0915 - one road, in sections
     def called(k: int, measured: FloatArray) -> FloatArray:
         return law.force(k, k * T, at_rest, measured, np.zeros(N_LEGS))
 
+    def is_still(before: Any, after: Any) -> bool:
+        if before is None or after is None or np.shape(before) != np.shape(after):
+            return False
+        step = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
+        return float((step / np.maximum(1.0, np.abs(after))).max(initial=0.0)) < _AT_REST
+
     # the memory: what changes under changing measurements; then its rest under constant ones
     drawn, states, after, k = np.random.default_rng(_SEED), set[Place](), start, 0
     for k in range(_SAMPLES_TO_REST):
@@ -160,7 +164,7 @@ def linearised(  # noqa: PLR0915 - one road, in sections
         after = _memory(law)
         if k < _DRAWN:
             states |= _changed(before, after)
-        elif all(_step(before.get(place), after.get(place)) < _AT_REST for place in states):
+        elif all(is_still(before.get(place), after.get(place)) for place in states):
             break
     places = sorted(states & after.keys(), key=repr)
     shapes = [np.shape(after[place]) for place in places]
@@ -214,21 +218,7 @@ def linearised(  # noqa: PLR0915 - one road, in sections
     return LinearForm(LinearController(system, signals=used), is_numerical=True, doubt=doubt)
 
 
-def _step(before: Any, after: Any) -> float:
-    """The largest change, as a share; infinite if one of them is none."""
-    if before is None or after is None or np.shape(before) != np.shape(after):
-        return np.inf
-    size = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
-    return float((size / np.maximum(1.0, np.abs(after))).max(initial=0.0))
-
-
-class _Seen(NamedTuple):
-    """What a controller did in a run."""
-
-    forces: FloatArray  # (m, 6) [N]
-    start: dict[Place, Any]  # its numbers before the first sample
-    later: dict[Place, Any]
-    states: list[Place]  # of those that changed
+# ---- its function ----
 
 
 def traced_function(controller: Controller, known: KnownAhead, reference: FloatArray) -> "casadi.Function":
@@ -237,11 +227,6 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     Its memory is the change since the start of what changes between samples. It is traced at the first and at a later
     sample, and its forces are held against the controller's over a run with these references (m, 30) at its samples, in
     which they pass their limits.
-
-    Raises
-    ------
-    ControllerError
-        It cannot be traced: names the line, and what to write instead.
     """
     shape = (_BLOCK * len(_ERRORS), N_LEGS)
     feedforward, planned = (np.resize(forces, shape) for forces in (known.feedforward, known.planned))
@@ -249,24 +234,35 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     first, later = fresh_controller(controller), fresh_controller(controller)
     name = name_of(later).removeprefix("object of ")
     law = CalledLaw(later, known)
-    seen = _driven(law, known, reference)
-    if seen.states and not isinstance(controller, Maker):
-        _remember(law, seen.start)
+    start = _memory(law)
+    expected, states = _driven(law, known, reference)
+    if states and not isinstance(controller, Maker):
+        _remember(law, start)
         raise ControllerError(f"{name} keeps memory; expected a class or a factory, of which each run gets its own")
-    (_, first_way), (function, way) = (_trace(instance, name, seen, known) for instance in (first, later))
+
+    # the start values of states, in the shapes that they have later
+    after, starts = _memory(law), dict[Place, FloatArray]()
+    for place in states:
+        shapes = [np.shape(numbers.get(place, np.zeros(0))) for numbers in (start, after)]
+        if place in start and place in after and shapes[0] in ((), shapes[1]) and len(shapes[1]) <= 2:
+            starts[place] = np.broadcast_to(np.asarray(start[place], dtype=float), shapes[1])
+    (_, first_way), (function, way) = (_trace(one, name, starts, known) for one in (first, later))
     if first_way != way:
         ends = min(len(first_way), len(way))
         shared = next((k for k in range(ends) if first_way[k] != way[k]), ends)
         why = "goes another way at the first sample than at later ones"
         raise _refusal(name, first_way[max(0, shared - 1)], why, f"{_START}, and {_BRANCHES}")
-    for place in seen.states:
-        before, after = (np.shape(numbers.get(place, np.zeros(0))) for numbers in (seen.start, seen.later))
-        if place not in _starts(seen):
+    for place in states:
+        if place not in starts:
+            before, later_shape = (np.shape(numbers.get(place, np.zeros(0))) for numbers in (start, after))
             raise ControllerError(
                 f"{name} cannot be traced: {'.'.join(['self', *map(str, place[1:])])} has the shape {before} before "
-                f"the first sample and {after} later; expected numbers of one shape, and at most two axes: {_START}"
+                f"the first sample and {later_shape} later; expected numbers of one shape, and at most two axes: "
+                f"{_START}"
             )
-    expected, forces = seen.forces, _driven(CalledLaw(function, known), known, reference).forces
+
+    # the forces of both in the same run
+    forces, _ = _driven(CalledLaw(function, known), known, reference)
     largest = np.maximum.accumulate(np.abs(expected).max(axis=1))
     apart = np.abs(forces - expected).max(axis=1)
     for k in np.flatnonzero(~(apart <= _AGREES * largest)).tolist():
@@ -278,10 +274,10 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     return function
 
 
-def _driven(law: CalledLaw, known: KnownAhead, reference: FloatArray) -> _Seen:
-    """A run of a controller with errors that grow until its forces pass their limits, and then fall."""
-    drawn, start, states, limit = np.random.default_rng(_SEED), _memory(law), dict[Place, None](), known.force_limit
-    after, forces, excess = start, np.zeros((_BLOCK * len(_ERRORS), N_LEGS)), np.zeros(N_LEGS)
+def _driven(law: CalledLaw, known: KnownAhead, reference: FloatArray) -> tuple[FloatArray, list[Place]]:
+    """Forces (m, 6) [N] and states of a controller in a run whose errors grow until forces pass their limits."""
+    drawn, states, limit = np.random.default_rng(_SEED), set[Place](), known.force_limit
+    after, forces, excess = _memory(law), np.zeros((_BLOCK * len(_ERRORS), N_LEGS)), np.zeros(N_LEGS)
     for k in range(len(forces)):
         row, before = reference[k % len(reference)], after
         measured = row[: signals.SIZE] + _ERRORS[k // _BLOCK] * drawn.standard_normal(signals.SIZE)
@@ -290,51 +286,45 @@ def _driven(law: CalledLaw, known: KnownAhead, reference: FloatArray) -> _Seen:
             limit = float(np.abs(forces[k]).max())
         excess = np.clip(law.command, -limit, limit) - law.command
         after = _memory(law)
-        states |= dict.fromkeys(place for place in _changed(before, after) if place[0] == "law")
-    return _Seen(forces, start, after, sorted(states, key=repr))
+        states |= {place for place in _changed(before, after) if place[0] == "law"}
+    return forces, sorted(states, key=repr)
 
 
-def _starts(seen: _Seen) -> dict[Place, FloatArray]:
-    """The start values of the states that have one, in the shapes that they have later."""
-    present = [place for place in seen.states if place in seen.start and place in seen.later]
-    return {
-        place: np.broadcast_to(np.asarray(seen.start[place], dtype=float), np.shape(seen.later[place]))
-        for place in present
-        if np.shape(seen.start[place]) in ((), np.shape(seen.later[place])) and np.ndim(seen.later[place]) <= 2
-    }
+class _LostError(Exception):
+    """A symbol became a number that is none, at a line."""
 
 
-def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi.Function", list[Line]]:
+def _trace(
+    law: Any, name: str, start_values: Mapping[Place, FloatArray], known: KnownAhead
+) -> tuple["casadi.Function", list[Line]]:
     """The function of a controller as it is now, and the lines of the user's that its call passed."""
     import casadi
 
-    starts = {place: casadi.DM(np.atleast_1d(value)) for place, value in _starts(seen).items()}
+    starts = {place: casadi.DM(np.atleast_1d(value)) for place, value in start_values.items()}
     changes = {place: casadi.SX.sym("change", *value.shape) for place, value in starts.items()}
     inputs: dict[str, Any] = {key: casadi.SX.sym(key, size) for key, size in SIZES.items()}
-    references = {key.removeprefix(OF_REFERENCE): v for key, v in inputs.items() if key.startswith(OF_REFERENCE)}
-    index = casadi.floor(inputs["time"] / known.sample_time + 0.5)
-    # the sample time is a number, as in __init__
-    of_loop = {key: inputs[key] for key in ("time", "command", "excess", "feedforward", "force_limit", "rate_limit")}
     sample = Sample(
-        reference=references,
+        reference={key.removeprefix(OF_REFERENCE): v for key, v in inputs.items() if key.startswith(OF_REFERENCE)},
         measured={key: inputs[key] for key in signals.NAMES},
-        index=index,
-        sample_time=known.sample_time,
+        index=casadi.floor(inputs["time"] / known.sample_time + 0.5),
+        sample_time=known.sample_time,  # a number, as in __init__
         platform=known.platform,
         gains=known.gains,
-        **of_loop,
+        **{key: inputs[key] for key in ("time", "command", "excess", "feedforward", "force_limit", "rate_limit")},
     )
     holder = with_numbers({"law": law}, {place: changes[place] + start for place, start in starts.items()})
     lines = list[Line]()
 
     def passes(frame: FrameType, event: str, argument: Any) -> Any:
-        if _is_of_library(frame):
+        if not is_of_user(frame):
             return None
         if event == "line":
             lines.append((frame.f_code.co_filename, frame.f_lineno))
-        # what was lost at a line is seen at the next one
-        if any(map(_is_lost, [argument] if event == "return" else frame.f_locals.values())):
-            raise _LostError(lines[-1 if event == "return" else -2])
+        # what was lost at a line, as `float` makes NaN of a symbol, is seen at the next one
+        for value in [argument] if event == "return" else frame.f_locals.values():
+            is_number = isinstance(value, float | np.ndarray) and np.asarray(value).dtype.kind == "f"
+            if is_number and np.isnan(value).any():
+                raise _LostError(lines[-1 if event == "return" else -2])
         return passes
 
     tracer = sys.gettrace()
@@ -344,11 +334,11 @@ def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi
         try:
             result = holder["law"](sample)
         except _LostError as error:
-            raise _refusal(name, error.line, "makes no number of a symbol", _NUMBERS) from None
+            raise _refusal(name, error.args[0], "makes no number of a symbol", _NUMBERS) from None
         except (Exception, SystemExit) as error:  # user code may raise anything when it is called with symbols
-            of_user = [at for at in traceback.walk_tb(error.__traceback__) if not _is_of_library(at[0])]
+            of_user = [at for at in traceback.walk_tb(error.__traceback__) if is_of_user(at[0])]
             line = (of_user[-1][0].f_code.co_filename, of_user[-1][1]) if of_user else ("", 0)
-            raise _refusal(name, line, f"{type(error).__name__}: {_last_words(error)}", _BRANCHES) from None
+            raise _refusal(name, line, _why_not(error), _BRANCHES) from None
         finally:
             sys.settrace(tracer)
     after = dict(numbers_in(holder))
@@ -356,8 +346,10 @@ def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi
         force = _column(result, (N_LEGS, 1))
         following = [casadi.vec(_column(after[place], start.shape) - start) for place, start in starts.items()]
     except (NotImplementedError, TypeError, RuntimeError, KeyError):
+        has_symbols = any(_is_symbol(value) for _, value in numbers_in([result]))
         raise ControllerError(
-            f"{name} cannot be traced: it returned {result!r}; expected {N_LEGS} forces, and a memory of one shape"
+            f"{name} cannot be traced: it returned {'other values' if has_symbols else repr(result)}; expected "
+            f"{N_LEGS} forces, and a memory of one shape"
         ) from None
     outputs = {FORCE: force, **({MEMORY_NEXT: casadi.vertcat(*following)} if starts else {})}
     all_outputs = casadi.vertcat(*outputs.values())
@@ -368,23 +360,6 @@ def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi
     if any(np.isnan(function.instruction_constant(k)) for k in constants):
         raise ControllerError(f"{name} cannot be traced: its forces are not a number; {_NUMBERS}")
     return function, lines
-
-
-class _LostError(Exception):
-    """A symbol became a number that is none."""
-
-    def __init__(self, line: Line) -> None:
-        super().__init__()
-        self.line = line
-
-
-def _is_lost(value: Any) -> bool:
-    """Whether a number or an array is NaN, as `float` makes it of a symbol."""
-    return isinstance(value, float | np.ndarray) and np.asarray(value).dtype.kind == "f" and bool(np.isnan(value).any())
-
-
-def _is_of_library(frame: FrameType) -> bool:
-    return str(frame.f_globals.get("__name__", "")).partition(".")[0] in _LIBRARIES
 
 
 def _column(value: Any, shape: Sequence[int]) -> Any:
@@ -400,9 +375,18 @@ def _column(value: Any, shape: Sequence[int]) -> Any:
     return matrix
 
 
-def _last_words(error: BaseException) -> str:
-    text = str(error).strip().splitlines()
-    return text[-1].rpartition(": ")[2] if text else ""
+def _why_not(error: BaseException) -> str:
+    """Why a call with symbols failed, without the words of CasADi."""
+    text = str(error)
+    if "truth value" in text:
+        return "a condition depends on a signal"
+    if lacks := re.search(r"'SX' object has no attribute '(\w+)'", text):
+        return f"a signal has no '{lacks[1]}' in equations"
+    if "imension" in text:
+        return "sizes do not fit each other"
+    if "SX" in text or "casadi" in text.lower():
+        return "a function or an index takes numbers only"
+    return f"{type(error).__name__}: {text}"
 
 
 def _refusal(name: str, line: Line, why: str, remedy: str) -> ControllerError:

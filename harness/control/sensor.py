@@ -19,13 +19,7 @@ _UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
 def by_signal(value: Any) -> dict[str, Any]:
-    """A table whose keys are signals.
-
-    Raises
-    ------
-    ValueError
-        Not a table, or another key.
-    """
+    """A table whose keys are signals."""
     if not isinstance(value, dict):
         raise ValueError(f"expected a table of signals ({', '.join(NAMES)})")  # noqa: TRY004 - pydantic wants this one
     for name in value:

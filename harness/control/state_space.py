@@ -22,7 +22,7 @@ Solve = Callable[[Any, Any], Any]
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """ẋ = A x + B u or, at a sample time dt > 0 [s], x⁺ = A x + B u; y = C x + D u."""
+    """ẋ = A x + B u or, at a sample time dt > 0 [s], x⁺ = A x + B u; y = C x + D u. Named as in python-control."""
 
     A: FloatArray  # (n, n)
     B: FloatArray  # (n, inputs)
@@ -37,7 +37,7 @@ class StateSpace:
 
     @property
     def nstates(self) -> int:
-        """Number of states; named as in python-control, like the next two."""
+        """Number of states."""
         return len(self.A)
 
     @property
@@ -59,6 +59,12 @@ class StateSpace:
         return self.dt > 0
 
 
+def stacked_blocks(system: Any) -> FloatArray:
+    """[C D; A B] (outputs + n, n + inputs)."""
+    upper, lower = (np.concatenate(blocks, axis=1) for blocks in ((system.C, system.D), (system.A, system.B)))
+    return np.concatenate([upper, lower])
+
+
 def is_control_system(value: Any) -> bool:
     """Whether it is a python-control system."""
     # such a system exists only if the package is imported; do not import it otherwise
@@ -67,13 +73,7 @@ def is_control_system(value: Any) -> bool:
 
 
 def state_space_of(system: Any, role: str = "controller") -> Any:
-    """The state space of a linear system: itself, this project's or python-control's, or that of a transfer function.
-
-    Raises
-    ------
-    ControllerError
-        Another kind of system, or not a system, or a transfer function that is improper; names it as its `role`.
-    """
+    """The state space of a linear system: itself, ours or python-control's, or that of a transfer function."""
     if isinstance(system, StateSpace):
         return system
     if is_control_system(system):
@@ -82,7 +82,23 @@ def state_space_of(system: Any, role: str = "controller") -> Any:
         if isinstance(system, control.StateSpace):
             return system
         if isinstance(system, control.TransferFunction):
-            return _by_elements(system, role)
+            # element by element: of a matrix python-control would need slycot
+            elements = []
+            for i, j in np.ndindex(system.noutputs, system.ninputs):
+                above, below = len(system.num[i][j]) - 1, len(system.den[i][j]) - 1
+                if above > below:
+                    raise ControllerError(
+                        f"{role} has an improper transfer function, of degree {above} over {below}, which needs the "
+                        "future; expected at most the denominator's: of a PD kp + kd s use gs.PD, or give it a filter "
+                        "and sample it: gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)"
+                    )
+                elements.append(control.ss(control.tf(system.num[i][j], system.den[i][j], system.dt)))
+            # element (i, j) is driven by input j and adds to output i
+            drives = np.tile(np.eye(system.ninputs), (system.noutputs, 1))
+            adds = np.repeat(np.eye(system.noutputs), system.ninputs, axis=1)
+            diagonal = control.append(*elements)
+            A, B, C, D = diagonal.A, diagonal.B @ drives, adds @ diagonal.C, adds @ diagonal.D @ drives
+            return control.ss(A, B, C, D, system.dt)
     raise ControllerError(
         f"{role} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"
@@ -90,13 +106,7 @@ def state_space_of(system: Any, role: str = "controller") -> Any:
 
 
 def matrices_of(system: Any) -> StateSpace:
-    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain.
-
-    Raises
-    ------
-    ControllerError
-        As `state_space_of`.
-    """
+    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain."""
     if isinstance(system, StateSpace):
         return system
     import control
@@ -109,7 +119,7 @@ def control_system(system: StateSpace) -> Any:
     """The same as a python-control system, for users."""
     import control
 
-    return control.ss(system.A, system.B, system.C, system.D, system.dt)
+    return control.ss(*system.blocks, system.dt)
 
 
 def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
@@ -117,12 +127,6 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
 
     tustin: s = 2/T (z − 1)/(z + 1); backward_diff: s = (z − 1)/(T z); zoh: exact for held inputs. The states are those
     of python-control's `sample_system`.
-
-    Raises
-    ------
-    ControllerError
-        The system is already discrete, the sample time is not > 0, the method is unknown, or a pole is too fast for the
-        sample time: by Tustin's rule it would ring from sample to sample.
     """
     if system.dt:
         raise ControllerError(f"the system is already discrete (dt = {system.dt:g} s); expected a continuous one")
@@ -186,24 +190,3 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
 def _is_zero(values: Any) -> bool:
     """Whether all values are zero; a symbol is not."""
     return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))
-
-
-def _by_elements(matrix: Any, role: str) -> Any:
-    """State space of a matrix of transfer functions, for which python-control needs slycot; refuses improper ones."""
-    import control
-
-    m, n = matrix.noutputs, matrix.ninputs
-    elements = []
-    for i, j in np.ndindex(m, n):
-        above, below = len(matrix.num[i][j]) - 1, len(matrix.den[i][j]) - 1
-        if above > below:
-            raise ControllerError(
-                f"{role} has an improper transfer function, of degree {above} over {below}, which needs the future; "
-                "expected at most the denominator's: of a PD kp + kd s use gs.PD, or give it a filter and sample it: "
-                "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)"
-            )
-        elements.append(control.ss(control.tf(matrix.num[i][j], matrix.den[i][j], matrix.dt)))
-    # element (i, j) is driven by input j and adds to output i
-    drives, adds = np.tile(np.eye(n), (m, 1)), np.repeat(np.eye(m), n, axis=1)
-    diagonal = control.append(*elements)
-    return control.ss(diagonal.A, diagonal.B @ drives, adds @ diagonal.C, adds @ diagonal.D @ drives, matrix.dt)

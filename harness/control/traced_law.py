@@ -4,7 +4,7 @@ Members' functions may differ in constants, such as gains; these become coeffici
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -55,17 +55,14 @@ class CasadiFunction:
         """Forces (6,) at a sample."""
         references = {OF_REFERENCE + name: value for name, value in sample.reference.items()}
         by_name = {**sample.gains, **sample._asdict(), MEMORY: self._memory, **sample.measured, **references}
-        values = {name: by_name[name] for name in (*sample.gains, *SIZES, MEMORY)}
-        for name in self.function.name_in():
-            if name not in values:
+        known, inputs = (*sample.gains, *SIZES, MEMORY), dict[str, FloatArray]()
+        for k, name in enumerate(self.function.name_in()):
+            if name not in known:
                 raise ControllerError(
-                    f"the CasADi function has the input '{name}'; expected one of {', '.join(values)}, or a gain of "
+                    f"the CasADi function has the input '{name}'; expected one of {', '.join(known)}, or a gain of "
                     "[controller.parameters]"
                 )
-        inputs = {
-            name: np.reshape(np.asarray(values[name], dtype=float), self.function.size_in(k), order="F")
-            for k, name in enumerate(self.function.name_in())
-        }
+            inputs[name] = np.reshape(np.asarray(by_name[name], dtype=float), self.function.size_in(k), order="F")
         outputs = {name: np.asarray(value).ravel(order="F") for name, value in self.function.call(inputs).items()}
         self._memory = outputs.get(MEMORY_NEXT, self._memory)
         return np.asarray(outputs[FORCE], dtype=float)
@@ -92,8 +89,7 @@ def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
         return None
     import casadi
 
-    kinds = {plain.instruction_id(k) for k in range(plain.n_instructions())}
-    if kinds & {casadi.OP_CALL, casadi.OP_ERFINV}:
+    if {plain.instruction_id(k) for k in range(plain.n_instructions())} & {casadi.OP_CALL, casadi.OP_ERFINV}:
         return None
     sizes = {name: plain.numel_in(i) for i, name in enumerate(plain.name_in())}
     outputs = {name: plain.numel_out(i) for i, name in enumerate(plain.name_out())}
@@ -117,56 +113,46 @@ def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
 
 def _with_coefficients(functions: Sequence["casadi.Function"]) -> tuple["casadi.Function", FloatArray]:
     """A function for all, whose constants that differ are an input `coefficients`; and their values (k, N)."""
+    import casadi
+
     first = functions[0]
     distinct = {function.serialize(): function for function in functions}
     if len(distinct) == 1:
         return first, np.zeros((0, len(functions)))
-    import casadi
 
-    read = {text: _constants(function) for text, function in distinct.items()}
-    if len({operations for operations, _ in read.values()}) > 1:
+    # the same operations in the same places, and the constants in order
+    operations, constants_of = set[tuple[Any, ...]](), dict[str, list[float]]()
+    for text, function in distinct.items():
+        steps = range(function.n_instructions())
+        operations.add(
+            (
+                *map(function.size_in, range(function.n_in())),
+                *(*function.name_in(), *function.name_out()),
+                *((function.instruction_id(k), *function.instruction_input(k), *function.instruction_output(k))
+                  for k in steps),
+            )
+        )  # fmt: skip
+        of_function = [k for k in steps if function.instruction_id(k) == casadi.OP_CONST]
+        constants_of[text] = [float(function.instruction_constant(k)) for k in of_function]
+    if len(operations) > 1:
         raise NotImplementedError
-    values = np.array([read[function.serialize()][1] for function in functions]).T
+    values = np.array([constants_of[function.serialize()] for function in functions]).T
     differs = (values != values[:, :1]).any(axis=1)
     symbols = casadi.SX.sym(_COEFFICIENTS, int(differs.sum()))
     constants: list[Any] = values[:, 0].tolist()
     for k, place in enumerate(np.flatnonzero(differs).tolist()):
         constants[place] = symbols[k]
+
+    # the first function again, of dense inputs and with symbols for constants; of sparse matrices, the places of the
+    # elements that may be other than zero, column by column
     inputs = {name: casadi.SX.sym(name, *first.size_in(i)) for i, name in enumerate(first.name_in())}
-    outputs = _evaluated(first, inputs, constants)
-    all_inputs = {**inputs, _COEFFICIENTS: symbols}
-    law = casadi.Function("law", [*all_inputs.values()], [*outputs.values()], [*all_inputs], [*outputs])
-    return law, values[differs]
-
-
-def _constants(function: "casadi.Function") -> tuple[tuple[Any, ...], list[float]]:
-    """The operations of a plain function with their places, and the values of its constants in order."""
-    import casadi
-
-    operations: list[Any] = [*map(function.size_in, range(function.n_in())), *function.name_in(), *function.name_out()]
-    values = []
-    for k in range(function.n_instructions()):
-        kind = function.instruction_id(k)
-        if kind == casadi.OP_CONST:
-            values.append(float(function.instruction_constant(k)))
-        operations.append((kind, *function.instruction_input(k), *function.instruction_output(k)))
-    return tuple(operations), values
-
-
-def _evaluated(
-    function: "casadi.Function", inputs: Mapping[str, Any], constants: Sequence[Any]
-) -> dict[str, "casadi.SX"]:
-    """The outputs of a plain function of dense inputs, with other constants in it."""
-    import casadi
-
-    # of sparse matrices, the places of the elements that may be other than zero, column by column
-    read_at = [function.sparsity_in(i).find() for i in range(function.n_in())]
-    written_at = [function.sparsity_out(i).find() for i in range(function.n_out())]
-    arguments, numbers = [casadi.vec(symbols) for symbols in inputs.values()], iter(constants)
-    outputs = {name: casadi.SX(*function.size_out(i)) for i, name in enumerate(function.name_out())}
+    outputs = {name: casadi.SX(*first.size_out(i)) for i, name in enumerate(first.name_out())}
+    read_at = [first.sparsity_in(i).find() for i in range(first.n_in())]
+    written_at = [first.sparsity_out(i).find() for i in range(first.n_out())]
+    arguments, numbers = [casadi.vec(symbols_of_one) for symbols_of_one in inputs.values()], iter(constants)
     names, work = list(outputs), dict[int, Any]()
-    for k in range(function.n_instructions()):
-        kind, read, to = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+    for k in range(first.n_instructions()):
+        kind, read, to = first.instruction_id(k), first.instruction_input(k), first.instruction_output(k)
         if kind == casadi.OP_CONST:
             work[to[0]] = casadi.SX(next(numbers))
         elif kind == casadi.OP_INPUT:
@@ -179,4 +165,6 @@ def _evaluated(
             work[to[0]] = casadi.SX.binary(kind, work[read[0]], work[read[1]])
         else:
             raise NotImplementedError
-    return outputs
+    all_inputs = {**inputs, _COEFFICIENTS: symbols}
+    law = casadi.Function("law", [*all_inputs.values()], [*outputs.values()], [*all_inputs], [*outputs])
+    return law, values[differs]

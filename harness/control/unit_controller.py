@@ -50,13 +50,7 @@ class UnitController:
                 raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, possible)}")
 
     def open(self, sample_time: float) -> "UnitLaw":
-        """The FMU, ready for a run; close it afterwards.
-
-        Raises
-        ------
-        ControllerError
-            No such FMU, variables that do not fit, or another sample time.
-        """
+        """The FMU, ready for a run; close it afterwards."""
         arguments = (self.path, dict(self.names), dict(self.parameters), sample_time)
         if self.is_foreign:
             process = Isolated(self.path, f"{__name__}:ControllerUnit", arguments, ControllerError)
@@ -99,27 +93,61 @@ class ControllerUnit:
             error = ControllerError
             remedy = "`gough-stewart export` makes controller FMUs"
 
+        self._names = names
         with ExitStack() as stack:
             self._file = file = stack.enter_context(ControllerFile(path))
             self._variables = {v.name: v for v in file.description.modelVariables}
-            designed = self._start_of("sample_time")
-            if designed is not None and abs(designed - sample_time) > 1e-9 * sample_time:
+            starts = {
+                name: float(v.start)
+                for name in ("sample_time", "output_delay")
+                if (v := self._variables.get(name)) is not None and v.start is not None
+            }
+            designed = starts.get("sample_time", sample_time)
+            if abs(designed - sample_time) > 1e-9 * sample_time:
                 raise ControllerError(
                     f"{path}: its sample_time is {designed:g} s, the loop's {sample_time:g} s; export the "
                     "controller again, or set the loop's sample_time"
                 )
             self._unit = stack.enter_context(FmuInstance(file, name="controller"))
-            self._source, references = self._inputs(names)
-            self._inputs_of_unit = Values(self._unit, references, len(self._source))
-            force = self._references(_FORCE, names, interface.BY_NAME[_FORCE], "output")
+
+            # its inputs, with their sources in measurements and references, and its outputs
+            sources, references, first = list[int](), list[int](), 0
+            for name, variable in INPUTS:
+                of_input = self._references(name, variable, "input")
+                if of_input is not None:
+                    sources += range(first, first + variable.size)
+                    references += of_input
+                first += variable.size
+            if not any(source < signals.SIZE for source in sources):
+                raise file.refusal(
+                    f"has no input of a measured signal ({', '.join(signals.NAMES)}); if its names differ, list them "
+                    "in [controller.names]"
+                )
+            self._sources, self._inputs = sources, Values(self._unit, references, len(sources))
+            force = self._references(_FORCE, interface.BY_NAME[_FORCE], "output")
             if force is None:
                 raise file.refusal(f"has no output {names.get(_FORCE, _FORCE)} with six elements")
+            limited = self._references(_LIMITED, None, "output")
             self._force = Values(self._unit, force, 6)
-            limited = self._references(_LIMITED, names, None, "output")
             self._limited = None if limited is None else Values(self._unit, limited, 6)
             for name, value in parameters.items():
                 self._set(name, value)
-            self._check_loop(parameters, sample_time)
+
+            # of a unit of this project the loop has itself: a longer delay, drives and sensors
+            delay = float(np.ravel(parameters.get("output_delay", starts.get("output_delay", 1.0)))[0])
+            if delay != 1:
+                raise ControllerError(
+                    f"{path}: its output_delay is {delay:g} samples, which would be added to the loop's delay; "
+                    "expected 1: set parameters = { output_delay = 1 } of [controller], and the loop's delay"
+                )
+            step = getattr(file.description.defaultExperiment, "stepSize", None)
+            has_steps = step is not None and float(step) < 0.999 * sample_time
+            has_drives = any(name.partition("[")[0] == "rate_limited" for name in self._variables)
+            if "output_delay" in self._variables and (has_steps or has_drives):
+                raise ControllerError(
+                    f"{path}: it carries drives or sensors of its machine, which the loop has as well; expected "
+                    "a controller that was exported without parts"
+                )
             self._is_initialised = False
             self._open = stack.pop_all()
 
@@ -128,8 +156,8 @@ class ControllerUnit:
         from fmpy.fmi1 import FMICallException
 
         try:
-            self._inputs_of_unit.array[:] = values[self._source]
-            self._inputs_of_unit.write()
+            self._inputs.array[:] = values[self._sources]
+            self._inputs.write()
             if not self._is_initialised:
                 self._unit.initialise(time=time)
                 self._is_initialised = True
@@ -147,47 +175,6 @@ class ControllerUnit:
         """Free the FMU."""
         self._open.close()
 
-    def _start_of(self, name: str) -> float | None:
-        start = getattr(self._variables.get(name), "start", None)
-        return None if start is None else float(start)
-
-    def _check_loop(self, parameters: Mapping[str, Any], sample_time: float) -> None:
-        """Refuse of a unit of this project what the loop has itself: a longer delay, drives and sensors."""
-        start = self._start_of("output_delay")
-        delay = float(np.ravel(parameters.get("output_delay", 1.0 if start is None else start))[0])
-        if delay != 1:
-            raise ControllerError(
-                f"{self._file.path}: its output_delay is {delay:g} samples, which would be added to the loop's delay; "
-                "expected 1: set parameters = { output_delay = 1 } of [controller], and the loop's delay"
-            )
-        step = getattr(self._file.description.defaultExperiment, "stepSize", None)
-        has_steps = step is not None and float(step) < 0.999 * sample_time
-        has_drives = any(name.partition("[")[0] == "rate_limited" for name in self._variables)
-        if "output_delay" in self._variables and (has_steps or has_drives):
-            raise ControllerError(
-                f"{self._file.path}: it carries drives or sensors of its machine, which the loop has as well; expected "
-                "a controller that was exported without parts"
-            )
-
-    def _inputs(self, names: Mapping[str, str]) -> tuple[NDArray[np.intp], list[int]]:
-        """The sources of its inputs in measurements and references, and their value references."""
-        source: list[NDArray[np.intp]] = []
-        references: list[int] = []
-        first, is_fed_back = 0, False
-        for name, variable in INPUTS:
-            of_input = self._references(name, names, variable, "input")
-            if of_input is not None:
-                source.append(np.arange(first, first + variable.size))
-                references += of_input
-                is_fed_back |= not name.startswith(REFERENCE)
-            first += variable.size
-        if not is_fed_back:
-            raise self._file.refusal(
-                f"has no input of a measured signal ({', '.join(signals.NAMES)}); if its names differ, list them "
-                "in [controller.names]"
-            )
-        return np.concatenate(source), references
-
     def _elements(self, name: str, pattern: str, size: int) -> tuple[list[str], list[Any]]:
         """Names that a signal of this size has, as an array or as scalars, and those of its variables that exist."""
         array = self._variables.get(name)
@@ -196,13 +183,11 @@ class ControllerUnit:
         scalars = [pattern.replace("{}", str(k + 1)) for k in range(size)]
         return scalars, [self._variables[scalar] for scalar in scalars if scalar in self._variables]
 
-    def _references(
-        self, name: str, names: Mapping[str, str], variable: Variable | None, causality: str
-    ) -> list[int] | None:
+    def _references(self, name: str, variable: Variable | None, causality: str) -> list[int] | None:
         """Value references of a signal, None if the FMU has no variable of that name."""
-        theirs, size = names.get(name, name), 6 if variable is None else variable.size
+        theirs, size = self._names.get(name, name), 6 if variable is None else variable.size
         needed, variables = self._elements(theirs, theirs if "{}" in theirs else theirs + "[{}]", size)
-        if not variables and name not in names:
+        if not variables and name not in self._names:
             return None
         if len(variables) != len(needed):
             missing = next(scalar for scalar in needed if scalar not in self._variables)

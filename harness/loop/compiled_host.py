@@ -5,7 +5,7 @@ causes are those of the host in Python, which stays the readable reference, to r
 """
 
 import ctypes
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import pairwise
 from threading import Event
 from typing import Any
@@ -20,11 +20,12 @@ from gough_stewart.harness.control.faults import CUT, FROZEN
 from gough_stewart.harness.control.laws_of_members import LinearLaw, rests_of
 from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.control.state_space import stacked_blocks
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
 from gough_stewart.harness.loop.loop import Actuators, Loop, LoopSettings, ScheduledChanges, Sensors, members_last
 from gough_stewart.harness.loop.python_host import by_element, streams_of
-from gough_stewart.harness.loop.rows import AllRows, RowMonitor
+from gough_stewart.harness.loop.rows import AllRows, RowMonitor, Status
 from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -111,12 +112,25 @@ class CompiledHost:
     def __init__(  # noqa: PLR0912, PLR0915 - `loop` of c/loop/loop.h, part by part
         self, plant: LanesPlant, law: LinearLaw | CompiledLaw | None, loop: Loop, reading: FloatArray
     ) -> None:
-        self._plant, self._loop = plant, loop
+        self._plant, self._loop, self._law = plant, loop, law
         (n,), blocks, timing, sensors = plant.shape, plant.batch.blocks, loop.timing, loop.sensors
         # there is room for all settings of the loop
         turned = [change.settings for change in loop.changes if change.settings is not None]
         self.arrays: dict[int, NDArray[Any]] = {}  # that the structure points to, by address
-        parts: dict[str, Any] = {}
+        c = self.structure = LoopBlock(
+            members=n,
+            last=timing.steps,
+            every=timing.steps_a_sample,
+            reading_every=loop.steps_a_reading,
+            plant_step=timing.plant_step,
+            tolerance=plant.tolerance,
+            substeps=plant.substeps or 0,
+            reference=self._table(members_last(loop.reference)),
+            feedforward=self._table(members_last(loop.feedforward)),
+            injection=self._table(members_last(loop.injection)),
+        )
+        sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
+        c.sampled = _Indices(self._address(sampled), sampled.strides[0] // 8, int(sampled.ndim == 2))
 
         def rows(size: int, start: FloatArray | float = 0.0) -> FloatArray:
             """Memory (size, M) that begins with these values (size, N)."""
@@ -125,43 +139,37 @@ class CompiledHost:
             return memory
 
         # the controller: the signals that it uses, and its memory, the states first
-        n_states, used, lengths = 0, () if law is None else law.used, rows(N_LEGS)
+        used, lengths, positions = () if law is None else law.used, rows(N_LEGS), np.arange(signals.SIZE)
+        self._used = used
         if isinstance(law, CompiledLaw):
             traced = law.law
-            n_states, memory = traced.n_states, rows(traced.function.numel_in(0))
+            memory = rows(traced.function.numel_in(0))
             memory[len(memory) - len(traced.coefficients) :, :n] = traced.coefficients
-            positions = np.arange(signals.SIZE)
-            parts |= {"law": law.address, "kinds": 2}
+            c.law, c.kinds, c.n_states = law.address, 2, traced.n_states
         elif law is not None:
-            n_states, memory = law.state.shape[1], rows(law.matrices.shape[2])
-            memory[:n_states, :n] = law.state.T
             positions = law.positions
-            laws = [*law.matrices, *(matrix_of(s.system) for s in turned if s.system is not None)]
-            # of a linear law's elements of [C D; A B]
+            c.kinds, c.n_states = law.kinds, law.state.shape[1]
+            memory = rows(law.matrices.shape[2])
+            memory[: c.n_states, :n] = law.state.T
+            # of a linear law the elements of [C D; A B]
+            laws = [*law.matrices, *(stacked_blocks(s.system) for s in turned if s.system is not None)]
             entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
-            parts |= {
-                "kinds": law.kinds,
-                "entries": len(entry_row),
-                "entry_row": self._indices(entry_row),
-                "entry_column": self._indices(entry_column),
-                "values": self._table(np.ascontiguousarray(law.matrices[:, entry_row, entry_column].T)),
-            }
+            c.entries = len(entry_row)
+            c.entry_row, c.entry_column = self._indices(entry_row), self._indices(entry_column)
+            c.values = self._table(np.ascontiguousarray(law.matrices[:, entry_row, entry_column].T))
             if loop.has_switch:
                 rest_row, rest_column = self.rest_entries = np.indices(law.rests.shape[1:]).reshape(2, -1)
-                parts |= {
-                    "rest_entries": len(rest_row),
-                    "rest_row": self._indices(rest_row),
-                    "rest_column": self._indices(rest_column + n_states),
-                    "rests": self._table(np.ascontiguousarray(law.rests[:, rest_row, rest_column].T)),
-                }
+                c.rest_entries = len(rest_row)
+                c.rest_row, c.rest_column = self._indices(rest_row), self._indices(rest_column + c.n_states)
+                c.rests = self._table(np.ascontiguousarray(law.rests[:, rest_row, rest_column].T))
             if law.jacobians is not None and law.inverses is not None:
                 lengths[:, :n] = law.lengths
                 m = len(law.jacobians)
-                parts["jacobian"] = self._table(law.jacobians.reshape(m, 36, -1))
-                parts["inverse"] = self._table(law.inverses.reshape(m, 36, -1))
+                c.jacobian = self._table(law.jacobians.reshape(m, 36, -1))
+                c.inverse = self._table(law.inverses.reshape(m, 36, -1))
         else:
             memory, positions = rows(1), np.zeros(0, np.int64)
-        parts |= {"size": len(positions), "n_states": n_states, "used": self._indices(positions)}
+        c.size, c.used = len(positions), self._indices(positions)
 
         # sensors
         every = [sensors, *(settings.sensors for settings in turned)]
@@ -169,56 +177,48 @@ class CompiledHost:
         steps = np.max([by_element(sensors.quantisation, used, n) for sensors in every], axis=0)
         noisy = self._noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
         senses = np.where((deviations > 0).any(axis=1) | (steps != 0).any(axis=1), _SENSES, 0)
-        self._used = used
-        now = self._sensor_tables(sensors)
+        tables = self._tables_of(sensors, loop.actuators)
         if senses.any():
-            parts["sensors"] = self._table(now["sensors"])
+            c.sensors = self._table(tables["sensors"])
         if sensors.side == "motor" and plant.batch.variant.springs:
             senses[signals.LEGS] |= _AT_MOTOR
         streams = rows(4).view(np.int64)
         if noisy:
             streams[:, :n] = streams_of(sensors.seed)
-            parts["noisy"] = self._indices(np.array([(at.start, at.stop - at.start) for at in noisy.values()]))
-            parts["deviations"] = self._table(now["deviations"])
-        parts |= {"senses": self._indices(senses), "n_noisy": len(noisy)}
+            c.noisy = self._indices(np.array([(at.start, at.stop - at.start) for at in noisy.values()]))
+            c.deviations = self._table(tables["deviations"])
+        c.senses, c.n_noisy = self._indices(senses), len(noisy)
 
         # actuators
-        values = actuator_values(loop.actuators, n)
-        delay = np.full(n, loop.actuators.delay, float)
-        limits = [actuators.values["force_limit"] for actuators in (loop.actuators, *(s.actuators for s in turned))]
-        if np.isfinite(np.concatenate([np.ravel(limit) for limit in (*limits, values["rate_limit"])])).any():
-            parts["limits"] = self._table(coefficients_of(ForceLimits, values, timing.sample_time))
-        if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
-            parts["drives"] = self._table(coefficients_of(Drive, values, timing.plant_step))
-        most_delay = int(max(delay.max(), *(settings.actuators.delay for settings in turned), 0))
-        parts |= {"delay": self._table(delay[None]), "most_delay": most_delay}
-        parts["takeover"] = self._table(coefficients_of(Takeover, {}, timing.sample_time))
+        every_path = [loop.actuators, *(settings.actuators for settings in turned)]
+        largest = [path.values["force_limit"] for path in every_path] + [loop.actuators.values["rate_limit"]]
+        if np.isfinite(np.concatenate([np.ravel(limit) for limit in largest])).any():
+            c.limits = self._table(tables["limits"])
+        if np.isfinite(loop.actuators.values["rate_limit"]).any() or np.any(np.asarray(loop.actuators.lag) > 0):
+            c.drives = self._table(tables["drives"])
+        c.takeover = self._table(coefficients_of(Takeover, {}, timing.sample_time))
+        c.delay = self._table(tables["delay"])
+        c.most_delay = most_delay = max(int(np.max(path.delay)) for path in every_path)
         forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
 
         # ends of runs; without a limit, what is not a number is too far from the reference
         if loop.limits.on_stroke == "stop":
-            low, high = (self._table(np.ascontiguousarray(members.of_legs(end))) for end in loop.limits.stroke)
-            parts |= {"shortest": low, "longest": high}
+            ends = (np.ascontiguousarray(members.of_legs(end)) for end in loop.limits.stroke)
+            c.shortest, c.longest = map(self._table, ends)
         if loop.reference is not None:
-            farthest = np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))
-            parts["farthest"] = self._table(farthest[None])
+            c.farthest = self._table(np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))[None])
 
         self._memory: dict[str, NDArray[Any]] = {
             "signals": rows(signals.SIZE, plant.signals().T),
             "measured": rows(signals.SIZE, 0.0 if law is None else reading.T),
             "streams": streams,
             "memory": memory,
-            "next": rows(N_LEGS + n_states),
-            "pose": rows(N_LEGS),
+            "next": rows(N_LEGS + c.n_states),
+            **{name: rows(N_LEGS) for name in ("pose", "excess", "limited")},
             "lengths": lengths,
-            "command": rows(N_LEGS, forces),
-            "excess": rows(N_LEGS),
-            "limited": rows(N_LEGS),
-            "planned": rows(N_LEGS, forces),
+            **{name: rows(N_LEGS, forces) for name in ("command", "planned", "target", "acting")},
             "delayed": rows((most_delay + 1) * N_LEGS, np.tile(forces, (most_delay + 1, 1))),
-            "target": rows(N_LEGS, forces),
             "driven": rows(2 * N_LEGS, np.tile(forces, (2, 1))),
-            "acting": rows(N_LEGS, forces),
             "at_row": np.zeros(blocks, np.int64),
             "ended": np.full(blocks * WIDTH, -1, np.int64),
         }
@@ -227,23 +227,8 @@ class CompiledHost:
             self._memory |= faults
         if loop.has_switch:
             self._memory |= {name: rows(N_LEGS) for name in ("off", "manual_force", "transfer")}
-        sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
-        self._law = law
-        self.structure = LoopBlock(
-            members=n,
-            last=timing.steps,
-            every=timing.steps_a_sample,
-            reading_every=loop.steps_a_reading,
-            sampled=_Indices(self._address(sampled), sampled.strides[0] // 8, int(sampled.ndim == 2)),
-            plant_step=timing.plant_step,
-            tolerance=plant.tolerance,
-            substeps=plant.substeps or 0,
-            reference=self._table(members_last(loop.reference)),
-            feedforward=self._table(members_last(loop.feedforward)),
-            injection=self._table(members_last(loop.injection)),
-            **parts,
-            **{name: self._address(array) for name, array in self._memory.items()},
-        )
+        for name, array in self._memory.items():
+            setattr(c, name, self._address(array))
 
     def _address(self, array: NDArray[Any]) -> int:
         if array.size:
@@ -276,36 +261,42 @@ class CompiledHost:
             self._memory["off"][:, :n] = manual[:, :N_LEGS].T
             self._memory["manual_force"][:, :n] = np.where(np.isnan(force), self._memory["command"][:, :n], force)
 
-    def _sensor_tables(self, sensors: Sensors) -> dict[str, FloatArray]:
-        (n,) = self._plant.shape
+    def _tables_of(self, sensors: Sensors, actuators: Actuators) -> dict[str, FloatArray]:
+        """Coefficients of what measures and what acts, (size, N)."""
+        (n,), timing = self._plant.shape, self._loop.timing
         steps, deviations = (by_element(sizes, self._used, n) for sizes in (sensors.quantisation, sensors.noise))
-        coefficients = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (n, 24, N)
+        values = {key: np.full(n, value, float) for key, value in actuators.values.items() if key != "force_limit"}
+        by_leg = members.of_legs(actuators.values["force_limit"])
+        values["force_limit"] = np.broadcast_to(by_leg, (N_LEGS, n))
+        by_signal = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (size, 24, N)
         return {
-            "sensors": coefficients.swapaxes(0, 1).reshape(-1, n),
+            "sensors": by_signal.swapaxes(0, 1).reshape(-1, n),
             "deviations": np.array([deviations[at.start] for at in self._noisy.values()]),
+            "limits": coefficients_of(ForceLimits, values, timing.sample_time),
+            "drives": coefficients_of(Drive, values, timing.plant_step),
+            "delay": np.full((1, n), actuators.delay, float),
         }
 
     def turn(self, settings: LoopSettings) -> None:
         """Other settings of the loop of one member from the next sample on.
 
-        Each filter of a derivative goes on with the force that it gave: x = r' + c/c' (x − r) about its rest r.
+        Each filter of a derivative, a state of the first order that is fed by inputs alone, goes on with the force that
+        it gave: x = r' + c/c' (x − r) about its rest r.
         """
-        c, timing = self.structure, self._loop.timing
-        values = actuator_values(settings.actuators, 1)
-        tables = {
-            **self._sensor_tables(settings.sensors),
-            "limits": coefficients_of(ForceLimits, values, timing.sample_time),
-            "delay": np.array([[float(settings.actuators.delay)]]),
-        }
+        c, tables = self.structure, self._tables_of(settings.sensors, settings.actuators)
         if isinstance(self._law, LinearLaw) and settings.system is not None:
-            new, memory = matrix_of(settings.system), self._memory["memory"][:, 0]
+            new, memory = stacked_blocks(settings.system), self._memory["memory"][:, 0]
             old = np.zeros_like(new)
             old[*self.entries] = self.arrays[c.values.at][0, :, 0]
             tables["values"] = new[*self.entries][:, None]
             if self._loop.has_switch:
                 tables["rests"] = rests_of([settings.system], c.kinds)[0][*self.rest_entries][:, None]
             n = c.n_states
-            for state in filters_of(old, n):
+            A = old[N_LEGS:, :n]
+            for state in range(n):
+                integrates = abs(1 - A[state, state]) <= _INTEGRATES
+                if integrates or np.delete(A[state], state).any() or not old[:N_LEGS, state].any():
+                    continue
                 rests = [float(M[N_LEGS + state, n:] @ memory[n:] / (1 - M[N_LEGS + state, state])) for M in (old, new)]
                 output = int(np.abs(old[:N_LEGS, state]).argmax())
                 memory[state] = rests[1] + old[output, state] / new[output, state] * (memory[state] - rests[0])
@@ -319,13 +310,11 @@ class CompiledHost:
     ) -> None:
         """Run the loop to its end or until no member is left; the changes of the first row have been applied.
 
-        Raises
-        ------
-        KeyboardInterrupt
-            Between two parts of the work; rows that all members have done count.
+        An interrupt comes between two parts of the work; rows that all members have done count.
         """
         plant, batch, rows, c = self._plant, self._plant.batch, monitor.rows, self.structure
-        times, n = self._loop.timing.times, len(monitor.going)
+        times, n, loop_run = self._loop.timing.times, len(monitor.going), plant.loop_run
+        assert loop_run is not None  # whoever made this has asked for it
         rows.host = f"compiled, {plant.features}"
         sink = monitor.observer.sink()
         if sink is not None:
@@ -344,7 +333,14 @@ class CompiledHost:
         parts = 1 if threads == 1 else min(batch.blocks, _PARTS * threads)
         ends_of_parts = np.linspace(0, batch.blocks, parts + 1).astype(int).tolist()
         stops = sorted({*changes.by_row, len(times)} - {0})
-        row = 0
+        row, is_interrupted = 0, Event()
+
+        def advance(vectors: tuple[int, int], to: int) -> None:
+            """Run the members of some vectors up to a row."""
+            numbers = [ctypes.c_int64(number) for number in (*vectors, to, _WORK)]
+            while not is_interrupted.is_set() and not loop_run(batch.reference, ctypes.byref(c), *numbers):
+                pass
+
         with ThreadPoolExecutor(threads) as pool:
             while row < len(times) and monitor.going.any():
                 if row in changes.by_row and row:
@@ -352,8 +348,9 @@ class CompiledHost:
                     plant.set_inputs(changes.inputs)
                     self.fail(changes.faults)
                     self.switch(changes.manual)
-                    for settings in changes.settings(row):
-                        self.turn(settings)
+                    for change in changes.by_row[row]:
+                        if change.settings is not None:
+                            self.turn(change.settings)
                 room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
                 room = room if sink is None else len(times)
                 to = min(row + room, next(stop for stop in stops if stop > row))
@@ -364,8 +361,18 @@ class CompiledHost:
                     c.row_signals, c.row_forces = _out(rows.signals[at:]), _out(rows.forces[at:])
                     c.row_force_limited, c.row_motors = _out(rows.force_limited[at:]), _out(rows.motors[at:])
                 c.row_rate_limited = _out(rows.rate_limited[at:])
+                started: list[Future[None]] = []
                 try:
-                    self._advance(list(pairwise(ends_of_parts)), to, pool)
+                    # the first part of the vectors in this thread, others in threads of their own
+                    first, *others = pairwise(ends_of_parts)
+                    started = [pool.submit(advance, part, to) for part in others]
+                    advance(first, to)
+                    for part in started:
+                        part.result()
+                except BaseException:
+                    is_interrupted.set()
+                    wait(started)
+                    raise
                 finally:
                     done = int(self._memory["at_row"].min())
                     monitor.n_rows = done
@@ -381,27 +388,6 @@ class CompiledHost:
                     progress(float(times[to - 1]))
         plant.came_to(float(times[monitor.n_rows - 1]), self._memory["signals"])
 
-    def _advance(self, parts: list[tuple[int, int]], to: int, pool: ThreadPoolExecutor) -> None:
-        """Run all members up to a row, in parts of the vectors: the first here, others in threads."""
-        run, is_interrupted = self._plant.loop_run, Event()
-        assert run is not None  # whoever made this has asked for it
-        batch, loop = self._plant.batch.reference, ctypes.byref(self.structure)
-
-        def advance(vectors: tuple[int, int]) -> None:
-            numbers = [ctypes.c_int64(number) for number in (*vectors, to, _WORK)]
-            while not is_interrupted.is_set() and not run(batch, loop, *numbers):
-                pass
-
-        started = [pool.submit(advance, part) for part in parts[1:]]
-        try:
-            advance(parts[0])
-            for part in started:
-                part.result()
-        except BaseException:
-            is_interrupted.set()
-            wait(started)
-            raise
-
     def _end_members(self, monitor: RowMonitor, done: int, not_started: dict[int, Any]) -> None:
         """Give the monitor the members that ended in rows before `done`."""
         batch, plant, memory = self._plant.batch, self._plant, self._memory
@@ -409,41 +395,22 @@ class CompiledHost:
             row, failure = int(memory["ended"][k]), int(batch.failure[k])
             if not 0 <= row < done:
                 continue
+            status: Status = "stopped" if failure == Failure.STROKE else "diverged"
             now = memory["signals"][:, k]
             if failure == Failure.STROKE:
-                monitor.end_one(k, row + 1, "stopped", monitor.beyond_stroke(k, now))
+                cause = monitor.beyond_stroke(k, now)
             elif failure == Failure.AWAY:
-                monitor.end_one(k, row + 1, "diverged", monitor.too_far(k, row, now))
+                cause = monitor.too_far(k, row, now)
+            elif failure == Failure.COMMAND:
+                sample = row // self._loop.timing.steps_a_sample
+                cause = self._loop.failure_of_forces(sample, memory["command"][:, k])
+            elif failure == Failure.NOT_STARTED:
+                cause = str(not_started[k])
             else:
-                if failure == Failure.COMMAND:
-                    sample = row // self._loop.timing.steps_a_sample
-                    cause = self._loop.failure_of_forces(sample, memory["command"][:, k])
-                elif failure == Failure.NOT_STARTED:
-                    cause = str(not_started[k])
-                else:
-                    batch.inputs[:N_LEGS, k] = memory["acting"][:, k]
-                    cause = str(plant.failure(k, float(self._loop.timing.times[row])))
-                monitor.end_one(k, row + 1, "diverged", cause)
+                batch.inputs[:N_LEGS, k] = memory["acting"][:, k]
+                cause = str(plant.failure(k, float(self._loop.timing.times[row])))
+            monitor.end_one(k, row + 1, status, cause)
             batch.failure[k] = Failure.GOES_ON
-
-
-def actuator_values(actuators: Actuators, n: int) -> dict[str, Any]:
-    """Limits and lag of n members (n,), the force limits by leg (6, n)."""
-    values = {key: np.full(n, value, float) for key, value in actuators.values.items() if key != "force_limit"}
-    limits = members.of_legs(actuators.values["force_limit"])
-    return {"force_limit": np.broadcast_to(limits, (N_LEGS, n)), **values}
-
-
-def matrix_of(system: Any) -> FloatArray:
-    """[C D; A B] of a linear system (6 + n, n + size of u)."""
-    return np.block([[system.C, system.D], [system.A, system.B]])
-
-
-def filters_of(matrix: FloatArray, n_states: int) -> list[int]:
-    """The states of [C D; A B] that are filters of the first order: fed by inputs alone, and not integrators."""
-    A = matrix[N_LEGS:, :n_states]
-    alone = [k for k in range(n_states) if not np.delete(A[k], k).any()]
-    return [k for k in alone if abs(1 - A[k, k]) > _INTEGRATES and matrix[:N_LEGS, k].any()]
 
 
 def _out(values: NDArray[Any]) -> _Out:

@@ -20,13 +20,11 @@ from gough_stewart.harness.loop.folds import (
     Columns,
     Fold,
     KeptRows,
-    State,
     TermFold,
     error_between,
 )
 from gough_stewart.harness.loop.loop import Loop, members_last
 from gough_stewart.harness.loop.rows import Observer, RowBlock, RowSink
-from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.lanes import lane_rows
 from gough_stewart.harness.plants.signals import LEGS, N_LEGS
 from gough_stewart.model.vectors import FloatArray
@@ -85,100 +83,6 @@ class FoldKernels:
         return number if number >= 0 and list(sizes) == of_fold else None
 
 
-class CompiledFolds:
-    """Folds in machine code, of eight members at once, and their states."""
-
-    def __init__(
-        self,
-        kernels: FoldKernels,
-        folds: Sequence[TermFold],  # each has a kernel
-        row: Mapping[str, slice],  # places of the columns in a row
-        checked: Sequence[str],  # columns whose numbers have to be finite
-        members: int,  # their number N
-        counting: NDArray[np.int64],  # rows that count for each member (M,), -1 where all so far do; kept up to date
-    ) -> None:
-        self.kernels, self._folds, self._row, self._members = kernels, folds, row, members
-        vectors = len(counting) // WIDTH
-        starts = np.array([value for fold in folds for _, size, value in fold.states for _ in range(size)])
-        self._states = np.tile(starts[:, None], (vectors, 1, WIDTH))
-        parameters = np.zeros((sum(sum(fold.parameter_sizes) for fold in folds), vectors * WIDTH))
-        places, records, state, parameter = [], [], 0, 0
-        for fold in folds:
-            firsts = [
-                row[need].start + fold.begins.get(name, 0) for name, need in zip(fold.sizes, fold.needs, strict=True)
-            ]
-            places.append(np.array(firsts, np.int64))
-            records.append(_Fold(kernels.kernel(fold), places[-1].ctypes.data, state, parameter))
-            state += sum(size for _, size, _ in fold.states)
-            for value, size in zip(fold.parameters.values(), fold.parameter_sizes, strict=True):
-                parameters[parameter : parameter + size, :members] = value
-                parameter += size
-        by_vector = parameters.reshape(parameter, vectors, WIDTH).swapaxes(0, 1).copy()
-        elements = np.array([k for name in checked for k in range(row[name].start, row[name].stop)], np.int64)
-        of_folds = (_Fold * len(records))(*records)
-        # arrays that the structure points to
-        self._arrays = places, by_vector, elements, of_folds, counting
-        self.rows = _FoldsOfMembers(
-            n_folds=len(folds),
-            n_states=state,
-            n_parameters=parameter,
-            n_checked=len(elements),
-            folds=ctypes.addressof(of_folds),
-            parameters=by_vector.ctypes.data,
-            states=self._states.ctypes.data,
-            counting=counting.ctypes.data,
-            checked=elements.ctypes.data,
-        )
-
-    def add(self, first: int, columns: Columns, counting: NDArray[np.int64]) -> None:
-        """Add a block of rows, as many of them as count for each member (M,), more of those that go on."""
-        vectors, width = len(counting) // WIDTH, max(at.stop for at in self._row.values())
-        rows = len(next(iter(columns.values()))) - 1
-        for begin in range(0, rows, _ROWS):
-            end = min(begin + _ROWS, rows)
-            padded = np.zeros((end - begin + 1, width, vectors * WIDTH))
-            for name, at in self._row.items():
-                padded[:, at, : self._members] = columns[name][begin : end + 1]
-            raw = np.zeros(padded.size + WIDTH)
-            aligned = raw[-raw.ctypes.data % 64 // raw.itemsize :][: padded.size]  # to 64 bytes, as vectors are
-            chunk = aligned.reshape(vectors, -1, width, WIDTH)
-            chunk[...] = padded.reshape(-1, width, vectors, WIDTH).transpose(2, 0, 1, 3)
-            ends = counting - begin
-            for vector in range(vectors):
-                pointers = ends[vector * WIDTH :].ctypes.data, chunk[vector].ctypes.data
-                self.kernels.add(ctypes.addressof(self.rows), vector, first + begin, end - begin, width, *pointers)
-
-    def states(self) -> list[State]:
-        """The states of each fold."""
-        values = np.moveaxis(self._states, 1, 0).reshape(self._states.shape[1], -1)[:, : self._members]
-        states, at = list[State](), 0
-        for fold in self._folds:
-            states.append({})
-            for name, size, _ in fold.states:
-                states[-1][name] = values[at : at + size]
-                at += size
-        return states
-
-
-def _row_sink(folds: CompiledFolds, kept: Sequence[KeptRows], timing: Timing, counting: NDArray[np.int64]) -> RowSink:
-    """What takes rows for folds with kernels, and for those that are kept."""
-    latest, records = lane_rows(ROW_PARTS["ELEMENTS"], len(counting) // WIDTH), []
-    owned: list[Any] = [folds, latest]
-    for fold in kept:
-        place = np.full(timing.steps + 1, -1, np.int64)
-        place[fold.at] = np.arange(len(fold.at))
-        for name, values in fold.kept.items():
-            elements = np.arange(ROW[name].start, ROW[name].stop, dtype=np.int64)
-            row, element, _ = (stride // values.itemsize for stride in values.strides)
-            arrays = place.ctypes.data, len(elements), elements.ctypes.data, values.ctypes.data
-            records.append(_KeptRows(*arrays, row, element))
-            owned += [place, elements]
-    kept_rows = (_KeptRows * len(records))(*records)
-    function, folding = ctypes.cast(folds.kernels.add, ctypes.c_void_p).value, ctypes.addressof(folds.rows)
-    structure = _SinkStructure(function, folding, latest.ctypes.data, len(records), ctypes.addressof(kept_rows))
-    return RowSink(ctypes.addressof(structure), counting, [*owned, kept_rows, structure])
-
-
 class Folding:
     """Folds of some members, fed with blocks; members end at rows, or before one that is not finite.
 
@@ -189,12 +93,12 @@ class Folding:
         self._folds, self._members = tuple(folds), members
         self._described = [fold for fold in folds if isinstance(fold, TermFold)]
         self._kept = [fold for fold in folds if isinstance(fold, KeptRows)]
+        # columns whose numbers have to be finite
         self._checked = list(
             dict.fromkeys(name for fold in folds if not isinstance(fold, KeptRows) for name in fold.needs)
         )
         has_kernels = kernels is not None and all(kernels.kernel(fold) is not None for fold in self._described)
         self._kernels = kernels if self._described and has_kernels else None
-        self._compiled: CompiledFolds | None = None
         self._states = [
             {name: np.full((size, members), value) for name, size, value in fold.states} for fold in self._described
         ]
@@ -204,6 +108,47 @@ class Folding:
         self._counting = np.full(-(-members // WIDTH) * WIDTH, -1, np.int64)  # -1 while all rows count
         self._counting[members:] = 0
         self._sink: RowSink | None = None
+        # of machine code: where columns are in a row, and the structure with the arrays that it points to
+        self._places: Mapping[str, slice] = {}
+        self._structure: _FoldsOfMembers | None = None
+        self._lanes: FloatArray = np.zeros((0, 0, WIDTH))  # states (vectors, size, 8)
+        self._owned: tuple[Any, ...] = ()
+
+    def _compile(self, kernels: FoldKernels, places: Mapping[str, slice]) -> _FoldsOfMembers:
+        """Folds in machine code, of eight members at once, with their states."""
+        folds, vectors = self._described, len(self._counting) // WIDTH
+        starts = np.array([value for fold in folds for _, size, value in fold.states for _ in range(size)])
+        self._places, self._lanes = places, np.tile(starts[:, None], (vectors, 1, WIDTH))
+        parameters = np.zeros((sum(sum(fold.parameter_sizes) for fold in folds), vectors * WIDTH))
+        columns, records, state, parameter = [], [], 0, 0
+        for fold in folds:
+            firsts = [
+                places[need].start + fold.begins.get(name, 0) for name, need in zip(fold.sizes, fold.needs, strict=True)
+            ]
+            columns.append(np.array(firsts, np.int64))
+            records.append(_Fold(kernels.kernel(fold), columns[-1].ctypes.data, state, parameter))
+            state += sum(size for _, size, _ in fold.states)
+            for value, size in zip(fold.parameters.values(), fold.parameter_sizes, strict=True):
+                parameters[parameter : parameter + size, : self._members] = value
+                parameter += size
+        by_vector = parameters.reshape(parameter, vectors, WIDTH).swapaxes(0, 1).copy()
+        elements = np.array(
+            [k for name in self._checked for k in range(places[name].start, places[name].stop)], np.int64
+        )
+        of_folds = (_Fold * len(records))(*records)
+        self._owned = columns, by_vector, elements, of_folds
+        self._structure = _FoldsOfMembers(
+            n_folds=len(folds),
+            n_states=state,
+            n_parameters=parameter,
+            n_checked=len(elements),
+            folds=ctypes.addressof(of_folds),
+            parameters=by_vector.ctypes.data,
+            states=self._lanes.ctypes.data,
+            counting=self._counting.ctypes.data,
+            checked=elements.ctypes.data,
+        )
+        return self._structure
 
     def add(self, first: int, columns: Columns, counting: NDArray[np.intp] | None = None) -> None:
         """Add a block of rows from `first` on, of which some of each member count (N,), by default all.
@@ -219,11 +164,26 @@ class Folding:
         # members that have ended may compute NaN, and squares may overflow
         with np.errstate(all="ignore"):
             if self._kernels is not None:
-                if self._compiled is None:
+                structure = self._structure
+                if structure is None:
                     stops = np.cumsum([0, *(columns[name].shape[1] for name in self._checked)]).tolist()
-                    places = map(slice, stops, stops[1:])
-                    self._compiled = self._compile(dict(zip(self._checked, places, strict=False)))
-                self._compiled.add(first, columns, ends)
+                    places = dict(zip(self._checked, map(slice, stops, stops[1:]), strict=False))
+                    structure = self._compile(self._kernels, places)
+                vectors, width = len(ends) // WIDTH, max(at.stop for at in self._places.values())
+                for begin in range(0, rows, _ROWS):
+                    end = min(begin + _ROWS, rows)
+                    padded = np.zeros((end - begin + 1, width, vectors * WIDTH))
+                    for name, at in self._places.items():
+                        padded[:, at, :n] = columns[name][begin : end + 1]
+                    raw = np.zeros(padded.size + WIDTH)
+                    aligned = raw[-raw.ctypes.data % 64 // raw.itemsize :][: padded.size]  # to 64 bytes, as vectors are
+                    chunk = aligned.reshape(vectors, -1, width, WIDTH)
+                    chunk[...] = padded.reshape(-1, width, vectors, WIDTH).transpose(2, 0, 1, 3)
+                    to = ends - begin  # how many of these rows count for each member
+                    for vector in range(vectors):
+                        pointers = to[vector * WIDTH :].ctypes.data, chunk[vector].ctypes.data
+                        sizes = vector, first + begin, end - begin, width
+                        self._kernels.add(ctypes.byref(structure), *sizes, *pointers)
             else:
                 finite = [np.isfinite(columns[name][1:]).all(axis=1) for name in self._checked]
                 broken = ~np.logical_and.reduce(finite) if finite else np.zeros((rows, n), dtype=bool)
@@ -237,16 +197,16 @@ class Folding:
             kept.keep(first, columns)
         self._rows = first + rows
 
-    def _compile(self, row: Mapping[str, slice]) -> CompiledFolds:
-        assert self._kernels is not None
-        return CompiledFolds(self._kernels, self._described, row, self._checked, self._members, self._counting)
-
     def results(self) -> dict[str, FloatArray]:
         """Results (..., N) of all folds by name, so far."""
         counting = self._counting[: self._members]
         rows = np.where(counting < 0, self._rows if self._sink is None else self._sink.rows, counting)
-        states = iter(self._states if self._compiled is None else self._compiled.states())
-        results = dict[str, FloatArray]()
+        if self._structure is not None:
+            lanes = np.moveaxis(self._lanes, 1, 0).reshape(self._lanes.shape[1], -1)[:, : self._members]
+            sizes = [size for state in self._states for size in map(len, state.values())]
+            parts = iter(np.split(lanes, np.cumsum(sizes)[:-1]))
+            self._states = [{name: next(parts) for name in state} for state in self._states]
+        states, results = iter(self._states), dict[str, FloatArray]()
         for fold in self._folds:
             with np.errstate(all="ignore"):
                 results |= fold.result(next(states) if isinstance(fold, TermFold) else {}, rows)
@@ -262,10 +222,26 @@ class FoldsOfRows(Folding, Observer):
 
     def sink(self) -> RowSink | None:
         """What takes the rows of a run in machine code, in place of `block`; None without kernels of all folds."""
-        if self._kernels is None or not all(name in ROW for fold in self._folds for name in fold.needs):
+        kernels = self._kernels
+        if kernels is None or not all(name in ROW for fold in self._folds for name in fold.needs):
             return None
-        self._compiled = self._compile(ROW)
-        self._sink = _row_sink(self._compiled, self._kept, self._timing, self._counting)
+        folding, records, owned = self._compile(kernels, ROW), [], list[Any]()
+        latest = lane_rows(ROW_PARTS["ELEMENTS"], len(self._counting) // WIDTH)
+        for fold in self._kept:
+            place = np.full(self._timing.steps + 1, -1, np.int64)
+            place[fold.at] = np.arange(len(fold.at))
+            for name, values in fold.kept.items():
+                elements = np.arange(ROW[name].start, ROW[name].stop, dtype=np.int64)
+                row, element, _ = (stride // values.itemsize for stride in values.strides)
+                arrays = place.ctypes.data, len(elements), elements.ctypes.data, values.ctypes.data
+                records.append(_KeptRows(*arrays, row, element))
+                owned += [place, elements]
+        kept_rows = (_KeptRows * len(records))(*records)
+        function = ctypes.cast(kernels.add, ctypes.c_void_p).value
+        places = ctypes.addressof(folding), latest.ctypes.data, len(records), ctypes.addressof(kept_rows)
+        structure = _SinkStructure(function, *places)
+        owned += [latest, kept_rows, structure]
+        self._sink = RowSink(ctypes.addressof(structure), self._counting, owned)
         return self._sink
 
     def block(self, rows: RowBlock) -> None:

@@ -14,6 +14,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
@@ -35,17 +36,11 @@ AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(
 ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position", "orientation", "leg_length")}
 
 
-def _row() -> dict[str, slice]:
-    sizes = {name: at.stop - at.start for name, at in {**AT, **ERRORS}.items()}
-    places, end = dict[str, slice](), 0
-    for name in (*AT, FORCES, *ERRORS, *LIMITED, *MOTORS):
-        places[name] = slice(end, end + sizes.get(name, signals.N_LEGS))
-        end = places[name].stop
-    return places
-
-
 # Places of columns in a row of machine code: signals, forces, errors, flags, motors; and where these parts begin.
-ROW: Mapping[str, slice] = _row()
+_NAMES = (*AT, FORCES, *ERRORS, *LIMITED, *MOTORS)
+_WIDTHS = {name: at.stop - at.start for name, at in {**AT, **ERRORS}.items()}
+_ENDS = list(accumulate(_WIDTHS.get(name, signals.N_LEGS) for name in _NAMES))
+ROW: Mapping[str, slice] = dict(zip(_NAMES, map(slice, [0, *_ENDS], _ENDS), strict=True))
 ROW_PARTS: Mapping[str, int] = {
     "FORCES": ROW[FORCES].start,
     "ERRORS": ROW[next(iter(ERRORS))].start,

@@ -21,7 +21,7 @@ from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import Cut, Freeze
 from gough_stewart.harness.control.laws import Controller
-from gough_stewart.harness.control.laws_of_members import Law, SeparateLaws
+from gough_stewart.harness.control.laws_of_members import Law, LinearLaw
 from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
@@ -57,13 +57,7 @@ _SEED, _SCALES = 1, (1e-3, 1.0)
 
 @cache
 def loop_kernel(variant: Variant) -> CompiledLanes:
-    """What runs loops of plants of a variant in machine code, for this processor.
-
-    Raises
-    ------
-    BuildError, OSError
-        There is no machine code, and it cannot be built; see `fmu_build.libraries.machine_code`.
-    """
+    """What runs loops of plants of a variant in machine code, for this processor; it is built if it is missing."""
     return CompiledLanes(machine_code(loop_code(variant)))
 
 
@@ -171,17 +165,18 @@ def are_traced(controllers: Iterable[Controller | None]) -> bool:
         made = [controller.peek() if isinstance(controller, Maker) else controller for controller in controllers]
     except ControllerError:  # the run says so
         return False
-    return all(map(is_casadi_function, made)) and compiled_law(made) is not None
+    return all(map(is_casadi_function, made)) and _compiled_law(made) is not None
 
 
-def compiled_form(law: Law) -> CompiledLaw | None:
-    """The controllers of a run in machine code; None if there is none for them."""
-    functions = law.traced if isinstance(law, SeparateLaws) else None
-    return None if functions is None else compiled_law(functions)
+def compiled_form(law: Law) -> LinearLaw | CompiledLaw | None:
+    """The controllers of a run as machine code has them: linear ones are data; None if there is none for others."""
+    if isinstance(law, LinearLaw):
+        return law
+    functions = law.traced
+    return None if functions is None else _compiled_law(functions)
 
 
-def compiled_law(functions: Sequence[Any]) -> CompiledLaw | None:
-    """The laws of members from their CasADi functions; None if there is no machine code for them."""
+def _compiled_law(functions: Sequence[Any]) -> CompiledLaw | None:
     law = traced_law_of(functions)
     library = None if law is None else _library(law.function.serialize())
     return None if law is None or library is None else CompiledLaw(law, library)
@@ -189,6 +184,7 @@ def compiled_law(functions: Sequence[Any]) -> CompiledLaw | None:
 
 @lru_cache(64)
 def _library(serialized: str) -> ctypes.CDLL | None:
+    """The machine code of a law, if it computes what its function does, but for rounding."""
     import casadi  # who has a function of it has imported it
 
     function = casadi.Function.deserialize(serialized)
@@ -196,7 +192,16 @@ def _library(serialized: str) -> ctypes.CDLL | None:
         library = ctypes.CDLL(str(law_library(function).path))
     except (BuildError, OSError, RuntimeError):
         return None
-    gap = _gap(function, library)
+    # for eight points, not alike
+    drawn = np.random.default_rng(_SEED)
+    memory = np.repeat(_SCALES, WIDTH // len(_SCALES)) * drawn.standard_normal((function.numel_in(0), WIDTH))
+    compiled: FloatArray = np.zeros((function.numel_out(0), WIDTH))
+    call(library, memory, compiled)
+    expected = np.stack([np.asarray(function(memory[:, k])).ravel() for k in range(WIDTH)], axis=1)
+    known, gap = np.isfinite(expected), np.inf
+    if np.array_equal(known, np.isfinite(compiled)):
+        scale = np.abs(expected[known]).max(initial=0.0)
+        gap = float(np.abs(compiled - expected)[known].max(initial=0.0) / scale) if scale else 0.0
     if not gap <= _AGREES:
         warnings.warn(
             f"the machine code of the controller computes forces that differ by {gap:.2g} of the largest one from its "
@@ -211,17 +216,3 @@ def call(library: ctypes.CDLL, memory: FloatArray, following: FloatArray) -> Non
     """Write (6 + states, 8) of numbers (k, 8), see c/law/law.h."""
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in (memory, following))
     library.law_step(*pointers, ctypes.c_int64(WIDTH))
-
-
-def _gap(function: Any, library: ctypes.CDLL) -> float:
-    """The largest difference between both, as a share of the largest number; for eight points, not alike."""
-    drawn = np.random.default_rng(_SEED)
-    memory = np.repeat(_SCALES, WIDTH // len(_SCALES)) * drawn.standard_normal((function.numel_in(0), WIDTH))
-    compiled: FloatArray = np.zeros((function.numel_out(0), WIDTH))
-    call(library, memory, compiled)
-    expected = np.stack([np.asarray(function(memory[:, k])).ravel() for k in range(WIDTH)], axis=1)
-    known = np.isfinite(expected)
-    if not np.array_equal(known, np.isfinite(compiled)):
-        return np.inf
-    scale = np.abs(expected[known]).max(initial=0.0)
-    return float(np.abs(compiled - expected)[known].max(initial=0.0) / scale) if scale else 0.0

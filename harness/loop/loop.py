@@ -74,8 +74,8 @@ class Change:
     """From `time` [s] on, new values of tunable parameters, a new external wrench (6,) [N, N m], or what has failed.
 
     Faults are flags (N_FAULTS,), see `control/faults.py`; `manual` is (12,), see `ChangeChoice.manual`, and holds from
-    the next sample on. With many members, all of these may have a leading axis (N,),
-    and `members` (N,) selects those that change. Settings are those of one member, in machine code; `time` is then that
+    the next sample on. With many members, all of these may have a leading axis (N,), and `members` (N,) selects those
+    that change. Settings are those of one member, in machine code; `time` is then that
     of a sample, and the feedforward knows them.
     """
 
@@ -189,18 +189,19 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
         return of_members[0] if are_equal else np.stack(of_members)
 
     joined = []
-    for _, changing in sorted(alike.items(), key=lambda item: item[0]):
+    for (*_, names, has_wrench, has_faults, has_manual), changing in sorted(alike.items(), key=lambda item: item[0]):
         any_change = next(iter(changing.values()))  # gives those who do not change some values
         changes = [changing.get(member, any_change) for member in range(len(by_member))]
         whose = np.array([member in changing for member in range(len(by_member))])
+
         joined.append(
             Change(
                 any_change.time,
-                {name: values([change.parameters[name] for change in changes]) for name in any_change.parameters},
-                None if any_change.external_wrench is None else values([c.external_wrench for c in changes]),
+                {name: values([change.parameters[name] for change in changes]) for name in names},
+                values([change.external_wrench for change in changes]) if has_wrench else None,
                 None if whose.all() else whose,
-                None if any_change.faults is None else values([change.faults for change in changes]),
-                manual=None if any_change.manual is None else values([change.manual for change in changes]),
+                values([change.faults for change in changes]) if has_faults else None,
+                manual=values([change.manual for change in changes]) if has_manual else None,
             )
         )
     return tuple(joined)
@@ -218,10 +219,6 @@ class ScheduledChanges:
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
-
-    def settings(self, row: int) -> list[LoopSettings]:
-        """The loop's settings that change at a row."""
-        return [change.settings for change in self.by_row.get(row, ()) if change.settings is not None]
 
     def apply(self, row: int) -> None:
         """Pass the changes of a row to the plant, the inputs, the faults, and the switch."""

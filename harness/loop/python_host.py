@@ -15,6 +15,7 @@ from gough_stewart.harness.control.faults import CUT, FROZEN, Cut, Freeze, NoCoe
 from gough_stewart.harness.control.laws_of_members import Law
 from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel
 from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
@@ -36,173 +37,165 @@ _BLOCK = 64
 _NO_COEFFICIENTS = NoCoefficients()
 
 
-class PythonHost:
-    """A run of any plant with any controllers."""
+def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happens
+    plant: Plant,
+    law: Law | None,
+    loop: Loop,
+    readings: "SensorReadings",  # after the first reading, which the law has had
+    monitor: RowMonitor,
+    changes: ScheduledChanges,  # of which those of the first row have been applied
+    progress: TimeProgress | None,
+) -> None:
+    """Run any plant with any controllers row by row, to the end or until no member is left."""
+    if any(change.settings is not None for change in loop.changes):
+        raise ControllerError(
+            "settings of the loop change during the run, which only machine code can; expected a linear controller, "
+            "and the plant 'model'"
+        )
+    timing, (n,), going = loop.timing, plant.shape, monitor.going
+    steps, step, every, reading_every = timing.steps, timing.plant_step, timing.steps_a_sample, loop.steps_a_reading
+    sampled = timing.rows_of_samples
+    sampled_together = sampled.tolist() if sampled.ndim == 1 else None  # a list, since Python reads it faster
+    inputs, forces, cut = changes.inputs, changes.inputs[:, :N_LEGS], changes.faults[:, CUT]
+    has_motors, reads_motors = MOTORS in plant.columns, loop.sensors.side == "motor"
+    reading = readings.latest
 
-    def __init__(self, plant: Plant, law: Law | None, loop: Loop, readings: "SensorReadings") -> None:
-        (n,) = plant.shape
-        self._plant, self._law, self._loop, self._readings = plant, law, loop, readings
-        self._every, self._plant_step = loop.timing.steps_a_sample, loop.timing.plant_step
-        start = np.broadcast_to(loop.start_force, (n, N_LEGS)).T.copy()
-        # NumPy is twice as fast with arrays of full size as with a number beside them
-        values = {key: np.full(start.shape, np.transpose(value)) for key, value in loop.actuators.values.items()}
-        self._limits = ForceLimits.without_idle(ForceLimits.prepare(values, loop.timing.sample_time))
-        self._drive = Drive.without_idle(Drive.prepare(values, loop.timing.plant_step))
-        self._planned = ForceLimits.start(self._limits, (start,))
-        self._driven = Drive.start(self._drive, (start,))
-        # a line of forces (slots, 6, N), of which each member takes those of its number of samples ago
-        delay = np.broadcast_to(np.asarray(loop.actuators.delay), (n,))
-        self._delay = int(delay[0]) if delay.min() == delay.max() else delay
-        self._delayed = np.tile(start, (int(delay.max()) + 1, 1, 1))
-        self._members = slice(None) if isinstance(self._delay, int) else np.arange(n)
-        self._target = start
-        self._no_flags = np.zeros((N_LEGS, n), dtype=bool).T
-        self._no_state = np.zeros((n, 0))
-        self._command, self._excess = start.T.copy(), members.zeros((n,), N_LEGS)
-        self._takeover = Takeover.prepare({}, loop.timing.sample_time)
-        self._transfer = Takeover.start(self._takeover, (start,))
-        self._off, self._manual_force = np.zeros(n, dtype=bool), start
-        self._force_limited: BoolArray = self._no_flags
+    # limits, a line of forces (slots, 6, N) that wait for their delay, and drives; members last. NumPy is twice as fast
+    # with arrays of full size as with a number beside them.
+    start = np.broadcast_to(loop.start_force, (n, N_LEGS)).T.copy()
+    values = {key: np.full(start.shape, np.transpose(value)) for key, value in loop.actuators.values.items()}
+    limits = ForceLimits.without_idle(ForceLimits.prepare(values, timing.sample_time))
+    drive = Drive.without_idle(Drive.prepare(values, step))
+    planned, driven, target = ForceLimits.start(limits, (start,)), Drive.start(drive, (start,)), start
+    delay = np.broadcast_to(np.asarray(loop.actuators.delay), (n,))
+    delayed = np.tile(start, (int(delay.max()) + 1, 1, 1))
+    has_one_delay, all_members = delay.min() == delay.max(), np.arange(n)
+    command, excess = start.copy().T, members.zeros((n,), N_LEGS)
+    takeover = Takeover.prepare({}, timing.sample_time)
+    transfer, switched_off, manual_force = Takeover.start(takeover, (start,)), np.zeros(n, dtype=bool), start
+    no_flags, state = np.zeros((N_LEGS, n), dtype=bool).T, np.zeros((n, 0))
+    force_limited: BoolArray = no_flags
 
-    def run(  # noqa: PLR0912, PLR0915 - a row, in the order of what happens
-        self, monitor: RowMonitor, changes: ScheduledChanges, progress: TimeProgress | None
-    ) -> None:
-        """Run row by row to the end or until no member is left; the changes of the first row have been applied."""
-        plant, loop, timing, readings = self._plant, self._loop, self._loop.timing, self._readings
-        n, every, reading_every, has_faults = timing.steps, self._every, loop.steps_a_reading, loop.has_faults
-        sampled = timing.rows_of_samples
-        sampled_together = sampled.tolist() if sampled.ndim == 1 else None  # a list, since Python reads it faster
-        inputs, forces, cut = changes.inputs, changes.inputs[:, :N_LEGS], changes.faults[:, CUT]
-        has_motors, reads_motors = MOTORS in plant.columns, loop.sensors.side == "motor"
-        reading = readings.latest
-        for row, time in enumerate(timing.times.tolist()):
-            if row in changes.by_row:
-                if row:
-                    changes.apply(row)
-                self._off, force = changes.manual[:, 0] > 0, changes.manual[:, N_LEGS:]
-                self._manual_force = np.where(np.isnan(force), self._command, force).T
-            # what ends and is recorded is where the platform is
-            now = plant.signals()
-            at_motors = seen(plant, "motor") if has_motors else now
-            monitor.check_plant(now, at_motors)
-            rate_limited = self._no_flags
-            if row < n:
-                # with jitter members may be sampled at different rows, but always within the same sample time
-                sample, due = row // every, None
-                if sampled_together is not None:
-                    is_sample = sampled_together[sample] == row
+    for row, time in enumerate(timing.times.tolist()):
+        if row in changes.by_row:
+            if row:
+                changes.apply(row)
+            switched_off, force_by_hand = changes.manual[:, 0] > 0, changes.manual[:, N_LEGS:]
+            manual_force = np.where(np.isnan(force_by_hand), command, force_by_hand).T
+        # what ends and is recorded is where the platform is
+        now = plant.signals()
+        at_motors = seen(plant, "motor") if has_motors else now
+        monitor.check_plant(now, at_motors)
+        rate_limited = no_flags
+        if row < steps:
+            # readings; with jitter members may be sampled at different rows, but always within the same sample time
+            j, due = row // every, None
+            if sampled_together is not None:
+                is_sample = sampled_together[j] == row
+            else:
+                due = sampled[j] == row
+                is_sample = bool(due.any())
+            measured = at_motors if reads_motors else now
+            if reading_every and row % reading_every == 0:
+                reading = readings.read(row // reading_every, measured)
+            elif is_sample and not reading_every:
+                reading = readings.read(j, measured, due)
+
+            if is_sample:
+                # the command; the controller counts nominal samples, regardless of jitter, and may end members
+                due = _due_and_going(due, monitor)
+                off = None
+                if switched_off.any():
+                    off = switched_off if due is None else switched_off & due
+                new = loop.feedforward[j] if loop.injection is None else loop.feedforward[j] + loop.injection[j]
+                if law is not None and loop.reference is not None:
+                    state = law.state
+                    force = law.force(j, j * every * step, loop.reference[j * every], reading, excess, due, off)
+                    for member, error in law.failures.items():
+                        monitor.end_one(member, monitor.n_rows, "stopped", str(error))
+                    due = _due_and_going(due, monitor)
+                    new = new + force
+                if loop.has_switch:
+                    wanted = np.broadcast_to(new, command.shape).T
+                    lacked, (taken,) = Takeover.step(
+                        takeover, transfer, (wanted, manual_force, switched_off.astype(float))
+                    )
+                    new = taken.T
+                    transfer = lacked if due is None else (np.where(due, lacked[0], transfer[0]),)
+                if due is not None:
+                    # a member's command stays until its next sample; that of an ended member is cleared
+                    new = np.where(due[:, None], new, np.where(going[:, None], command, 0.0))
+                command, commanded = np.broadcast_to(new, command.shape), due
+                if not members.all_below(command.T, LARGEST_NUMBER):
+                    beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
+                    for member in np.flatnonzero(beyond).tolist():  # with this row, before its limits are checked
+                        cause = loop.failure_of_forces(j, command[member])
+                        monitor.end_one(member, monitor.n_rows + 1, "diverged", cause)
+                    due = _due_and_going(due, monitor)
+
+                # what of the command is allowed, and what of that reaches the drives now
+                following, (allowed, is_cut, rest) = ForceLimits.step(limits, planned, (command.T,))
+                delayed[j % len(delayed)] = allowed  # of members that are not due the last ones, replaced at their row
+                late = delayed[(j - int(delay[0])) % len(delayed)]
+                if not has_one_delay:
+                    late = delayed[(j - delay) % len(delayed), :, all_members].T
+                rest = rest if rest is None or off is None else np.where(off, 0.0, rest)
+                if due is None:
+                    planned, target = following, late
+                    excess = excess if rest is None else rest.T
                 else:
-                    due = sampled[sample] == row
-                    is_sample = bool(due.any())
-                measured = at_motors if reads_motors else now
-                if reading_every and row % reading_every == 0:
-                    reading = readings.read(row // reading_every, measured)
-                elif is_sample and not reading_every:
-                    reading = readings.read(sample, measured, due)
-                if is_sample:
-                    self._sample(sample, reading, due, monitor)
-                    if not monitor.all_go and not (monitor.counting > row).any():
-                        # all controllers have failed: this row does not count
-                        if self._law is not None and isinstance(plant, PlantOfOne) and not row:
-                            raise self._law.failures[0]
-                        return
-                self._driven, (mean, is_behind) = Drive.step(self._drive, self._driven, (self._target,))
-                rate_limited = rate_limited if is_behind is None else is_behind.T
-                if monitor.all_go:
-                    forces[...] = mean.T
-                else:
-                    np.copyto(forces, mean.T, where=monitor.going[:, None])
-                    rate_limited = rate_limited & monitor.going[:, None]
-            if has_faults:
-                _, (left,) = Cut.step(_NO_COEFFICIENTS, (), (forces, cut))
-                np.copyto(forces, left, where=monitor.going[:, None])
-            plant.set_inputs(inputs)
-            monitor.add(now, inputs, self._force_limited, rate_limited)
-            if progress is not None and row % _ROWS_A_REPORT == 0:
-                progress(time)
-            if row == n:
+                    # for the others the command is still the last one, and so is what the drives make of it
+                    target = np.where(due, late, target)
+                    planned = tuple(np.where(due, *states) for states in zip(following, planned, strict=True))
+                    excess = excess if rest is None else np.where(due, rest, excess.T).T
+                force_limited = no_flags if is_cut is None else is_cut.T
+                if law is not None and law.limited is not None:
+                    force_limited = force_limited | law.limited
+                if not monitor.all_go:
+                    force_limited = force_limited & going[:, None]
+                if isinstance(monitor.rows, AllRows):
+                    monitor.rows.add_sample(j, commanded, reading, state, command, force_limited)
+                if not monitor.all_go and not (monitor.counting > row).any():
+                    # all controllers have failed: this row does not count
+                    if law is not None and isinstance(plant, PlantOfOne) and not row:
+                        raise law.failures[0]
+                    return
+
+            # the drives
+            driven, (mean, is_behind) = Drive.step(drive, driven, (target,))
+            rate_limited = rate_limited if is_behind is None else is_behind.T
+            if monitor.all_go:
+                forces[...] = mean.T
+            else:
+                np.copyto(forces, mean.T, where=going[:, None])
+                rate_limited = rate_limited & going[:, None]
+        if loop.has_faults:
+            _, (left,) = Cut.step(_NO_COEFFICIENTS, (), (forces, cut))
+            np.copyto(forces, left, where=going[:, None])
+        plant.set_inputs(inputs)
+        monitor.add(now, inputs, force_limited, rate_limited)
+        if progress is not None and row % _ROWS_A_REPORT == 0:
+            progress(time)
+        if row == steps:
+            return
+
+        # the plant; members that have ended, or that it cannot step, stay at their last row
+        if monitor.ended_now:
+            monitor.ended_now = False
+            if not going.any():
+                return
+            plant.freeze(~going)
+        try:
+            plant.do_step(time, step)
+        except MembersError as error:
+            for member, failure in error.failures.items():
+                monitor.end_one(member, row + 1, "diverged", str(failure))
+            monitor.ended_now = False  # the plant has already frozen them
+            if not going.any():
                 return
 
-            # members that have ended, or that the plant cannot step, stay at their last row
-            if monitor.ended_now:
-                monitor.ended_now = False
-                if not monitor.going.any():
-                    return
-                plant.freeze(~monitor.going)
-            try:
-                plant.do_step(time, self._plant_step)
-            except MembersError as error:
-                for member, failure in error.failures.items():
-                    monitor.end_one(member, row + 1, "diverged", str(failure))
-                monitor.ended_now = False  # the plant has already frozen them
-                if not monitor.going.any():
-                    return
 
-    def _sample(  # noqa: PLR0915 - a sample, in the order of what happens
-        self, j: int, reading: FloatArray, due: BoolArray | None, monitor: RowMonitor
-    ) -> None:
-        """Compute and command at sample j, for members that are due (N,), None for all; failures end members."""
-        loop, law, state = self._loop, self._law, self._no_state
-        due = _those_going(due, monitor)
-        off = None if not self._off.any() else self._off if due is None else self._off & due
-        command = loop.feedforward[j]
-        if loop.injection is not None:
-            command = command + loop.injection[j]
-        if law is not None and loop.reference is not None:
-            # the controller counts nominal samples, regardless of jitter
-            row = j * self._every
-            state = law.state
-            force = law.force(j, row * self._plant_step, loop.reference[row], reading, self._excess, due, off)
-            if failures := law.failures:
-                failed = np.isin(np.arange(len(monitor.going)), list(failures))
-                monitor.end(failed, monitor.n_rows, "stopped", lambda k: str(failures[k]))
-                due = _those_going(due, monitor)
-            command = command + force
-        if loop.has_switch:
-            wanted = np.broadcast_to(command, self._command.shape).T
-            transfer, (taken,) = Takeover.step(
-                self._takeover, self._transfer, (wanted, self._manual_force, self._off.astype(float))
-            )
-            command = taken.T
-            self._transfer = transfer if due is None else (np.where(due, transfer[0], self._transfer[0]),)
-        if due is not None:
-            # a member's command stays until its next sample; that of an ended member is cleared
-            held = np.where(monitor.going[:, None], self._command, 0.0)
-            command = np.where(due[:, None], command, held)
-        self._command = command = command if command.ndim == 2 else np.broadcast_to(command, self._command.shape)
-        sampled = due
-        if not members.all_below(command.T, LARGEST_NUMBER):
-            beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
-            rows = monitor.n_rows + 1  # with this one, before its limits are checked
-            monitor.end(beyond, rows, "diverged", lambda k: loop.failure_of_forces(j, command[k]))
-            due = _those_going(due, monitor)
-
-        # what of the command is allowed, and what of that reaches the drives now
-        planned, (allowed, is_cut, excess) = ForceLimits.step(self._limits, self._planned, (command.T,))
-        slots = self._delayed
-        slots[j % len(slots)] = allowed  # of members that are not due the last ones, replaced at their own row
-        late = slots[(j - self._delay) % len(slots), :, self._members]
-        if not isinstance(self._delay, int):
-            late = late.T
-        if due is None:
-            self._target = late
-        else:
-            # for the others the command is still the last one, and so is what the drives make of it
-            self._target = np.where(due, late, self._target)
-            planned = tuple(np.where(due, *states) for states in zip(planned, self._planned, strict=True))
-            excess = None if excess is None else np.where(due, excess, self._excess.T)
-        self._planned = planned
-        if excess is not None:
-            self._excess = excess.T if off is None else np.where(off, 0.0, excess).T
-        limited = self._no_flags if is_cut is None else is_cut.T
-        if law is not None and law.limited is not None:
-            limited = limited | law.limited
-        self._force_limited = limited if monitor.all_go else limited & monitor.going[:, None]
-        if isinstance(monitor.rows, AllRows):
-            monitor.rows.add_sample(j, sampled, reading, state, command, self._force_limited)
-
-
-def _those_going(due: BoolArray | None, monitor: RowMonitor) -> BoolArray | None:
+def _due_and_going(due: BoolArray | None, monitor: RowMonitor) -> BoolArray | None:
     """Members that are due (N,) and still run; None for all."""
     if monitor.all_go:
         return due
@@ -273,11 +266,6 @@ def standard_normal(streams: NDArray[np.int64], readings: range, elements: range
     """White noise (readings, elements, N) of streams (4, N): of consecutive readings, and elements of all signals.
 
     Standard normal numbers of c/loop/noise.h, each a function of seed, reading and element alone.
-
-    Raises
-    ------
-    BuildError, OSError
-        See `loop_kernel`.
     """
     n = streams.shape[1]
     noise = np.zeros((len(readings), len(elements), n))

@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.laws_of_members import Law
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, members_last
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import members, signals
@@ -51,8 +52,7 @@ class RowBlock:
         """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
         self.count += 1
         k = self.count
-        self.signals[k] = now.T
-        self.forces[k] = inputs.T[:6]
+        self.signals[k], self.forces[k] = now.T, inputs.T[:6]
         self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
 
     def clear(self) -> None:
@@ -93,7 +93,6 @@ class Observer(Protocol):
 class AllRows(RowBlock, Observer):
     """Keeps all rows of a run as one block, with all results and inputs, and its samples, arrays (m, size, N)."""
 
-    state: FloatArray  # by sample, before the command was computed
     used: tuple[str, ...] = ()  # the signals that controllers use
 
     def __init__(self) -> None:
@@ -110,16 +109,19 @@ class AllRows(RowBlock, Observer):
         self.force_limited, self.rate_limited = np.zeros((2, n, 6, members), dtype=bool)
         self.counting = np.zeros(members, dtype=np.intp)
         self.measured = np.zeros((m, signals.SIZE, members))  # of many members only the signals that are used
+        self.state = np.zeros((m, 0, members))  # before the command was computed
         self.command = np.zeros((m, 6, members))  # before limits
         self.limited = np.zeros((m, 6, members), dtype=bool)  # which forces are limited
         return self
 
+    def keep_samples_of(self, law: Law) -> None:
+        """Make room for the states of controllers."""
+        self.used, self.state = law.used, np.zeros((len(self.measured), *law.state.T.shape))
+
     def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
         k = self.count + 1
-        self.results[k] = self._plant.results().T
-        self.inputs[k] = inputs.T
-        self.rate_limited[k] = rate_limited.T
+        self.results[k], self.inputs[k], self.rate_limited[k] = self._plant.results().T, inputs.T, rate_limited.T
         self.count = k  # at last, since the plant may fail
 
     def block(self, rows: RowBlock) -> None:
@@ -163,15 +165,15 @@ class RowMonitor:
     ) -> None:
         """End those of these members that still run, after a number of rows."""
         for member in np.flatnonzero(self.going & whose).tolist():
-            text = cause if isinstance(cause, str) else cause(member)
-            self._outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), text)
+            self.end_one(member, rows, status, cause if isinstance(cause, str) else cause(member))
+
+    def end_one(self, member: int, rows: int, status: Status, cause: str) -> None:
+        """End a member, if it still runs, after a number of rows."""
+        if self.going[member]:
+            self._outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), cause)
             self.counting[member] = rows
             self.going[member] = self.all_go = False
             self.ended_now = True
-
-    def end_one(self, member: int, rows: int, status: Status, cause: str) -> None:
-        """End a member that still runs after a number of rows."""
-        self.end(np.arange(self.going.size) == member, rows, status, cause)
 
     def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, see `RowBlock.add`, and end members that are beyond a limit there."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaw, LinearLaws
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.compiled_host import CompiledHost
 from gough_stewart.harness.loop.libraries import compiled_form
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
-from gough_stewart.harness.loop.python_host import PythonHost, SensorReadings
+from gough_stewart.harness.loop.python_host import SensorReadings, run_in_python
 from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.lanes import LanesPlant
@@ -52,12 +52,33 @@ def observe(
     shape: tuple[int, ...] = getattr(plant, "shape", ())
     if loop.shape not in ((), shape):
         raise ControllerError(f"a loop of shape {loop.shape} with a plant of shape {shape}; expected the same shape")
-    several = plant if shape else PlantOfOne(plant)
+    if law_from is not None and loop.reference is None:
+        raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
+    several, reference = plant if shape else PlantOfOne(plant), loop.reference
     monitor = RowMonitor(loop, several, observer)
     try:
         # members that have ended may compute NaN, which is not used; in a run of one, warnings are of the user's code
         with np.errstate(all="ignore") if shape else np.errstate(over="ignore"):
-            _run(several, law_from, loop, monitor, progress, threads)
+            # the controllers, at the first sample
+            changes = ScheduledChanges(loop, several)
+            changes.apply(0)
+            readings = SensorReadings(loop, len(monitor.going), changes.faults)
+            reading = readings.read(0, seen(several, loop.sensors.side))
+            law: Law | None = None
+            if law_from is not None and reference is not None:
+                law = law_from(reference[0], reading)
+                if isinstance(monitor.rows, AllRows):
+                    monitor.rows.keep_samples_of(law)
+
+            # in machine code if they and the plant can, else in Python
+            lanes = several if isinstance(several, LanesPlant) and several.loop_run is not None else None
+            form = None if lanes is None or law is None else compiled_form(law)
+            if lanes is not None and (law is None or form is not None):
+                for member, error in ({} if law is None else law.failures).items():
+                    monitor.end_one(member, 0, "stopped", str(error))
+                CompiledHost(lanes, form, loop, reading).run(monitor, changes, progress, threads)
+            else:
+                run_in_python(several, law, loop, readings, monitor, changes, progress)
     except (StepError, ControllerError, PlantError) as error:
         if not monitor.n_rows:
             raise
@@ -68,40 +89,6 @@ def observe(
         monitor.end(True, monitor.n_rows, "interrupted", "interrupted by the user")
     monitor.pass_on()
     return monitor.outcomes()
-
-
-def _run(
-    plant: Plant, law_from: LawFrom | None, loop: Loop, monitor: RowMonitor, progress: TimeProgress | None, threads: int
-) -> None:
-    """Make the controllers at the first sample, and run in machine code if they and the plant can, else in Python."""
-    if law_from is not None and loop.reference is None:
-        raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
-    changes = ScheduledChanges(loop, plant)
-    changes.apply(0)
-    used = law_from.used if isinstance(law_from, LinearLaws) else None
-    readings = SensorReadings(loop, len(monitor.going), changes.faults, used)
-    reading = readings.read(0, seen(plant, loop.sensors.side))
-    law: Law | None = None
-    if law_from is not None and loop.reference is not None:
-        law = law_from(loop.reference[0], reading)
-
-    if isinstance(monitor.rows, AllRows):
-        states = np.zeros((len(monitor.going), 0)) if law is None else law.state
-        monitor.rows.used = () if law is None else law.used
-        monitor.rows.state = np.zeros((len(monitor.rows.measured), *states.T.shape))
-    if isinstance(plant, LanesPlant) and plant.loop_run is not None:
-        form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
-        if law is None or form is not None:
-            for member, error in ({} if law is None else law.failures).items():
-                monitor.end_one(member, 0, "stopped", str(error))
-            CompiledHost(plant, form, loop, reading).run(monitor, changes, progress, threads)
-            return
-    if any(change.settings is not None for change in loop.changes):
-        raise ControllerError(
-            "settings of the loop change during the run, which only machine code can; expected a linear controller, "
-            "and the plant 'model'"
-        )
-    PythonHost(plant, law, loop, readings).run(monitor, changes, progress)
 
 
 @dataclass(frozen=True)
@@ -139,10 +126,7 @@ class Run:
         rows = np.searchsorted(self.time, outcome.time + (self.time[1] if len(self.time) > 1 else 1.0) / 2)
         samples = self.sample_of_row if self.sample_of_row.ndim == 1 else self.sample_of_row[:, member]
         by_row = {name: getattr(self, name)[:rows, member] for name in ("inputs", "rate_limited", "stroke_exceeded")}
-        by_sample = {
-            name: getattr(self, name)[:, member]
-            for name in ("measured", "command", "controller_state", "force_limited")
-        }
+        of_samples = ("measured", "command", "controller_state", "force_limited")
         return replace(
             self,
             time=self.time[:rows],
@@ -150,7 +134,7 @@ class Run:
             sample_of_row=samples[:rows],
             outcomes=(outcome,),
             **by_row,
-            **by_sample,
+            **{name: getattr(self, name)[:, member] for name in of_samples},
         )
 
 
@@ -159,24 +143,22 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
     rows = AllRows()
     outcomes = observe(plant, law_from, loop, rows, progress)
     n = int(rows.counting.max())
-    by_row = {"results": rows.results, "inputs": rows.inputs, "rate_limited": rows.rate_limited}
-    by_sample = {
-        "measured": rows.measured,
-        "command": rows.command,
-        "controller_state": rows.state,
-        "force_limited": rows.limited,
-    }
     # members before elements
-    arrays = {name: np.moveaxis(values[1 : n + 1], 1, 2) for name, values in by_row.items()}
-    arrays |= {name: np.moveaxis(values, 1, 2) for name, values in by_sample.items()}
+    results = np.moveaxis(rows.results[1 : n + 1], 1, 2)
     run = Run(
         time=loop.timing.times[:n],
-        stroke_exceeded=loop.limits.beyond_stroke(arrays["results"][..., LENGTHS]),
+        results=results,
+        inputs=np.moveaxis(rows.inputs[1 : n + 1], 1, 2),
+        rate_limited=np.moveaxis(rows.rate_limited[1 : n + 1], 1, 2),
+        stroke_exceeded=loop.limits.beyond_stroke(results[..., LENGTHS]),
         sample_of_row=samples_of_rows(loop.timing)[:n],
+        measured=np.moveaxis(rows.measured, 1, 2),
+        command=np.moveaxis(rows.command, 1, 2),
+        controller_state=np.moveaxis(rows.state, 1, 2),
+        force_limited=np.moveaxis(rows.limited, 1, 2),
         outcomes=outcomes,
         used=rows.used,
         host=rows.host,
-        **arrays,
     )
     return run if getattr(plant, "shape", ()) else run.of_member(0)
 

@@ -37,12 +37,6 @@ class Timing:
 
     With `jitter` J each sample but the first is delayed by a random number of plant steps h, uniform on 0 … ⌊J/h⌋, both
     ends included. For many members the jitter may be an array (N,), with one seed for each.
-
-    Raises
-    ------
-    ControllerError
-        The plant step does not divide the sample time or the duration, there would be more than `MOST_STEPS`, or the
-        jitter is shorter than a plant step or not shorter than the sample time.
     """
 
     duration: float  # [s]
@@ -107,10 +101,14 @@ class Timing:
         """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
         rows = np.arange(0, self.steps, self.steps_a_sample)
         if np.any(self.jitter):
-            seeds = self.seed if isinstance(self.seed, tuple) else (self.seed,)
-            # of one seed (m, 1), scaled by each member's jitter
-            shares = np.stack([_uniform(seed, len(rows)) for seed in seeds], axis=-1)
-            late = np.floor(shares * (self._steps_late + 1)).astype(np.intp)
+            # of each seed a stream after those of the signals' noise; of one (m, 1), scaled by each member's jitter
+            shares, stream = list[FloatArray](), len(signals.NAMES)
+            for seed in self.seed if isinstance(self.seed, tuple) else (self.seed,):
+                words: Any = [seed, stream]
+                if isinstance(seed, SeedSequence):
+                    words = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))
+                shares.append(np.random.default_rng(words).uniform(size=len(rows)))
+            late = np.floor(np.stack(shares, axis=-1) * (self._steps_late + 1)).astype(np.intp)
             late[0] = 0  # the first sample is at the start
             differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
             rows = rows[:, None] + late if differ else rows + late[:, 0]
@@ -139,11 +137,3 @@ class Timing:
                 f"plant_step of {self.plant_step:g} s"
             )
         return k
-
-
-def _uniform(seed: Seed, m: int) -> FloatArray:
-    """Random numbers (m,) from 0 to 1 for jitter: a stream after those of the signals' noise."""
-    stream = len(signals.NAMES)
-    if isinstance(seed, SeedSequence):
-        return np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))).uniform(size=m)
-    return np.random.default_rng([seed, stream]).uniform(size=m)

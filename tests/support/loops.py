@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -53,21 +52,3 @@ def run_with(controller: Any, loop: Loop, plant: Masses | None = None, **options
 def constant(force: FloatArray = FORCES) -> Callable[[Sample], FloatArray]:
     """The same forces at every sample."""
     return lambda _sample: force
-
-
-def pd(sample_time: float) -> Any:
-    """Errors to forces, six different channels: kp + kd (1 − z⁻¹)/T."""
-    return control.append(*(control.ss(pd_channel(leg, sample_time)) for leg in range(6)))
-
-
-def pd_channel(leg: int, sample_time: float) -> Any:
-    """One of them."""
-    return control.tf([KP[leg] + KD[leg] / sample_time, -KD[leg] / sample_time], [1, 0], sample_time)
-
-
-def excess_gain(sample_time: float) -> Any:
-    """A controller of references, measurements and excess that gives the excess alone, another share of it a leg."""
-    return control.ss([], [], [], np.hstack([np.zeros((6, 12)), np.diag(SHARES)]), sample_time)
-
-
-SHARES = np.array([1.0, 0.5, 0.25, 0.75, 0.4, 0.8])

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import casadi
 import numpy as np
 import pytest
 
@@ -10,7 +9,6 @@ from gough_stewart.harness.control.component import Parameter, Stepped
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.sensor import Sensor
-from gough_stewart.harness.export.trace import none_as, traced_component
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.vectors import FloatArray
@@ -40,53 +38,6 @@ def signals_of(component: type[Stepped], steps: int = 60) -> list[tuple[Any, ...
     if component is Sensor:
         return list(zip(values, 0.1 * rng.normal(size=values.shape), strict=True))
     return [(each,) for each in values]
-
-
-def stepped(component: type[Stepped], values: Any, inputs: list[tuple[Any, ...]], *, idle: bool = True) -> list[Any]:
-    """All outputs of every step; with every coefficient, or without idle parts."""
-    c = component.prepare(values, PERIOD)
-    c = c if idle else component.without_idle(c)
-    states, found = component.start(c, inputs[0]), []
-    for each in inputs:
-        states, outputs = component.step(c, states, each)
-        found.append(outputs)
-    return found
-
-
-@pytest.mark.parametrize("component", VALUES)
-def test_a_member_is_the_same_among_others_and_alone_without_its_idle_parts(component: type[Stepped]) -> None:
-    """Expected: bit by bit what it does by itself; a part that is left out is one that would have changed nothing."""
-    inputs = signals_of(component)
-    together = stepped(component, VALUES[component], inputs)
-    for k in range(N):
-        own = {key: each[k : k + 1] for key, each in VALUES[component].items()}
-        alone = stepped(component, own, [tuple(each[:, k : k + 1] for each in row) for row in inputs], idle=False)
-        for row, of_all in zip(alone, together, strict=True):
-            for found, expected in zip(row, of_all, strict=True):
-                neutral = np.zeros_like(expected[:, k : k + 1])
-                np.testing.assert_array_equal(neutral if found is None else found, expected[:, k : k + 1])
-
-
-@pytest.mark.parametrize("component", VALUES)
-def test_casadi_traces_the_same_equations(component: type[Stepped]) -> None:
-    """Expected: the run of members in NumPy, for which 0 in a setting is none; 1e-12 of a few newtons."""
-    inputs, shapes = signals_of(component), dict.fromkeys(component.inputs, 6)
-    expected = stepped(component, VALUES[component], inputs)
-    settings = {key: casadi.SX.sym(key) for key in component.keys}
-    values = {key: none_as(component.absent[key], each) for key, each in settings.items()}
-    period = np.array([casadi.SX(PERIOD)], dtype=object)
-    prepare, step, n_states = traced_component(component, "part", values, period, settings, shapes)
-    for k in range(N):
-        given = {key: VALUES[component][key][k] for key in prepare.name_in()}
-        given = {key: 0.0 if np.isinf(each) else each for key, each in given.items()}
-        vectors: dict[str, Any] = {"part_coefficients": prepare(**given)["part"]}
-        vectors["part_states"] = np.tile(inputs[0][0][:, k], n_states // 6)
-        for j, row in enumerate(inputs):
-            vectors |= {key: each[:, k] for key, each in zip(component.inputs, row, strict=True)}
-            found = step(**{key: vectors[key] for key in step.name_in()})
-            vectors["part_states"] = found.get("part_next")
-            for name, outputs in zip(component.outputs, expected[j], strict=True):
-                assert np.asarray(found[name]).ravel() == pytest.approx(np.asarray(outputs, float)[:, k], abs=1e-12)
 
 
 @pytest.mark.parametrize("component", VALUES)

@@ -22,36 +22,6 @@ KINDS: dict[str, InjectionChoice] = {
 }
 
 
-def looped(injected: np.ndarray, gain: float, noise: np.ndarray | float = 0.0) -> np.ndarray:
-    """u_k = d_k − g u_{k−1} + n_k: the loop of one delay, L = g/z."""
-    disturbed, force, last = injected + noise, np.zeros(len(injected)), 0.0
-    for k, each in enumerate(disturbed.tolist()):
-        last = force[k] = each - gain * last
-    return force
-
-
-def test_circles_hold_the_truth_in_95_of_100_and_coherence_is_the_share_of_power() -> None:
-    """Expected: 92 to 98 % of 2400 circles; γ² = |S D|²/(|S D|² + noise's) of many periods."""
-    choice = KINDS["multisine"]
-    one, lines = choice.signal(T), choice.lines(T)
-    L = 0.6 * np.exp(-2j * np.pi * lines / len(one))
-    rng, held = np.random.default_rng(4), []
-    injected = np.resize(one, 5 * len(one))
-    for _ in range(2400 // len(lines)):
-        force = looped(injected, 0.6, 0.3 * rng.normal(size=len(injected)))
-        found = response_of_periods(injected, force, len(one), lines, 1)
-        held.append(np.abs(found.S - 1 / (1 + L)) < found.radius)
-    assert 0.92 < np.mean(held) < 0.98
-
-    long = np.resize(one, 101 * len(one))
-    force = looped(long, 0.6, 0.3 * rng.normal(size=len(long)))
-    coherence = response_of_periods(long, force, len(one), lines, 1).coherence
-    signal = np.abs(np.fft.rfft(one)[lines]) ** 2
-    expected = signal / (signal + 0.3**2 * len(one))
-    assert np.abs(coherence.mean() - expected.mean()) < 0.03
-    assert coherence.max() < 0.97
-
-
 def test_signals_fill_their_band_repeat_and_keep_to_their_size() -> None:
     """Expected: the transform of one period."""
     for choice in KINDS.values():

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from gough_stewart import GoughStewartError, Platform, SteppingModel, linearise, load_preset, modes, plant_system, trim
+from gough_stewart import GoughStewartError, Platform, linearise, load_preset, modes, plant_system, trim
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.state import Inputs
@@ -66,22 +66,6 @@ def test_away_from_home_it_is_the_slope_of_the_equations_in_numpy() -> None:
     assert relative(expected[:, 12:], exact.B) < 1e-7
 
 
-def test_python_controls_simulation_moves_as_the_stepping_model(paper: Platform) -> None:
-    """Expected: the stepping model under the same forces; both hold their tolerances."""
-    plant, point = plant_system(paper, ("position", "leg_length")), trim(paper)
-    force = point.inputs + np.append([3.0, 1.0, 0.0, 0.0, -1.0, 2.0], np.zeros(6))
-    time = np.linspace(0, 0.2, 3)
-    found = control.input_output_response(
-        plant, time, np.tile(force[:, None], 3), point.state, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
-    )
-    model = SteppingModel(paper, tolerance=1e-11)
-    model.set("actuator_force", force[:6])
-    model.do_step(0.0, 0.2)
-    expected = np.append(model.get("position"), model.get("leg_length"))
-    assert found.outputs[:, -1] == pytest.approx(expected, abs=1e-9)
-    assert np.abs(found.outputs[:, -1] - found.outputs[:, 0]).max() > 1e-3
-
-
 def test_signals_have_the_interfaces_names(paper: Platform) -> None:
     plant, linear = plant_system(paper, ("leg_length", "kinetic_energy")), linearise(paper, outputs="leg_length")
     assert plant.state_labels[3] == "orientation[1]"
@@ -117,25 +101,6 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
     with pytest.raises(GoughStewartError, match="external_wrench: has shape"):
         trim(paper, external_wrench=5.0)
     assert trim(paper, external_wrench=0.0).inputs.tolist() == trim(paper).inputs.tolist()
-
-
-def test_interconnect_joins_whole_signals_by_name(paper: Platform) -> None:
-    """Expected: u = k (r − L), so that ẋ of the interconnection is the kernel's under these forces."""
-    plant = plant_system(paper, ("leg_length",))
-    gain = control.ss([], [], [], 50 * np.eye(6), inputs=6, outputs=6, name="gain")
-    closed = control.interconnect(
-        [plant, gain],
-        connections=[["gain.u", "-plant.leg_length"], ["plant.actuator_force", "gain.y"]],
-        inplist=["gain.u"],
-        outlist=["plant.leg_length"],
-        inputs=6,
-        outputs=6,
-        check_unused=False,
-    )
-    x, r = trim(paper).state, np.full(6, 3.5)
-    lengths = plant.output(0, x, np.zeros(12))
-    expected = plant.dynamics(0, x, np.append(50 * (r - lengths), np.zeros(6)))
-    assert closed.dynamics(0, x, r) == pytest.approx(expected)
 
 
 def test_ranges_and_elements_are_joined_by_name(paper: Platform) -> None:

@@ -1,6 +1,5 @@
 """Margins of loops with closed forms, in which no channel is like another; remedies; bounds of μ."""
 
-from collections.abc import Callable
 from typing import Any
 
 import control
@@ -13,11 +12,10 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import (
     Margins,
     bounds_of_the_largest,
-    closed_loop,
     response,
     scaled_norm,
 )
-from gough_stewart.harness.control.state_space import control_system, matrices_of
+from gough_stewart.harness.control.state_space import matrices_of
 from tests.support.uneven import UNEVEN
 
 T = 1e-3
@@ -191,20 +189,6 @@ def test_delays_of_too_many_samples_are_refused_before_they_fill_the_memory() ->
         loop_transfer(UNEVEN, controller, 2 * T)
 
 
-def test_the_frequency_range_is_about_the_poles_of_both_loops() -> None:
-    """Expected: a thousandth of the slowest pole to a hundred times the fastest, of k/(s + a) and its closed loop."""
-
-    def range_of(*arguments: Any) -> tuple[float, float]:
-        return module.frequency_range(matrices_of(control.tf(*arguments)))
-
-    assert range_of([3.0], [1.0, 2.0]) == pytest.approx((2.0 / 1000, 100 * 5.0))
-    assert range_of([-1.5], [1.0, 2.0]) == pytest.approx((0.5 / 1000, 100 * 2.0))
-    # sampled: up to half the rate; an integrator's own pole does not count
-    pole, gain = np.exp(-0.7 * T), np.exp(-0.7 * T) - np.exp(-40.0 * T)
-    assert range_of([gain], [1.0, -pole], T) == pytest.approx((0.7 / 1000, np.pi / T))
-    assert range_of([1.0], [1.0, 0.0])[0] == pytest.approx(1.0 / 1000)
-
-
 @pytest.mark.parametrize("count", [3, 40])
 def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> None:
     """Expected: C (z − A)⁻¹ B + D, solved at each frequency as it stands."""
@@ -215,36 +199,6 @@ def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> Non
     omega = np.geomspace(1, 3000, count)
     expected = [loop.C @ np.linalg.solve(np.exp(1j * w * T) * np.eye(90) - A, loop.B) + loop.D for w in omega]
     assert np.abs(response(loop, omega) - expected).max() < 1e-10 * np.abs(expected).max()
-
-
-def test_the_closed_loop_is_the_complementary_sensitivity() -> None:
-    """Expected: T = L (1 + L)⁻¹ at a frequency, of two channels that feel each other."""
-    A, B, C = [[0.5, 0.2], [-0.3, 0.4]], [[1.0, 0.3], [-0.2, 0.7]], [[0.6, -0.1], [0.2, 0.9]]
-    L, z = control.ss(A, B, C, np.diag([0.1, 0]), 0.1), np.exp(0.7j)
-    assert control_system(closed_loop(matrices_of(L)))(z) == pytest.approx(L(z) @ np.linalg.inv(np.eye(2) + L(z)))
-
-
-@pytest.mark.parametrize("direction", [1, -1])
-def test_a_peak_is_refined_between_the_neighbours_of_the_highest_point(direction: int) -> None:
-    """Expected: of 1/s, |S/T| = ω, so that any function of ω can be had; its highest peak, not a lower one nearby."""
-
-    def two_peaks(S: Any, T: Any) -> Any:
-        # the lower one is broad, and lies beyond a neighbour of the highest point
-        x = direction * np.log(np.abs(S / T)[:, 0, 0])
-        return 2 / (1 + ((x - 0.32) / 0.04) ** 2) + 1.2 / (1 + ((x + 0.5) / 0.15) ** 2)
-
-    integrator = matrices_of(control.tf([1], [1, 0]))
-    grid = np.sort(np.exp(direction * np.array([-2.0, -1.0, 0.0, 0.3, 0.6, 2.0])))
-    height, at = module._peak(two_peaks, integrator, grid, module.sensitivities(integrator, grid))
-    assert height == pytest.approx(2 + 1.2 / (1 + (0.82 / 0.15) ** 2), rel=1e-4)
-    assert direction * np.log(at) == pytest.approx(0.32, abs=1e-3)
-
-
-def test_crossings_are_found_wherever_they_lie_on_the_grid() -> None:
-    """Expected: the roots; in the first and the last interval, and in three that follow each other."""
-    roots, grid = np.array([1.3, 4.1, 5.6, 6.2, 9.9]), np.array([1.0, 2.0, 3.5, 5.0, 6.0, 7.0, 8.0, 10.0])
-    polynomial: Callable[[Any], Any] = lambda omega: np.prod(omega[:, None] - roots, axis=1)  # noqa: E731
-    assert module._crossings(polynomial, np.real, grid, polynomial(grid)) == pytest.approx(roots)
 
 
 def test_the_scaled_norm_is_the_structured_singular_value() -> None:

@@ -179,8 +179,12 @@ ZERO = "self.z = np.zeros(6)"
     ("init", "lines", "message"),
     [
         (ZERO, ["if sample.excess.any():", "    self.z = 0.0", "return 9 * e + self.z"],
-         r"line 6: `if sample.excess.any\(\):`.*np.where\(condition, a, b\)"),
-        (ZERO, ["if e[0] > 0:", "    e = 2 * e", "return e"], r"line 6: `if e\[0\] > 0:`.*np.where"),
+         r"line 6: `if sample.excess.any\(\):`: a signal has no 'any' in equations; .*np.where\(condition, a, b\)"),
+        (ZERO, ["if e[0] > 0:", "    e = 2 * e", "return e"],
+         r"line 6: `if e\[0\] > 0:`: a condition depends on a signal; expected .*np.where"),
+        ("pass", ["return np.sort(e)"], r"line 6: `return np.sort\(e\)`: a function or an index takes numbers only"),
+        ("pass", ["return e if isinstance(sample.index, int) else e[:3]"],
+         "it returned other values; expected 6 forces"),
         ("self.z = None", ["if self.z is None:", "    self.z = e", "d, self.z = e - self.z, e", "return e + d"],
          r"line 6: `if self.z is None:`.*first sample.*start value in __init__, such as np.zeros\(6\)"),
         ("self.z = None", ["self.z = e if sample.index else -e", "return e + self.z"], r"line 6: `self.z = e if"),
@@ -227,9 +231,13 @@ def test_both_forms_are_told_the_same_of_the_loop() -> None:
 
 def test_members_of_an_ensemble_have_the_margins_of_their_machines() -> None:
     """Expected: those of `margins` with the member's own mass."""
+
+    def law(sample: gs.Sample) -> Any:
+        return np.array(KP) * error_of(sample) - 60 * sample.measured["leg_velocity"]
+
     varied = {"ensemble": {"members": 2, "margins": True, "platform_mass": {"grid": [20.0, 30.0]}}}
-    found = gs.ensemble(uneven_experiment(**QUIET, **varied), controller=Counted, workers=1)
-    for mass, alpha in zip(found.values("platform_mass"), found.values("margins.disk"), strict=True):
+    ensemble = gs.ensemble(uneven_experiment(**QUIET, **varied), controller=law, workers=1)
+    for mass, alpha in zip(ensemble.values("platform_mass"), ensemble.values("margins.disk"), strict=True):
         machine = {"plant": {"parameters": {"platform_mass": float(mass)}}}
-        alone = gs.margins(uneven_experiment(**QUIET, **machine), controller=Counted)
+        alone = gs.margins(uneven_experiment(**QUIET, **machine), controller=law)
         assert alpha == pytest.approx(alone.disk.alpha, rel=1e-9)

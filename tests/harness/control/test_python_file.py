@@ -107,7 +107,9 @@ MAKE = "def make(platform, T): return "
         ("controller = 3", {}, "controller is int; expected a control.StateSpace"),
         (MAKE + "None", {"factory": "make"}, "controller is NoneType; expected a control.StateSpace"),
         (MAKE + "int", {"factory": "make"}, "a factory gave the class int; expected an object"),
-        (MAKE + "1 / 0", {"factory": "make"}, r"make\(\) failed with ZeroDivisionError"),
+        (MAKE + "1 / 0", {"factory": "make"}, r"make\(\) failed with ZeroDivisionError: .* \(mine\.py, line 1\)$"),
+        ("\ndef controller(sample):\n return sample.measured['leg_lenght']", {},
+         r"failed at time 0 s with KeyError: 'leg_lenght' \(mine\.py, line 3\)$"),
         (MAKE + "exit(3)", {"factory": "make"}, r"make\(\) failed with SystemExit: 3"),
         ("def controller(sample): return [1.0] * 5", {},
          r"returned \[1\.0, 1\.0, 1\.0, 1\.0, 1\.0\] at time 0 s; expected 6 forces"),
@@ -116,7 +118,7 @@ MAKE = "def make(platform, T): return "
         ("", {"name": "a", "factory": "b"}, "expected name or factory, not both"),
         ("", {}, "mine.py: defines no 'controller'; expected the controller under that name"),
         ("from json import nothing", {}, "mine.py: fails with ImportError: cannot import name 'nothing' from 'json'"),
-        ("import gone", {}, "mine.py: fails with ModuleNotFoundError: No module named 'gone'"),
+        ("import gone", {}, r"mine.py: fails with ModuleNotFoundError: No module named 'gone' \(mine\.py, line 1\)$"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_named(text: str, keys: Any, message: str, tmp_path: Path) -> None:

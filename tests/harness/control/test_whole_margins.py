@@ -116,8 +116,8 @@ def test_margins_of_the_same_change_of_all_legs_are_the_edge_of_the_closed_recur
 
     critical = minimize(late, np.array([2 * np.pi * common.crossover]), method="Nelder-Mead", tol=1e-10)
     assert critical.fun < 1e-5
-    lags = np.linspace(0, 0.98 * common.delay, 40)
-    assert min(edge(w, w * lag) for w in case.omega[2000::40] for lag in lags) > 1e-3
+    lags = np.linspace(0, 0.98 * common.delay, 15)
+    assert min(edge(w, w * lag) for w in case.omega[2000::80] for lag in lags) > 1e-3
     at = 2 * np.pi * common.phase_at
     assert min(edge(at, common.phase), edge(at, -common.phase)) < 1e-5
     assert common.delay < min(leg.delay for leg in case.found.legs)
@@ -178,21 +178,3 @@ def test_the_disk_is_the_scaled_singular_value_at_its_peak(case: Case) -> None:
     half = disk.alpha / 2
     assert disk.gain == pytest.approx(((1 - half) / (1 + half), (1 + half) / (1 - half)))
     assert disk.phase == pytest.approx(2 * np.arctan(half))
-
-
-def test_what_was_designed_is_stated_as_it_was(case: Case) -> None:
-    """Expected: the numbers of the experiment; plain types have the same as attributes, and names for all of them."""
-    found, options = case.found, case.options
-    assert (found.sample_time, found.delay, found.lag) == tuple(options[n] for n in ("sample_time", "delay", "lag"))
-    assert found.gains is not None
-    assert np.asarray(found.gains.proportional).tolist() == options["kp"]
-    assert np.asarray(found.gains.derivative).tolist() == options["kd"]
-    assert np.asarray(found.gains.integral).tolist() == options["ki"]
-    said = found.as_dict()["margins"]
-    for k, leg in enumerate(found.legs):
-        for name in ("gain_up", "gain_down", "phase", "delay", "crossover"):
-            assert said["legs"][k][name] == getattr(leg, name)
-    for name in ("alpha", "phase", "frequency"):
-        assert said["disk"][name] == getattr(found.disk, name)
-    assert said["disk"]["gain"] == list(found.disk.gain)
-    assert (said["sensitivity_peak"], said["complementary_peak"]) == (found.sensitivity_peak, found.complementary_peak)

@@ -4,12 +4,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.laws_of_members import law_of, laws_of
+from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
@@ -18,8 +19,6 @@ from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Seeds, Timing
-from gough_stewart.harness.plants import members
-from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
 from tests.support.loops import FORCES, constant, loop_of
@@ -149,30 +148,6 @@ def test_rows_count_up_to_the_row_of_the_outcome() -> None:
             assert plant.frozen.tolist() == [outcome.status != "completed" for outcome in outcomes]
 
 
-class Flags(Observer):
-    """Keeps which forces are limited, of every row."""
-
-    def __init__(self) -> None:
-        self.rows: list[BoolArray] = []
-
-    def block(self, rows: RowBlock) -> None:
-        self.rows += list(rows.force_limited[1 : rows.count + 1].copy())
-
-
-def test_a_limited_force_stays_so_in_the_rows_until_the_next_sample_of_its_member() -> None:
-    """Expected: rows of single runs, in which each has its samples late in its own way."""
-    features = ["jitter", "force_limit", "feedforward", "delays"]
-    some = [member_of(k, law_of_member(k), features) for k in range(4)]
-    many = Flags()
-    observed(some, plant_of(some), many)
-    assert (np.array(many.rows) != many.rows[0]).any(axis=0).sum() > 3  # it changes
-    for k, each in enumerate(some):
-        single = Flags()
-        observe(Masses(each.platform_mass), law_of(each.controller, T, NO_JACOBIANS), each.loop, single)
-        assert len(single.rows) == len(many.rows) == 151
-        np.testing.assert_array_equal(np.array(many.rows)[:, :, k], np.array(single.rows)[:, :, 0])
-
-
 def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
     """Expected: a force that is no number comes before the bound that the same row is beyond."""
     far = replace(member_of(0, law_of_member(0)).loop, limits=Limits(largest_position_error=1e-12))
@@ -181,15 +156,6 @@ def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
     for outcome in side_by_side([Member(starting, constant(nan)), Member(starting, constant(nan))]).outcomes:
         assert outcome.status == "diverged"
         assert "the controller's forces are [nan" in str(outcome.cause)
-
-
-@pytest.mark.parametrize(("bound", "below"), [(5.0, False), (5.001, True), (np.inf, True)])
-def test_vectors_are_below_a_bound_only_if_they_certainly_are(bound: float, below: bool) -> None:
-    """Expected: |(3, −4, 0)| = 5; two such may be, one cannot tell without a closer look; NaN never is."""
-    one = np.array([[3.0, -4.0, 0.0]])
-    assert members.all_below(one, bound) is below
-    assert members.all_below(np.concatenate([one, one]), bound) is (bound == np.inf)
-    assert not members.all_below(np.array([[3.0, np.nan, 0.0]]), bound)
 
 
 def test_a_function_that_gives_no_forces_at_first_ends_its_member_alone() -> None:
@@ -267,3 +233,19 @@ def test_features_name_what_the_tests_of_members_turn_on() -> None:
     for feature in FEATURES:
         featured = loop_of_members([member_of(k, law_of_member(k), [feature]).loop for k in range(4)])
         assert repr(featured) != repr(plain), feature
+
+
+def test_each_controller_starts_at_rest_under_its_own_error() -> None:
+    """Expected: the bits of each member alone, where integrators feed filters and each member starts off its path."""
+    rng = np.random.default_rng(7)
+    controllers = []
+    for k in range(3):
+        A = np.diag([1.0, 0.9, 0.8 - 0.1 * k]) + np.tril(0.1 * rng.normal(size=(3, 3)), -1)
+        system = control.append(*[control.ss(A, rng.normal(size=(3, 1)), rng.normal(size=(1, 3)), 0, T)] * 6)
+        controllers.append(LinearController(system))
+    wanted, measured = rng.normal(1.0, 0.01, (2, 3, 30))
+    many = laws_of(controllers, T, NO_JACOBIANS)(wanted, measured[:, :24])
+    for k, controller in enumerate(controllers):
+        single = laws_of([controller], T, NO_JACOBIANS)(wanted[k : k + 1], measured[k : k + 1, :24])
+        assert single.state.any()
+        assert single.state[0].tobytes() == np.ascontiguousarray(many.state[k]).tobytes()

@@ -1,9 +1,5 @@
 """White noise: its numbers by a second Philox in Python, their distribution, and their independence."""
 
-import math
-from collections.abc import Callable
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
@@ -107,71 +103,3 @@ def test_both_loops_and_every_size_of_ensemble_have_a_members_noise() -> None:
         assert noise(members, plant) == pytest.approx(found, abs=1e-8)
     expected = [[number_of(SeedSequence(9, spawn_key=(5,)), k, 12 + leg) for leg in range(6)] for k in (0, 1)]
     assert found[:2] == pytest.approx(1e-5 * np.array(expected), abs=1e-8)
-
-
-def looks_normal(x: FloatArray) -> bool:
-    """Whether the first four moments are within five standard errors, and Kolmogorov and Smirnov find nothing at 1e-5.
-
-    The standard errors of mean, variance, third and fourth moment of n normal numbers are those of √(k/n), k = 1, 2,
-    15 and 96.
-    """
-    n = len(x)
-    moments = [(x**power).mean() - true for power, true in ((1, 0), (2, 1), (3, 0), (4, 3))]
-    errors = np.sqrt(np.array([1, 2, 15, 96]) / n)
-    return bool((np.abs(moments) < 5 * errors).all() and stats.kstest(x, "norm").pvalue > 1e-5)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "is_normal"),
-    [
-        (lambda x: x, True),
-        (lambda x: x + 0.01, False),
-        (lambda x: 1.01 * x, False),
-        (lambda x: np.clip(x, -3.0, 3.0), False),
-        (lambda x: x + 0.004 * (x**2 - 1), False),
-        (lambda x: np.round(8 * x) / 8, False),
-    ],
-    ids=["as drawn", "shifted", "wider", "without tails", "skew", "coarse"],
-)
-def test_numbers_are_normal(spoil: Callable[[FloatArray], FloatArray], is_normal: bool) -> None:
-    """Expected: of a million numbers; what is off by 1 % of σ, in scale, skewness or in the tails is seen as well."""
-    x = standard_normal(streams_of(SEEDS[2:]), range(4200), ALL).ravel()
-    assert len(x) > 1_000_000
-    assert looks_normal(spoil(x)) == is_normal
-
-
-def largest_correlation(x: FloatArray, lags: tuple[int, ...]) -> float:
-    """Of columns (n, k), and of their squares, with all others at a lag, but of each with itself at once; in 1/√n."""
-    largest = 0.0
-    for values in (x, x**2):
-        z = (values - values.mean(axis=0)) / values.std(axis=0)
-        for lag in lags:
-            found = np.abs(z[: len(z) - lag].T @ z[lag:]) / len(z)
-            largest = max(largest, float((found - (0 if lag else np.diag(np.diag(found)))).max()))
-    return largest * math.sqrt(len(x))
-
-
-def test_streams_members_elements_and_readings_are_independent() -> None:
-    """Expected: at most 6 standard errors, of 12 seeds and members, 24 elements, 5 lags: 830,000 pairs.
-
-    A pair beyond is found by chance once in 600 seeds; n = 20,000 finds a correlation of 0.07 in 9,999 of 10,000 cases,
-    as of the planted ones: of a member that has a part of another's noise, and of readings that have one of the last.
-    """
-    x = standard_normal(streams_of(SEEDS), range(20_000), ALL).reshape(20_000, -1)
-    lags = (0, 1, 2, 64, 100)
-    assert largest_correlation(x, lags) < 6
-    shares = x.copy()
-    shares[:, 30] += 0.07 * shares[:, 200]
-    assert largest_correlation(shares, (0,)) > 6
-    lagging = x.copy()
-    lagging[1:, 17] += 0.07 * x[:-1, 17]
-    assert largest_correlation(lagging, (0,)) < 6 < largest_correlation(lagging, (1,))
-
-
-def test_runs_up_and_down_are_those_of_independent_numbers() -> None:
-    """Expected: (2n − 1)/3 ± √((16n − 29)/90) runs of rising or falling numbers of each stream (Levene, 1952)."""
-    n = 20_000
-    for column in standard_normal(streams_of(SEEDS), range(n), range(12, 18)).reshape(n, -1).T:
-        rises = np.diff(column) > 0
-        runs = 1 + sum(a != b for a, b in pairwise(rises.tolist()))
-        assert abs(runs - (2 * n - 1) / 3) < 5 * np.sqrt((16 * n - 29) / 90)
