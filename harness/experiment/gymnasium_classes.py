@@ -281,7 +281,7 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if any(setup.platform is not self._platform for setup in batch.setups):
             raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
         assert self._loop.reference is not None  # a controller has one
-        jacobians = np.stack([plan.jacobians[:1] for setup in batch.setups if (plan := setup.planned)], axis=1)
+        jacobians = np.stack([setup.jacobians[:1] for setup in batch.setups], axis=1)
         make = laws_of(
             [controller for controller in controllers if controller is not None], self._timing.sample_time, jacobians
         )
