@@ -223,29 +223,6 @@ def test_impossible_members_are_named_with_their_reason_and_the_others_run(folde
     assert np.abs(alone["position"] - beside["position"]).max() < 1e-6
 
 
-COMMON: dict[str, dict[str, Any]] = {
-    f"{table}.{key}": {table: {key: {"choice": [1, 2]}}}
-    for table, keys in {
-        "loop": ("duration", "sample_time", "plant_step"),
-        "sensors": ("seed", "sample_time"),
-        "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
-        "platform": ("preset", "file"),
-        "limits": ("stroke", "condition_number"),
-        "controller": ("type", "space"),
-        "reference": ("type",),
-    }.items()
-    for key in keys
-}
-
-
-@pytest.mark.parametrize("key", COMMON)
-def test_what_is_common_to_all_members_does_not_vary(key: str, folder: Path) -> None:
-    with pytest.raises(
-        gs.GoughStewartError, match=rf"ensemble\.{key}: is common to all members; expected a parameter of the"
-    ):
-        gs.run(experiment(folder, COMMON[key]), member=0)
-
-
 def test_a_member_has_the_injection_of_its_experiment(folder: Path) -> None:
     with pytest.raises(gs.GoughStewartError, match=r"member: has the experiment's injection; remove injection"):
         gs.run(experiment(folder, {"members": 5, **VARIED}), member=3, injection=lambda _time: np.zeros(6))
