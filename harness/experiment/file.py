@@ -137,7 +137,7 @@ def experiment_from(
         name = key.strip()
         of_file = known[name]["file"] if name in known else reduce(inner, name.split("."), values)
         known[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))
-    tables = with_settings(values, settings)
+    tables = with_settings(values, settings) if settings else dict(values)
     try:
         return Experiment.built().model_validate(tables).from_file(where, folder, known)
     except ValidationError as error:

@@ -375,7 +375,7 @@ class Preparation:
         self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
     ) -> PreparedMembers:
         """Members with these values, and with seeds of their own for noise and jitter instead of the sensors'."""
-        experiment, where, errors = self.experiment, self._where, dict[int, GoughStewartError]()
+        experiment, where, once, errors = self.experiment, self._where, self._once, dict[int, GoughStewartError]()
         if seeds is not None and any(change.has_settings for change in experiment.change):
             text = (
                 "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
@@ -389,8 +389,8 @@ class Preparation:
             changed = by_table(member)
             of_machine, of_sensors = changed.pop("plant", {}), changed.pop("sensors", {})
             try:
-                belief = self._once(self._believed, changed)
-                readings = self._once(table_with, experiment, "sensors", of_sensors)
+                belief = once(self._believed, changed)
+                readings = once(table_with, experiment, "sensors", of_sensors) if of_sensors else experiment.sensors
             except GoughStewartError as error:
                 errors[k] = error
                 continue
@@ -419,10 +419,10 @@ class Preparation:
             if k in errors:
                 continue
             try:
-                setup = self._once(self._setup, believed[at], injection)
+                setup = once(self._setup, believed[at], injection)
                 changing = [believed[at].tables[name] for name in ("change", "disturbance", "fault")]
                 machine = machines[at] if changing[0] else None
-                of_machine_and_load = self._once(self._changes, *changing, machine) if has_changes else ()
+                of_machine_and_load = once(self._changes, *changing, machine) if has_changes else ()
                 changes.append(of_machine_and_load + setup.turned)
             except GoughStewartError as error:
                 errors[k] = error
@@ -530,7 +530,9 @@ class Preparation:
             forces = choice.planned(forces)
         elif isinstance(controller, UnitController):
             forces = np.zeros_like(forces)
-        injected = once(self._injection, tables["injection"], platform, planned, injection)
+        injected = None
+        if injection is not None or tables["injection"] is not None:
+            injected = once(self._injection, tables["injection"], platform, planned, injection)
 
         # changes of the loop's settings at their samples, and the feedforward with them
         turned = list[Change]()
@@ -636,8 +638,8 @@ class Preparation:
             return controller_of(self.controller, choice.design(platform, sample_time))
 
     def _injection(
-        self, choice: InjectionChoice | None, platform: Platform, planned: Planned, injection: Injection | None
-    ) -> FloatArray | None:
+        self, choice: InjectionChoice, platform: Platform, planned: Planned, injection: Injection | None
+    ) -> FloatArray:
         """Forces that are added to the command at every sample (m, 6) [N]."""
         samples = self._clocks.samples
         if injection is not None:
@@ -648,8 +650,6 @@ class Preparation:
                 except ValueError as error:
                     raise ControllerError(f"the injection at time {time:g} s {error}") from None
             return forces
-        if choice is None:
-            return None
         at_home = leg_jacobian(platform, platform.home_position, platform.home_orientation)
         with part_of(self._where, "injection"):
             J = at_home if planned.reference is None else planned.jacobians[0]
