@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -36,6 +36,7 @@ from gough_stewart.harness.motion.limits.shares_tables import (
 )
 from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
 from gough_stewart.harness.motion.references import Sine
+from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
@@ -210,10 +211,32 @@ class MotionCheck:
         Report
             Verdict, largest shares by the paths `limits.NAME`, tables, and with `charts` the shares over time.
         """
-        worst = [] if self.worst_phases is None else [_phases_table(self.worst_phases)]
-        sections = [Section("Needs and limits", (*summary_tables(self.shares, self.needs), *worst))]
-        if charts:
-            sections.append(Section("Over time", (_chart(self.shares),)))
+        needs = [*summary_tables(self.shares, self.needs)]
+        if self.worst_phases is not None:
+            rows: list[tuple[Cell, ...]] = []
+            for row in self.worst_phases:
+                quantity = replace(of_unit({"m": "mm", "m/s": "mm/s"}.get(row.unit, row.unit)), digits=3)
+                phases = ", ".join(f"{axis} {math.degrees(phase):.0f}°" for axis, phase in row.phases.items())
+                rows.append((row.need, Value(row.as_given, quantity), Value(row.worst, quantity), str(row.leg), phases))
+            heads = tuple(Column(name) for name in ("", "as given", "worst", "leg", "phases"))
+            note = "Over a grid of the phases between the axes, in one period after the motion has faded in."
+            needs.append(Table("Worst over the phases of the axes", heads, tuple(rows), note=note))
+        sections = [Section("Needs and limits", tuple(needs))]
+        if charts:  # the largest share of each limit over all legs; the one that is used most first
+            shares, time = self.shares, self.shares.time
+            names = sorted(shares.of, key=lambda name: -shares.peak(name).share)
+            series = (
+                Series(LABELS[name], OF_LIMIT, np.minimum(shares.over_time[name], 10 * _HIGHEST)) for name in names
+            )
+            beyond = (
+                strip_of(f"{LABELS[name]} beyond its limit", time, shares.over_time[name] > 1, role)
+                for name, role in zip(names, _STRIPS, strict=False)
+            )
+            strips, limit = tuple(strip for strip in beyond if strip is not None), (Mark(1.0, "limit"),)
+            chart = Chart(
+                "share of each limit", time_axis(time), tuple(series), marks=limit, strips=strips, group="shares"
+            )
+            sections.append(Section("Over time", (chart,)))
         sections.append(Section("Each leg", tuple(leg_tables(self.shares, self.needs))))
         duration = float(self.shares.time[-1] - self.shares.time[0])
         unchecked = listed([LABELS[name] for name in self.not_stated])
@@ -301,18 +324,6 @@ def _worst_phases(platform: Platform, reference: Sine) -> tuple[WorstPhases, ...
         by_axis = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
         worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, by_axis))
     return tuple(worst)
-
-
-def _phases_table(worst: Sequence[WorstPhases]) -> Table:
-    """The needs with the phases as given beside those with the worst."""
-    rows: list[tuple[Cell, ...]] = []
-    for row in worst:
-        quantity = replace(of_unit({"m": "mm", "m/s": "mm/s"}.get(row.unit, row.unit)), digits=3)
-        phases = ", ".join(f"{axis} {math.degrees(phase):.0f}°" for axis, phase in row.phases.items())
-        rows.append((row.need, Value(row.as_given, quantity), Value(row.worst, quantity), str(row.leg), phases))
-    columns = (Column(""), Column("as given"), Column("worst"), Column("leg"), Column("phases"))
-    note = "Over a grid of the phases between the axes, in one period after the motion has faded in."
-    return Table("Worst over the phases of the axes", columns, tuple(rows), note=note)
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
@@ -440,52 +451,31 @@ def _number(peak: Peak) -> Number:
     )
 
 
-def _chart(shares: Shares) -> Chart:
-    """The largest share of each limit over all legs; the one that is used most first."""
-    names = sorted(shares.of, key=lambda name: -shares.peak(name).share)
-    series = tuple(Series(LABELS[name], OF_LIMIT, np.minimum(shares.over_time[name], 10 * _HIGHEST)) for name in names)
-    mark, time = Mark(1.0, "limit"), shares.time
-    beyond = [
-        strip_of(f"{LABELS[name]} beyond its limit", time, shares.over_time[name] > 1, role)
-        for name, role in zip(names, _STRIPS, strict=False)
-    ]
-    strips = tuple(strip for strip in beyond if strip is not None)
-    return Chart("share of each limit", time_axis(time), series, marks=(mark,), strips=strips, group="shares")
-
-
 def check_files(result: MotionCheck) -> dict[str, bytes]:
-    """Numbers and needs by file name."""
-    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
-    numbers = {**as_dict(result), "versions": versions()}
-    return {
-        "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
-        "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
-    }
-
-
-def as_dict(result: MotionCheck) -> dict[str, Any]:
-    """The largest share of every limit, its time, and all needs, as plain numbers; None for what is not finite."""
+    """The largest share of every limit, its time, and all needs by file name; None for what is not finite."""
     limits = {}
     for name, share in result.shares.of.items():
         peaks = [result.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [result.shares.peak(name)]
-        used, times = [finite(peak.share) for peak in peaks], [peak.time for peak in peaks]
+        used, times = [peak.share for peak in peaks], [peak.time for peak in peaks]
         limits[name] = {"share": used, "time": times} if share.ndim == 2 else {"share": used[0], "time": times[0]}
-    largest = result.shares.largest
-    return {
+    numbers = {
         "title": result.experiment.title,
         "platform": result.platform.name,
         "within": result.within,
         "margin": result.margin,
         "keeps_margin": result.keeps_margin,
         "not_stated": list(result.not_stated),
-        "largest": {**largest._asdict(), "share": finite(largest.share)},
+        "largest": result.shares.largest._asdict(),
         "time_factor": result.time_factor,
         "amplitude_factor": result.amplitude_factor,
         "limits": limits,
-        "needs": {
-            name: {"unit": need.unit, "of_leg": [finite(float(value)) for value in need.of_leg]}
-            for name, need in result.needs.of.items()
-        },
+        "needs": {name: {"unit": need.unit, "of_leg": need.of_leg} for name, need in result.needs.of.items()},
         "needs_notes": list(result.needs.notes),
         **({} if result.worst_phases is None else {"worst_phases": [row._asdict() for row in result.worst_phases]}),
+        "versions": versions(),
+    }
+    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
+    return {
+        "check.json": (json.dumps(plain(numbers), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
+        "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
     }

@@ -66,14 +66,14 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
 
 def _read(name: Path | str) -> tuple[str, str, Path]:
     """The TOML text of an experiment's file or of a shipped experiment, its name for messages, and its folder."""
-    path = Path(name)
-    if str(name) in experiment_names() and not path.is_file():
-        return shipped_text(str(name)), f"experiment '{name}'", Path()
+    path, shipped = Path(name), toml_files(*_SHIPPED)
+    if str(name) in shipped and not path.is_file():
+        return shipped[str(name)].read_text(encoding="utf-8"), f"experiment '{name}'", Path()
     try:
         return path.read_text(encoding="utf-8-sig"), str(path), path.parent
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        close = get_close_matches(path.stem, experiment_names(), n=1)
+        close = get_close_matches(path.stem, shipped, n=1)
         hint = (
             f"did you mean '{close[0]}', which ships with the package?"
             if close

@@ -288,7 +288,7 @@ def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
     Legs that nearly touch, joints in a bad order, a motion after the end, coarse sensors, faults that change nothing.
     """
     platform = prepared.platform
-    length = _home_leg_length(platform)
+    length = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
     scales = {"m": length, "rad": 1.0, "m/s": length / _TIME, "rad/s": 1.0 / _TIME}
     coarse = [
         f"sensors.{kind}.{variable.name} is {value:g} {variable.unit}, {value / scales[variable.unit]:.3g} of the "
@@ -307,11 +307,6 @@ def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
     ]
     hints = (*platform.hints, *too_late(experiment), *coarse, *unread)
     return replace(prepared, warnings=(*prepared.warnings, *hints))
-
-
-def _home_leg_length(platform: Platform) -> float:
-    """Mean of the legs in the home pose [m]."""
-    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
 
 
 def too_late(experiment: Experiment) -> tuple[str, ...]:
@@ -337,12 +332,9 @@ class PreparedMembers:
         return {k: str(self.errors[k]).removeprefix(f"{self.where}: ") for k in sorted(self.errors)}
 
 
-class _Believed(NamedTuple):
-    """What an experiment's tables say, for members with the same ones but for sensors and machine."""
-
-    tables: dict[str, Any]  # by name
-    platform: Platform  # the nominal model
-    machine_base: Platform  # whose parameters those of the machine replace
+# What an experiment's tables say, for members with the same ones but for sensors and machine: the tables by name, the
+# nominal model, and the platform whose parameters those of the machine replace.
+_Believed = tuple[dict[str, Any], Platform, Platform]
 
 
 class Preparation:
@@ -401,9 +393,9 @@ class Preparation:
             of_machines.append({**experiment.plant.parameters, **parameters})
 
         # machines, for all at once; one vector steps several, so that all have the same states
-        distinct = {id(belief.machine_base): belief.machine_base for belief in believed}
+        distinct = {id(base): base for _, _, base in believed}
         places = {key: place for place, key in enumerate(distinct)}
-        base_of = np.array([places[id(belief.machine_base)] for belief in believed], dtype=np.intp)
+        base_of = np.array([places[id(base)] for _, _, base in believed], dtype=np.intp)
         machines = Platforms(list(distinct.values()), base_of)
         if any(of_machines):
             machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
@@ -420,7 +412,7 @@ class Preparation:
                 continue
             try:
                 setup = once(self._setup, believed[at], injection)
-                changing = [believed[at].tables[name] for name in ("change", "disturbance", "fault")]
+                changing = [believed[at][0][name] for name in ("change", "disturbance", "fault")]
                 machine = machines[at] if changing[0] else None
                 of_machine_and_load = once(self._changes, *changing, machine) if has_changes else ()
                 changes.append(of_machine_and_load + setup.turned)
@@ -469,9 +461,9 @@ class Preparation:
         }
         nominal = self._once(nominal_platform, experiment, tables["platform"])
         if experiment.plant.file is None:
-            return _Believed(tables, nominal, nominal)
+            return tables, nominal, nominal
         with part_of(experiment.where, "plant"):
-            return _Believed(tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file)))
+            return tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file))
 
     def _other_variants(self, machines: Platforms) -> Iterator[tuple[int, str]]:
         """Members whose machine has other states than the experiment's, and why they cannot run with it."""
@@ -567,8 +559,8 @@ class Preparation:
 
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
-        if bound is None:
-            bound = _home_leg_length(limited) if planned.reference is not None and is_closed else math.inf
+        if bound is None and planned.reference is not None and is_closed:
+            bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
         force_limit, rate_limit = limited.actuator_force_max, drives.rate_limit
         return Setup(
             timing=timing,
@@ -579,7 +571,9 @@ class Preparation:
             injection=injected,
             actuators=Actuators(force_limit, rate_limit, drives.lag, loop.delay),
             limits=Limits(
-                stroke_of(platform.leg_length_min, platform.leg_length_max), self.experiment.limits.stroke, bound
+                stroke_of(platform.leg_length_min, platform.leg_length_max),
+                self.experiment.limits.stroke,
+                math.inf if bound is None else bound,
             ),
             known=KnownAhead(
                 platform,

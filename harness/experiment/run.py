@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import numpy as np
 import polars
@@ -337,13 +337,6 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
     return parts
 
 
-class Written(NamedTuple):
-    """The names of the files of a run, and its report."""
-
-    files: list[str]
-    report: Report
-
-
 def names_of_files(page: bool = True, figures: bool = True) -> list[str]:
     """The files that `write_results` may write."""
     from gough_stewart.harness.report.page import PAGE  # slow, and a run alone does not need it
@@ -361,8 +354,8 @@ def write_results(
     requirements: Sequence[Required] = (),
     notes: Sequence[Note] = (),
     robustness: Robustness | None = None,
-) -> Written:
-    """Write all files of a run as one set, optionally with page and figures.
+) -> tuple[list[str], Report]:
+    """Write all files of a run as one set, optionally with page and figures; their names, and the report.
 
     If something fails, the files before it are complete, beginning with the record, and no file of an older run
     remains; see `file_set`. `charts` are in the report for other uses than these files.
@@ -399,7 +392,7 @@ def write_results(
         for part in written:
             part.result()
         files.add(more)
-    return Written(files.names, report)
+    return files.names, report
 
 
 def save_record(record: Record, folder: Path | str, report: bool = False, figures: bool = False) -> list[Path]:
@@ -433,8 +426,8 @@ def save_record(record: Record, folder: Path | str, report: bool = False, figure
     """
     folder = Path(folder)
     check_output_folder(folder, names_of_files())
-    written = write_results(record, folder, page=report, figures=figures)
-    return [folder / name for name in written.files]
+    names, _ = write_results(record, folder, page=report, figures=figures)
+    return [folder / name for name in names]
 
 
 def warnings_of(record: Record) -> list[str]:
