@@ -18,7 +18,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.workers import Workers, chunks_here
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import EnsemblePlan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -47,7 +47,7 @@ def simulated_seconds(plan: EnsemblePlan, stepping: Stepping) -> tuple[float, fl
     batch = plan.prepared.prepared(0, SIZE).batch
     duration = batch.timing.duration
     # longer, so that its start is negligible
-    single = prepare(shipped_experiment("heave_step", ["loop.duration=4"]))
+    single = prepare(load_experiment("heave_step", ["loop.duration=4"]))
     rounds = []
     for _ in range(ROUNDS):
         running = batch.in_parallel(stepping)
@@ -100,7 +100,7 @@ def megabytes(members: int) -> int:
 
 def main() -> int:
     """Measure and print; 1 if a target is missed."""
-    plan = plan_of(shipped_experiment("heave_step", [*SHORT, f"ensemble.members={12 * SIZE}"]))
+    plan = plan_of(load_experiment("heave_step", [*SHORT, f"ensemble.members={12 * SIZE}"]))
     once, single = simulated_seconds(plan, Stepping(substeps=1))
     needed, _ = simulated_seconds(plan, plan.prepared.stepping)
     whole = command()

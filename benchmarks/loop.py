@@ -20,7 +20,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import laws_of
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
@@ -36,7 +36,7 @@ OF_MANY = ["loop.duration=1", "loop.delay=1", "sensors.quantisation.leg_length=0
 
 def seconds_a_step(version: str) -> tuple[float, float]:
     """Times of a whole step and of the FMU's doStep in it."""
-    prepared = prepare(shipped_experiment("heave_step", SETTINGS))
+    prepared = prepare(load_experiment("heave_step", SETTINGS))
     steps = prepared.loop.timing.steps
     rounds = []
     for _ in range(ROUNDS):
@@ -51,7 +51,7 @@ def seconds_a_step(version: str) -> tuple[float, float]:
 
 def seconds_in_machine_code(name: str) -> tuple[float, float]:
     """CPU times of a step of a single run, all rows recorded: in machine code, and row by row on the model."""
-    prepared = prepare(shipped_experiment(name, SETTINGS))
+    prepared = prepare(load_experiment(name, SETTINGS))
     kernel, steps = prepared.kernel, prepared.loop.timing.steps
     assert kernel is not None  # the controllers are linear
     ours = []
@@ -68,7 +68,7 @@ def seconds_in_machine_code(name: str) -> tuple[float, float]:
 
 def seconds_of_many() -> tuple[float, float, float]:
     """Times per step and member among many: harness, plant; and per step of a single run without doStep."""
-    prepared = prepare(shipped_experiment("heave_step", OF_MANY))
+    prepared = prepare(load_experiment("heave_step", OF_MANY))
     assert isinstance(prepared.controller, LinearController)
     steps, n = prepared.loop.timing.steps, MEMBERS
     loop = replace(prepared.loop, shape=(n,))

@@ -21,7 +21,7 @@ from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import plan_of
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -97,7 +97,7 @@ def microseconds_a_step(rounds: int, folder: Path) -> tuple[dict[str, float], di
 def batch_of(kind: dict[str, Any], members: int) -> Batch:
     """Members of `heave_step` on this kind of machine."""
     words = [f"plant.parameters.{key}={value}" for key, value in kind.items()]
-    plan = plan_of(shipped_experiment("heave_step", [*words, *LOOP, VARIED, f"ensemble.members={members}"]))
+    plan = plan_of(load_experiment("heave_step", [*words, *LOOP, VARIED, f"ensemble.members={members}"]))
     return plan.prepared.prepared(0, members).batch
 
 

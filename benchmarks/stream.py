@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.stream import Stream, Tally
 
 RATES, DURATION = (50.0, 100.0, 250.0), 20.0
@@ -36,7 +36,7 @@ def ask(port: int, duration: float) -> None:
 
 def measured(rate: float, duration: float) -> Tally:
     """A stream of its duration."""
-    stream = Stream(shipped_experiment("heave_step"), ("127.0.0.1", 0), rate)
+    stream = Stream(load_experiment("heave_step"), ("127.0.0.1", 0), rate)
     with subprocess.Popen([sys.executable, __file__, str(stream.port), str(duration)]):
         return stream.run(duration)
 

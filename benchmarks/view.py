@@ -10,7 +10,7 @@ from playwright.sync_api import Browser
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.view import view_page
@@ -32,7 +32,7 @@ FRAME = """async () => {
 
 def main() -> None:
     """Print the table."""
-    record = run(shipped_experiment("circle", ["loop.duration=10"]), plant="fmu3")
+    record = run(load_experiment("circle", ["loop.duration=10"]), plant="fmu3")
     seconds, page = timed(record)
     table = Table(
         "a page of 10 s at 1 kHz", "measured", "target", title=f"median of {REPEATS}, without a graphics card"
@@ -43,7 +43,7 @@ def main() -> None:
         table.add_row("how soon it is shown", "skipped", "")
     else:
         bandwidths = (2, 4, 8)
-        records = [run(shipped_experiment("pitch_sine", [f"controller.bandwidth={hertz}"])) for hertz in bandwidths]
+        records = [run(load_experiment("pitch_sine", [f"controller.bandwidth={hertz}"])) for hertz in bandwidths]
         add_times(table, page, view_page(records, [f"{hertz} Hz" for hertz in bandwidths]))
     Console().print(table)
     if CHROMIUM is None:

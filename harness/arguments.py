@@ -20,24 +20,26 @@ Take = Callable[[str, Any], Any]
 
 def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function with its arguments checked and converted; its signature and help stay."""
-    signature = inspect.signature(function)
-    name = function.__name__
+    signature, name = inspect.signature(function), function.__name__
+
+    def taken(parameter: str, value: Any, default: Any = None) -> Any:
+        take = _OF_FUNCTION.get((name, parameter)) or _TAKES.get(parameter)
+        return value if take is None or value is default else take(parameter, value)
 
     @functools.wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
+        parameters = signature.parameters
         try:
             bound = signature.bind(*arguments, **named)
         except TypeError as error:
-            raise ArgumentError(f"{name}: {error}; expected {name}({_written(signature)})") from None
-        for parameter in signature.parameters.values():
-            if parameter.name not in bound.arguments:
-                continue
-            value = bound.arguments[parameter.name]
-            if parameter.kind is parameter.VAR_KEYWORD:
-                value = {option: _taken(name, option, setting, None) for option, setting in value.items()}
+            written = (p.name if p.default is p.empty else f"{p.name}=…" for p in parameters.values())
+            call = f"{name}({', '.join(text for text in written if text != 'options')})"
+            raise ArgumentError(f"{name}: {error}; expected {call}") from None
+        for key, value in bound.arguments.items():
+            if parameters[key].kind is inspect.Parameter.VAR_KEYWORD:
+                bound.arguments[key] = {option: taken(option, setting) for option, setting in value.items()}
             else:
-                value = _taken(name, parameter.name, value, parameter.default)
-            bound.arguments[parameter.name] = value
+                bound.arguments[key] = taken(key, value, parameters[key].default)
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full
@@ -54,19 +56,6 @@ def __getattr__(name: str) -> Any:
     return getattr(gough_stewart, name)
 
 
-def _written(signature: inspect.Signature) -> str:
-    return ", ".join(
-        p.name if p.default is p.empty else f"{p.name}=…" for p in signature.parameters.values() if p.name != "options"
-    )
-
-
-def _taken(function: str, name: str, value: Any, default: Any) -> Any:
-    take = _OF_FUNCTION.get((function, name)) or _TAKES.get(name)
-    if take is None or value is default:
-        return value
-    return take(name, value)
-
-
 def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
     text = repr(value)
     return ArgumentError(f"{name} is {text if len(text) <= 60 else text[:57] + '…'}; expected {expected}")
@@ -76,8 +65,8 @@ def _is_path(value: Any) -> bool:
     return isinstance(value, str | os.PathLike)
 
 
-def _has(*attributes: str) -> Callable[[Any], bool]:
-    return lambda value: all(hasattr(value, attribute) for attribute in attributes)
+def _has(value: Any, *attributes: str) -> bool:
+    return all(hasattr(value, attribute) for attribute in attributes)
 
 
 def _unchanged(is_one: Callable[[Any], bool], expected: str) -> Take:
@@ -118,17 +107,10 @@ def _platforms(name: str, value: Any) -> Any:
     return platforms
 
 
-def _case(name: str, value: Any) -> Any:
-    """A platform, or a case of the paper, which has one."""
-    return value if hasattr(value, "platform") else _platform(name, value)
-
-
 def _settings(name: str, value: Any) -> Any:
-    if isinstance(value, str):
-        return [value]
     if not isinstance(value, Mapping | Iterable):
         raise _wrong(name, value, "a dict of keys and values, or texts such as 'loop.duration=1'")
-    return value
+    return [value] if isinstance(value, str) else value
 
 
 def _record(name: str, value: Any) -> Any:
@@ -187,8 +169,8 @@ def _vectors(size: int, unit: str, what: str) -> Take:
             array = np.asarray(value)
         except (ValueError, TypeError):
             raise _wrong(name, value, expected) from None
-        is_number = array.dtype.kind in "iufO"  # symbols of CasADi are objects
-        if not is_number or array.shape[-1:] != (size,):
+        # symbols of CasADi are objects
+        if array.dtype.kind not in "iufO" or array.shape[-1:] != (size,):
             raise _wrong(name, value, expected)
         return array
 
@@ -210,11 +192,10 @@ def _coordinates(name: str, value: Any) -> Any:
         raise _wrong(name, value, "a dict by coordinate, such as {'z': 2.1} or {'x': ('-20 mm', '20 mm')}")
     coordinates = dict(value)
     for key, size in value.items():
-        if size is None or key not in COORDINATES:
-            continue
-        take, where = _quantity(COORDINATES[key]), f"{name}['{key}']"
-        is_range = isinstance(size, list | tuple)
-        coordinates[key] = tuple(take(where, end) for end in size) if is_range else take(where, size)
+        if size is not None and key in COORDINATES:
+            take, where = _quantity(COORDINATES[key]), f"{name}['{key}']"
+            is_range = isinstance(size, list | tuple)
+            coordinates[key] = tuple(take(where, end) for end in size) if is_range else take(where, size)
     return coordinates
 
 
@@ -222,8 +203,7 @@ _TAKES: dict[str, Take] = {
     **dict.fromkeys(("platform", "parameters", "nominal", "found"), _platform),
     **dict.fromkeys(("out", "path", "folder", "fmu"), _path),
     **dict.fromkeys(("member", "members", "seed", "workers", "generations", "population", "fresh"), _whole),
-    **dict.fromkeys(("n", "hold"), _whole),
-    **dict.fromkeys(("harmonics", "trials", "points", "max_iterations"), _whole),
+    **dict.fromkeys(("n", "hold", "harmonics", "trials", "points", "max_iterations"), _whole),
     **dict.fromkeys(("bandwidth", "frequency", "cutoff"), _quantity("Hz", positive=True)),
     **dict.fromkeys(("duration", "fade", "sample_time"), _quantity("s", positive=True)),
     **dict.fromkeys(("integral_time", "derivative_filter", "anti_windup_time"), _quantity("s", positive=True)),
@@ -232,7 +212,8 @@ _TAKES: dict[str, Take] = {
     **dict.fromkeys(("vary", "subject_to", "estimate", "observations"), _texts),
     **dict.fromkeys(("over", "at"), _coordinates),
     "minimise": _text,
-    "case": _case,
+    # a platform, or a case of the paper, which has one
+    "case": lambda name, value: value if hasattr(value, "platform") else _platform(name, value),
     "experiment": _unchanged(
         lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
         "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
@@ -250,11 +231,14 @@ _TAKES: dict[str, Take] = {
         "a Log, a Record, a file or folder of one, or a list of them",
     ),
     "state": _unchanged(
-        _has("position", "orientation", "velocity", "angular_velocity"), "a State(position, orientation, …)"
+        lambda value: _has(value, "position", "orientation", "velocity", "angular_velocity"),
+        "a State(position, orientation, …)",
     ),
-    "acceleration": _unchanged(_has("linear", "angular"), "an Acceleration(linear, angular)"),
-    "gains": _unchanged(_has("proportional", "derivative"), "Gains, or the result of gains_from_bandwidth"),
-    "system": _unchanged(_has("poles"), "a python-control system"),
+    "acceleration": _unchanged(lambda value: _has(value, "linear", "angular"), "an Acceleration(linear, angular)"),
+    "gains": _unchanged(
+        lambda value: _has(value, "proportional", "derivative"), "Gains, or the result of gains_from_bandwidth"
+    ),
+    "system": _unchanged(lambda value: _has(value, "poles"), "a python-control system"),
     "position": _vectors(3, "m", "x, y, z"),
     "orientation": _vectors(3, "rad", "roll, pitch, yaw"),
     "leg_length": _vectors(6, "m", "one for each leg"),

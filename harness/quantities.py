@@ -17,13 +17,7 @@ ZEROS = (0.0, 0.0, 0.0)
 
 
 def positive_or_word(value: object, unit: str, *words: str) -> float | str:
-    """A quantity > 0 in SI units, or one of some keywords.
-
-    Raises
-    ------
-    ValueError
-        Neither.
-    """
+    """A quantity > 0 in SI units, or one of some keywords."""
     if value in words:
         return str(value)
     or_words = "".join(f", or '{word}'" for word in words)
@@ -37,14 +31,8 @@ def positive_or_word(value: object, unit: str, *words: str) -> float | str:
 
 
 def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """A list or array of `size` quantities, as numbers in SI units.
-
-    Raises
-    ------
-    ValueError
-        Wrong length, or as `number`, with the index in the list.
-    """
-    values = _listed(value)
+    """A list or array of `size` quantities, as numbers in SI units; a `ValueError` has the index in the list."""
+    values = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(values, list | tuple) or len(values) != size:
         number_of_values = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
         raise ValueError(f"expected a list of {size} [{unit}]; found {number_of_values}")
@@ -58,23 +46,13 @@ def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
 
 
 def channels(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """`size` quantities as numbers in SI units: a list or array of them, or one quantity for all.
-
-    Raises
-    ------
-    ValueError
-        Wrong length, or an element that is no quantity, with its index in the list.
-    """
-    values = _listed(value)
+    """`size` quantities as numbers in SI units: a list or array of them, or one quantity for all."""
+    values = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(values, list | tuple):
         return (number(values, unit),) * size
     if len(values) != size:
         raise ValueError(f"expected a number [{unit}] or a list of {size}; found {len(values)} values")
     return vector(values, unit, size)
-
-
-def _listed(value: object) -> object:
-    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True)

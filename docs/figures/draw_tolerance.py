@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from saving import save_svg
 
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.run import simulate
@@ -24,7 +24,7 @@ def batch() -> Batch:
     varied = {"members": MEMBERS, "seed": 1, "platform_mass": {"factor": {"uniform": [0.8, 1.3]}}}
     varied["leg_coulomb_friction"] = {"uniform": ["0 N", "100 N"]}
     settings = {"loop.duration": 1, "sensors.quantisation": {}, "ensemble": varied}
-    return Members(shipped_experiment("heave_step", settings)).prepared(0, MEMBERS).batch
+    return Members(load_experiment("heave_step", settings)).prepared(0, MEMBERS).batch
 
 
 def motion(members: Batch, stepping: Stepping) -> tuple[FloatArray, float]:

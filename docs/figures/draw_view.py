@@ -8,7 +8,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.view.view import view_page
 
@@ -28,7 +28,7 @@ def main() -> None:
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     if chromium is None:
         raise SystemExit("no Chromium here, so docs/figures/view.png stays as it is; install the package chromium")
-    record = run(shipped_experiment("pitch_sine", SETTINGS))
+    record = run(load_experiment("pitch_sine", SETTINGS))
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         page_file = Path(folder, "report.html")
         page_file.write_bytes(view_page([record], ["pitch"]))

@@ -6,7 +6,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.live.page import live_page
 
 ADDRESS = "live/pitch_sine_live.html"
@@ -21,7 +21,7 @@ LIVE = """<figure class="live" markdown="1">
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Write the page of one experiment."""
-    page = live_page(shipped_experiment("pitch_sine")).decode()
+    page = live_page(load_experiment("pitch_sine")).decode()
     files.append(File.generated(config, ADDRESS, content=page))
     return files
 

@@ -69,14 +69,15 @@ def experiments_command(
 ) -> None:
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
-        from gough_stewart.harness.experiment.file import experiment_names, shipped_experiment, shipped_text
+        from gough_stewart.harness.experiment.file import experiment_from, experiment_names, shipped_text
         from gough_stewart.harness.report.table import Column
+        from gough_stewart.model.process.toml import toml_values
 
         if name is not None:
             with wrong_use_if(ExperimentError):
                 typer.echo(shipped_text(name), nl=False)
             return
-        shipped = {experiment: shipped_experiment(experiment) for experiment in experiment_names()}
+        shipped = {key: experiment_from(toml_values(shipped_text(key))) for key in experiment_names()}
         rows = [(key, loaded.platform.preset_name, loaded.description) for key, loaded in shipped.items()]
         _show((Column("name"), Column("platform"), Column("what")), rows)
 

@@ -321,10 +321,10 @@ def _alike(
     alike = dict[tuple[int | None, ...], list[int]]()
     for k, outcome in enumerate(outcomes):
         setup = batch.setups[k]
-        if outcome.status == "completed" and setup.planned is not None and setup.controller is not None:
+        if outcome.status == "completed" and setup.signals is not None and setup.controller is not None:
             # changes are each machine's own, and with jitter the rows of an injection each member's
             jittered = k if setup.injection is not None and setup.timing.jitter else None
-            key = id(setup.planned), id(batch.changes[k]), id(setup.injection), jittered
+            key = id(setup.signals), id(batch.changes[k]), id(setup.injection), jittered
             alike.setdefault(key, []).append(k)
     for members in alike.values():
         prepared = batch.member(members[0])

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -36,8 +36,9 @@ from gough_stewart.harness.motion.limits.shares_tables import (
 )
 from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
 from gough_stewart.harness.motion.references import Sine
+from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
@@ -49,7 +50,7 @@ from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import condition_number_bound, leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.units import number
-from gough_stewart.model.vectors import FloatArray, first_of_largest
+from gough_stewart.model.vectors import first_of_largest
 
 Fit = Literal["time", "amplitude"]
 FILES = ("check.json", "needs.csv")
@@ -121,14 +122,14 @@ class MotionCheck:
     @cached_property
     def time_factor(self) -> float | None:
         """The time scale at which the motion fits and leaves its margin, 1 if it does already; None if none does."""
-        worst = self.experiment.limits.condition_number
-        return slowing_that_fits(self._less_margin, self._motion, worst, self._total)
+        worst, total = self.experiment.limits.condition_number, None if self.margin else self.shares.total
+        return slowing_that_fits(self._less_margin, self._motion, worst, total)
 
     @cached_property
     def amplitude_factor(self) -> float | None:
         """The amplitude scale at which the motion fits and leaves its margin, 1 if it does; None if none does."""
-        centre, worst = centre_of(self._reference), self.experiment.limits.condition_number
-        return shrinking_that_fits(self._less_margin, self._motion, centre, worst, self._total)
+        worst, total = self.experiment.limits.condition_number, None if self.margin else self.shares.total
+        return shrinking_that_fits(self._less_margin, self._motion, centre_of(self._reference), worst, total)
 
     @cached_property
     def worst_phases(self) -> "tuple[WorstPhases, ...] | None":
@@ -170,9 +171,22 @@ class MotionCheck:
             return {}
         if fit == "amplitude":
             return {"reference.amplitude_scale": _rounded(choice.amplitude_scale * factor, math.floor)}
-        factor = factor_near(self._largest_share_if_slower, factor)
-        scale = _rounded(choice.time_scale * factor, math.ceil)
-        return {"reference.time_scale": scale, "loop.duration": self._slower_clocks(scale / choice.time_scale).duration}
+        clocks, worst = self._timing, self.experiment.limits.condition_number
+
+        def slower_clocks(factor: float) -> Timing:
+            """Of a run that much longer, in whole plant steps within the motion."""
+            steps, end = math.ceil(clocks.steps * factor - 1e-9), Scaled(self._reference, factor).end
+            if steps * clocks.plant_step > end:
+                steps = math.floor(end / clocks.plant_step)
+            return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
+
+        def largest_share_if_slower(factor: float) -> float:
+            times = slower_clocks(factor).times
+            motion = Scaled(self._reference, factor)(times)
+            return float(shares_along(self._less_margin, times, motion, worst).total.max())
+
+        scale = _rounded(choice.time_scale * factor_near(largest_share_if_slower, factor), math.ceil)
+        return {"reference.time_scale": scale, "loop.duration": slower_clocks(scale / choice.time_scale).duration}
 
     def fitted(self, fit: Fit) -> "MotionCheck":
         """The check of the experiment with `settings_that_fit`; its `experiment` is ready to run.
@@ -197,10 +211,32 @@ class MotionCheck:
         Report
             Verdict, largest shares by the paths `limits.NAME`, tables, and with `charts` the shares over time.
         """
-        worst = [] if self.worst_phases is None else [_phases_table(self.worst_phases)]
-        sections = [Section("Needs and limits", (*summary_tables(self.shares, self.needs), *worst))]
-        if charts:
-            sections.append(Section("Over time", (_chart(self.shares),)))
+        needs = [*summary_tables(self.shares, self.needs)]
+        if self.worst_phases is not None:
+            rows: list[tuple[Cell, ...]] = []
+            for row in self.worst_phases:
+                quantity = replace(of_unit({"m": "mm", "m/s": "mm/s"}.get(row.unit, row.unit)), digits=3)
+                phases = ", ".join(f"{axis} {math.degrees(phase):.0f}°" for axis, phase in row.phases.items())
+                rows.append((row.need, Value(row.as_given, quantity), Value(row.worst, quantity), str(row.leg), phases))
+            heads = tuple(Column(name) for name in ("", "as given", "worst", "leg", "phases"))
+            note = "Over a grid of the phases between the axes, in one period after the motion has faded in."
+            needs.append(Table("Worst over the phases of the axes", heads, tuple(rows), note=note))
+        sections = [Section("Needs and limits", tuple(needs))]
+        if charts:  # the largest share of each limit over all legs; the one that is used most first
+            shares, time = self.shares, self.shares.time
+            names = sorted(shares.of, key=lambda name: -shares.peak(name).share)
+            series = (
+                Series(LABELS[name], OF_LIMIT, np.minimum(shares.over_time[name], 10 * _HIGHEST)) for name in names
+            )
+            beyond = (
+                strip_of(f"{LABELS[name]} beyond its limit", time, shares.over_time[name] > 1, role)
+                for name, role in zip(names, _STRIPS, strict=False)
+            )
+            strips, limit = tuple(strip for strip in beyond if strip is not None), (Mark(1.0, "limit"),)
+            chart = Chart(
+                "share of each limit", time_axis(time), tuple(series), marks=limit, strips=strips, group="shares"
+            )
+            sections.append(Section("Over time", (chart,)))
         sections.append(Section("Each leg", tuple(leg_tables(self.shares, self.needs))))
         duration = float(self.shares.time[-1] - self.shares.time[0])
         unchecked = listed([LABELS[name] for name in self.not_stated])
@@ -230,11 +266,6 @@ class MotionCheck:
         """The tables, for a notebook."""
         return to_html(self.report(charts=False))
 
-    @property
-    def _total(self) -> FloatArray | None:
-        """The largest share in each row (n,), if no margin is reserved."""
-        return None if self.margin else self.shares.total
-
     @cached_property
     def _less_margin(self) -> Platform:
         """The platform with its dynamic limits less the margin."""
@@ -242,20 +273,6 @@ class MotionCheck:
         # rounding of a plan at its margin is not beyond it
         unreserved = (1 - self.margin) * (1 + _ROUNDING)
         return replace(self.platform, **{name: unreserved * most for name, most in stated.items() if most is not None})
-
-    def _slower_clocks(self, factor: float) -> Timing:
-        """Clocks of a run that much longer, in whole plant steps within the motion."""
-        clocks = self._timing
-        end = Scaled(self._reference, factor).end
-        steps = math.ceil(clocks.steps * factor - 1e-9)
-        if steps * clocks.plant_step > end:
-            steps = math.floor(end / clocks.plant_step)
-        return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
-
-    def _largest_share_if_slower(self, factor: float) -> float:
-        times, worst = self._slower_clocks(factor).times, self.experiment.limits.condition_number
-        motion = Scaled(self._reference, factor)(times)
-        return float(shares_along(self._less_margin, times, motion, worst).total.max())
 
 
 class WorstPhases(NamedTuple):
@@ -307,18 +324,6 @@ def _worst_phases(platform: Platform, reference: Sine) -> tuple[WorstPhases, ...
         by_axis = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
         worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, by_axis))
     return tuple(worst)
-
-
-def _phases_table(worst: Sequence[WorstPhases]) -> Table:
-    """The needs with the phases as given beside those with the worst."""
-    rows: list[tuple[Cell, ...]] = []
-    for row in worst:
-        quantity = replace(of_unit({"m": "mm", "m/s": "mm/s"}.get(row.unit, row.unit)), digits=3)
-        phases = ", ".join(f"{axis} {math.degrees(phase):.0f}°" for axis, phase in row.phases.items())
-        rows.append((row.need, Value(row.as_given, quantity), Value(row.worst, quantity), str(row.leg), phases))
-    columns = (Column(""), Column("as given"), Column("worst"), Column("leg"), Column("phases"))
-    note = "Over a grid of the phases between the axes, in one period after the motion has faded in."
-    return Table("Worst over the phases of the axes", columns, tuple(rows), note=note)
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
@@ -384,13 +389,7 @@ def check(
 
 
 def _with_payload(platform: Platform, payload: float | str, height: float | str) -> dict[str, Any]:
-    """Settings of an experiment whose platform carries a point mass: mass, centre of mass, and inertia about it.
-
-    Raises
-    ------
-    MotionError
-        Not a mass and a length, or a mass of 0 or less.
-    """
+    """Settings of an experiment whose platform carries a point mass: mass, centre of mass, and inertia about it."""
     try:
         mass, above = number(payload, "kg"), number(height, "m")
     except ValueError as error:
@@ -411,23 +410,20 @@ def _with_payload(platform: Platform, payload: float | str, height: float | str)
 def _verdict(result: MotionCheck) -> Verdict:
     """Whether the motion can be done, what it needs most, and what would fit if it cannot."""
     peak = result.shares.largest
-    number = _number(peak)
+    need, numbers = _need(peak), (_number(peak),)
     if result.within and result.keeps_margin:
-        # without limits of the legs, only singular poses have been checked
-        leg_limits = [name for name in _OF_LEG if name in result.shares.of]
-        can = (
-            "can be done" if leg_limits else "can be done as far as is known: the platform states no limit of its legs"
-        )
-        status: Status = "told" if not leg_limits else "marginal" if peak.share > _NEAR else "good"
-        return Verdict(sentence([can, _need(peak)]), status, (number,))
+        if not any(name in result.shares.of for name in _OF_LEG):  # only singular poses have been checked
+            can = "can be done as far as is known: the platform states no limit of its legs"
+            return Verdict(sentence([can, need]), "told", numbers)
+        return Verdict(sentence(["can be done", need]), "marginal" if peak.share > _NEAR else "good", numbers)
     slow, small = result.time_factor, result.amplitude_factor
     fits = [] if slow is None else [f"{slow:.4g} times as long (--fit time)"]
     fits += [] if small is None else [f"{small:.4g} times as large (--fit amplitude)"]
     ways = f"it fits {listed(fits, 'or')}" if fits else "no slower and no smaller motion fits"
     if result.within:
         beyond = f"can be done, but not with its margin of {percent(result.margin)}"
-        return Verdict(sentence([beyond, _need(peak), ways]), "marginal", (number,))
-    return Verdict(sentence(["cannot be done", _need(peak), ways]), "bad", (number,))
+        return Verdict(sentence([beyond, need, ways]), "marginal", numbers)
+    return Verdict(sentence(["cannot be done", need, ways]), "bad", numbers)
 
 
 def _need(peak: Peak) -> str:
@@ -443,65 +439,43 @@ def _need(peak: Peak) -> str:
 
 
 def _number(peak: Peak) -> Number:
-    finite = math.isfinite(peak.share)
-    who = "" if peak.leg is None else f", leg {peak.leg}"
+    share = finite(peak.share)
     return Number(
         f"limits.{peak.limit}",
-        f"{LABELS[peak.limit]}{who}",
-        peak.share if finite else None,
+        LABELS[peak.limit] + ("" if peak.leg is None else f", leg {peak.leg}"),
+        share,
         OF_LIMIT,
         limit=1.0,
-        margin=1 - peak.share if finite else None,
+        margin=None if share is None else 1 - share,
         explanation=f"largest share of the limit along the motion, at {peak.time:.6g} s",
     )
 
 
-def _chart(shares: Shares) -> Chart:
-    """The largest share of each limit over all legs; the one that is used most first."""
-    names = sorted(shares.of, key=lambda name: -shares.peak(name).share)
-    series = tuple(Series(LABELS[name], OF_LIMIT, np.minimum(shares.over_time[name], 10 * _HIGHEST)) for name in names)
-    mark, time = Mark(1.0, "limit"), shares.time
-    beyond = [
-        strip_of(f"{LABELS[name]} beyond its limit", time, shares.over_time[name] > 1, role)
-        for name, role in zip(names, _STRIPS, strict=False)
-    ]
-    strips = tuple(strip for strip in beyond if strip is not None)
-    return Chart("share of each limit", time_axis(time), series, marks=(mark,), strips=strips, group="shares")
-
-
 def check_files(result: MotionCheck) -> dict[str, bytes]:
-    """Numbers and needs by file name."""
-    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
-    numbers = {**as_dict(result), "versions": versions()}
-    return {
-        "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
-        "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
-    }
-
-
-def as_dict(result: MotionCheck) -> dict[str, Any]:
-    """The largest share of every limit, its time, and all needs, as plain numbers; None for what is not finite."""
+    """The largest share of every limit, its time, and all needs by file name; None for what is not finite."""
     limits = {}
     for name, share in result.shares.of.items():
         peaks = [result.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [result.shares.peak(name)]
-        used, times = [finite(peak.share) for peak in peaks], [peak.time for peak in peaks]
+        used, times = [peak.share for peak in peaks], [peak.time for peak in peaks]
         limits[name] = {"share": used, "time": times} if share.ndim == 2 else {"share": used[0], "time": times[0]}
-    largest = result.shares.largest
-    return {
+    numbers = {
         "title": result.experiment.title,
         "platform": result.platform.name,
         "within": result.within,
         "margin": result.margin,
         "keeps_margin": result.keeps_margin,
         "not_stated": list(result.not_stated),
-        "largest": {**largest._asdict(), "share": finite(largest.share)},
+        "largest": result.shares.largest._asdict(),
         "time_factor": result.time_factor,
         "amplitude_factor": result.amplitude_factor,
         "limits": limits,
-        "needs": {
-            name: {"unit": need.unit, "of_leg": [finite(float(value)) for value in need.of_leg]}
-            for name, need in result.needs.of.items()
-        },
+        "needs": {name: {"unit": need.unit, "of_leg": need.of_leg} for name, need in result.needs.of.items()},
         "needs_notes": list(result.needs.notes),
         **({} if result.worst_phases is None else {"worst_phases": [row._asdict() for row in result.worst_phases]}),
+        "versions": versions(),
+    }
+    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
+    return {
+        "check.json": (json.dumps(plain(numbers), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
+        "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
     }

@@ -1,10 +1,10 @@
-"""Experiments from TOML files, from the shipped ones, and with changed settings; the files that they name."""
+"""Experiments from TOML files, from the shipped ones, and with settings; the files that they name."""
 
 import ast
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import reduce
 from importlib.machinery import PathFinder
@@ -15,13 +15,7 @@ from pydantic import ValidationError
 
 from gough_stewart.harness.control.controllers import PythonController
 from gough_stewart.harness.errors import ExperimentError, SettingError
-from gough_stewart.harness.experiment.overrides import (
-    Settings,
-    keys_and_values,
-    set_key,
-    table_or_element,
-    with_settings,
-)
+from gough_stewart.harness.experiment.overrides import Settings, inner, keys_and_values, set_key, with_settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.motion.recorded.recording import recording_path
 from gough_stewart.harness.motion.references import FromFile
@@ -58,25 +52,28 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
-    return _parsed(*_read(name), settings)
+    text, where, folder = _read(name)
+    try:
+        values = toml_values(text)
+    except ValueError as error:
+        raise ExperimentError(where, "", str(error)) from error
+    if "platform_mass" in values and "base_points" in values:
+        raise ExperimentError(
+            where, "", "is a platform file; expected an experiment that names it: platform.file = 'FILE.toml'"
+        )
+    return experiment_from(values, where, folder, settings)
 
 
 def _read(name: Path | str) -> tuple[str, str, Path]:
-    """The TOML text of an experiment's file or of a shipped experiment, its name for messages, and its folder.
-
-    Raises
-    ------
-    ExperimentError
-        It cannot be read.
-    """
-    path = Path(name)
-    if str(name) in experiment_names() and not path.is_file():
-        return shipped_text(str(name)), f"experiment '{name}'", Path()
+    """The TOML text of an experiment's file or of a shipped experiment, its name for messages, and its folder."""
+    path, shipped = Path(name), toml_files(*_SHIPPED)
+    if str(name) in shipped and not path.is_file():
+        return shipped[str(name)].read_text(encoding="utf-8"), f"experiment '{name}'", Path()
     try:
         return path.read_text(encoding="utf-8-sig"), str(path), path.parent
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        close = get_close_matches(path.stem, experiment_names(), n=1)
+        close = get_close_matches(path.stem, shipped, n=1)
         hint = (
             f"did you mean '{close[0]}', which ships with the package?"
             if close
@@ -86,13 +83,7 @@ def _read(name: Path | str) -> tuple[str, str, Path]:
 
 
 def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) -> Experiment:
-    """The experiment itself, or that of a file or shipped name; with settings as in `load_experiment`.
-
-    Raises
-    ------
-    ExperimentError
-        The file cannot be read, or a key is unknown, missing, or has an invalid value.
-    """
+    """The experiment itself, or that of a file or shipped name; with settings as in `load_experiment`."""
     if isinstance(experiment, Path | str):
         return load_experiment(experiment, settings)
     if not isinstance(experiment, Experiment):
@@ -104,7 +95,7 @@ def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) 
     if not settings:
         return experiment
     values = experiment.model_dump(mode="json", exclude_unset=True)
-    return _set(values, settings, experiment.where, experiment.folder, experiment.changed)
+    return experiment_from(values, experiment.where, experiment.folder, settings, experiment.changed)
 
 
 def experiment_names() -> tuple[str, ...]:
@@ -119,85 +110,38 @@ def experiment_names() -> tuple[str, ...]:
 
 
 def shipped_text(name: str) -> str:
-    """The TOML file of a shipped experiment, with its comments.
-
-    Raises
-    ------
-    ExperimentError
-        No such experiment; the nearest name is suggested.
-    """
+    """The TOML file of a shipped experiment, with its comments."""
     shipped = toml_files(*_SHIPPED)
     if name not in shipped:
         raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, shipped)}")
     return shipped[name].read_text(encoding="utf-8")
 
 
-def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
-    """A shipped experiment by name; see `load_experiment` for the settings.
-
-    Raises
-    ------
-    ExperimentError
-        No such experiment, or as `experiment_from`.
-    """
-    return _parsed(shipped_text(name), f"experiment '{name}'", Path(), settings)
-
-
-def _parsed(text: str, where: str, folder: Path, settings: Settings) -> Experiment:
-    try:
-        values = toml_values(text)
-    except ValueError as error:
-        raise ExperimentError(where, "", str(error)) from error
-    if "platform_mass" in values and "base_points" in values:
-        raise ExperimentError(
-            where, "", "is a platform file; expected an experiment that names it: platform.file = 'FILE.toml'"
-        )
-    return _set(values, settings, where, folder, {})
-
-
 def experiment_from(
     values: Mapping[str, Any],
-    where: str = "experiment",
-    folder: Path = Path(),
-    changed: Mapping[str, dict[str, Any]] | None = None,
+    where: str = "experiment",  # its file or name, for messages
+    folder: Path = Path(),  # resolves file names
+    settings: Settings = (),
+    changed: Mapping[str, dict[str, Any]] | None = None,  # what calls before have set, as `Experiment.changed`
 ) -> Experiment:
-    """An experiment from plain values, as in a TOML file.
-
-    Parameters
-    ----------
-    where
-        The file or name of the experiment, for messages.
-    folder
-        Resolves file names.
-    changed
-        The keys that calls have set, as `Experiment.changed`.
+    """An experiment from plain values, as in a TOML file, with settings; it remembers what its file has instead.
 
     Raises
     ------
     ExperimentError
         A key that is unknown, missing, or has an invalid value; names place, value and remedy, one line each.
     """
-    try:
-        return Experiment.built().model_validate(dict(values)).from_file(where, folder, changed)
-    except ValidationError as error:
-        raise ExperimentError(where, "", complaints(error, Experiment, values)) from None
-
-
-def _set(
-    values: Mapping[str, Any], settings: Settings, where: str, folder: Path, before: Mapping[str, dict[str, Any]]
-) -> Experiment:
-    """An experiment with settings, which remembers them and what its file has in their place."""
-    if isinstance(settings, str):
-        settings = [settings]
-    settings = dict(settings) if isinstance(settings, Mapping) else list(settings)
-    if not settings:
-        return experiment_from(values, where, folder, before)
-    changed = dict(before)
+    settings = settings if isinstance(settings, Mapping | str) else list(settings)
+    known = dict(changed or {})
     for _, key, value in keys_and_values(settings):
         name = key.strip()
-        of_file = changed[name]["file"] if name in changed else reduce(table_or_element, name.split("."), values)
-        changed[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))
-    return experiment_from(with_settings(values, settings), where, folder, changed)
+        of_file = known[name]["file"] if name in known else reduce(inner, name.split("."), values)
+        known[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))
+    tables = with_settings(values, settings) if settings else dict(values)
+    try:
+        return Experiment.built().model_validate(tables).from_file(where, folder, known)
+    except ValidationError as error:
+        raise ExperimentError(where, "", complaints(error, Experiment, tables)) from None
 
 
 def text_with_settings(source: Experiment | Path | str, *settings: Settings, folder: Path | None = None) -> str:
@@ -213,11 +157,6 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
     folder
         The folder of the text, where the files that the experiment names have other relative names; by default that of
         the source.
-
-    Raises
-    ------
-    ExperimentError
-        The source cannot be read, or the experiment with these keys is not valid.
     """
     import tomlkit  # slow, and only needed to write files
 
@@ -226,8 +165,7 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
         where, origin = source.where, source.folder
     else:
         text, where, origin = _read(source)
-    document = tomlkit.parse(text)
-    expected: Mapping[str, Any] = toml_values(text)
+    document, expected = tomlkit.parse(text), toml_values(text)
     all_settings = [*settings]
     for keys in settings:
         expected = with_settings(expected, keys)
@@ -269,10 +207,7 @@ def digests(experiment: Experiment) -> dict[str, str]:
 
 
 def _files_beside(file: Path) -> set[Path]:
-    """The modules and packages beside a Python file that import statements reach, and files that texts in them name.
-
-    Of a package all modules count.
-    """
+    """The modules beside a Python file that import statements reach, of a package all, and files that texts name."""
     folder, seen, waiting = file.parent, set[Path](), [file]
     while waiting:
         path = waiting.pop()
@@ -283,24 +218,22 @@ def _files_beside(file: Path) -> set[Path]:
             nodes = list(ast.walk(ast.parse(path.read_bytes()))) if path.suffix == ".py" else []
         except (OSError, SyntaxError, ValueError):
             continue  # executing it says so
-        for name in _imported(nodes):
-            spec = PathFinder.find_spec(name, [str(folder)])
-            if spec is not None and spec.submodule_search_locations is not None:
-                waiting += [module for place in spec.submodule_search_locations for module in Path(place).rglob("*.py")]
-            elif spec is not None and spec.origin is not None:
-                waiting.append(Path(spec.origin))
-        texts = (node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
-        waiting += [folder / text for text in texts if os.path.isfile(folder / text)]  # noqa: PTH113 - of any text
+        for node in nodes:
+            imported = list[str]()
+            if isinstance(node, ast.Import):
+                imported = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                imported = [node.module]
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                waiting += [folder / node.value] * os.path.isfile(folder / node.value)  # noqa: PTH113 - of any text
+            for name in imported:
+                spec = PathFinder.find_spec(name.partition(".")[0], [str(folder)])
+                if spec is not None and spec.submodule_search_locations is not None:
+                    for place in spec.submodule_search_locations:
+                        waiting += Path(place).rglob("*.py")
+                elif spec is not None and spec.origin is not None:
+                    waiting.append(Path(spec.origin))
     return seen - {file}
-
-
-def _imported(nodes: list[ast.AST]) -> Iterator[str]:
-    """The top-level names of import statements, also of those inside functions."""
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module.partition(".")[0]
 
 
 def _from(file: Path, folder: Path) -> str:
@@ -314,12 +247,7 @@ def _from(file: Path, folder: Path) -> str:
 def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], str]:
     """The names, by key, under which an experiment file in a folder finds the same files.
 
-    Absolute names, and names of shipped recordings, stay as they are.
-
-    Raises
-    ------
-    ExperimentError
-        The folder has a file of its own under the name of a shipped one.
+    Absolute names, and names of shipped recordings, stay as they are; a file of that name in the folder is refused.
     """
     names = dict[tuple[str, ...], str]()
     for key, text in file_names(experiment).items():

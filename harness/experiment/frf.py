@@ -71,8 +71,8 @@ class FrequencyResponse:
             f"{self.channel}, {self._band}",
             f"largest |S| {abs(seen.S[peak]):.4g} at {f[peak]:.4g} Hz; smallest coherence {seen.coherence.min():.3g}",
         ]
-        if self.predicted is not None:
-            gap = np.abs(seen.S - 1 / (1 + self.predicted))
+        if self._model_S is not None:
+            gap = np.abs(seen.S - self._model_S)
             worst = int(gap.argmax())
             lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
         return "\n  ".join([*lines, *self.notes])
@@ -81,6 +81,11 @@ class FrequencyResponse:
     def _band(self) -> str:
         f = self.frequency
         return f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.measured.periods} periods"
+
+    @property
+    def _model_S(self) -> ComplexArray | None:
+        """S of the linear model."""
+        return None if self.predicted is None else np.asarray(1 / (1 + self.predicted))
 
     def _repr_html_(self) -> str:
         return to_html(self.report(charts=False))
@@ -94,14 +99,79 @@ class FrequencyResponse:
             Verdict, numbers such as `S.peak` and `L.crossover`, a table, and with `charts` the Bode plot.
         """
         sections = [Section("Bode plot", _charts(self))] if charts else []
+        seen, f, n = self.measured, self.frequency, len(self.frequency)
+        is_known, size = loop_is_known(seen), np.abs(seen.S)
+
+        # numbers; the crossover is the highest frequency at which |L| falls through 1, between two known lines
+        peak, gain, crossover, agreement = int(size.argmax()), np.abs(seen.L), None, None
+        falls = np.flatnonzero((gain[:-1] >= 1) & (gain[1:] < 1) & is_known[:-1] & is_known[1:])
+        if falls.size:
+            k = int(falls[-1])
+            share = math.log(gain[k]) / (math.log(gain[k]) - math.log(gain[k + 1]))
+            crossover = float(f[k] * (f[k + 1] / f[k]) ** share)
+        if self._model_S is not None:
+            agreement = float((np.abs(seen.S - self._model_S) <= seen.radius).mean())
+        largest, radius = float(size[peak]), float(seen.radius[peak])
+        numbers = (
+            Number("S.peak", "largest |S|", largest, _PLAIN, largest - radius, largest + radius,
+                   explanation="the largest amplification of a disturbance, with its 95 % confidence"),
+            Number("L.crossover", "crossover of L", crossover, FREQUENCY, explanation="where |L| is 1"),
+            Number("L.known", "frequencies at which L is known", float(is_known.mean()), SHARE,
+                   explanation="where the 95 % confidence of L leaves 0 out"),
+            Number("agreement", "agreement of S with the linear model", agreement, SHARE,
+                   explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % "
+                   "if the model were exact and friction linear"),
+            Number("coherence", "least coherence", float(seen.coherence.min()), _COHERENCE,
+                   explanation="share of the force that the injection explains, of S and T"),
+        )  # fmt: skip
+
+        # verdict
+        status: Status = "marginal" if largest > _HIGH else "good"
+        if agreement is None:
+            agrees, status = "no linear model to compare with", "told" if status == "good" else status
+        else:
+            agrees = f"S agrees with the linear model within its 95 % confidence at {percent(agreement)} of them"
+            status = "marginal" if agreement < _FEW else status
+        decibels = 20 * math.log10(largest or math.nan)
+        parts = [
+            f"|S| peaks at {about(DECIBEL, decibels)} at {about(FREQUENCY, float(f[peak]))}",
+            None if crossover is None else f"the gain of L is 1 at {about(FREQUENCY, crossover)}",
+            f"L is known at {'all ' if is_known.all() else f'{is_known.sum()} of '}{n} frequencies",
+            agrees,
+        ]
+        verdict = Verdict(sentence(parts), status, (numbers[0], numbers[1], numbers[3]))
+
+        # table: of all frequencies the terminal shows some; L where it is known
+        columns = [
+            Column("f", FREQUENCY),
+            Column("|S|", _PLAIN, "gain from the injected to the total force"),
+            Column("|T|", _PLAIN, "share of the injected force that the controller cancels"),
+            Column("|L|", _PLAIN, "gain of the loop with this channel cut; none where its confidence includes 0"),
+            Column("∠L", _PHASE),
+        ]
+        if self.predicted is not None:
+            columns += [Column("|L| model", _PLAIN, "of the linear model"), Column("∠L model", _PHASE)]
+        columns.append(
+            Column("coherence", _COHERENCE, "of S and T, not of L: what the injection explains of the force")
+        )
+        rows: list[tuple[Cell, ...]] = []
+        for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
+            cells: list[Cell] = [float(f[k]), float(size[k]), float(abs(seen.T[k]))]
+            cells += [float(gain[k]), float(np.angle(seen.L[k]))] if is_known[k] else [None, None]
+            if self.predicted is not None:
+                cells += [float(abs(self.predicted[k])), float(np.angle(self.predicted[k]))]
+            rows.append((*cells, float(seen.coherence[k])))
+        shown = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
+        note = f"{shown}Coherence is of S and T: it may be 1 where L is not known."
+        table = Table("Frequency response", tuple(columns), tuple(rows), note=note)
         return Report(
             f"{self.title}: {self.channel}",
-            _verdict(self),
-            (*sections, Section("Values", (_table(self),))),
+            verdict,
+            (*sections, Section("Values", (table,))),
             study="frf",
             settings=settings_of(self.changed),
             lead=self._band,
-            numbers=_numbers(self),
+            numbers=numbers,
             notes=tuple(Note(text, "warning") for text in self.notes),
         )
 
@@ -116,8 +186,7 @@ class FrequencyResponse:
         ):
             parts |= {f"{name}.gain": np.abs(values), f"{name}.phase": np.angle(values), f"{name}.radius": radius}
         parts["coherence"] = measured.coherence
-        if self.predicted is not None:
-            S = 1 / (1 + self.predicted)
+        if self.predicted is not None and (S := self._model_S) is not None:
             for name, values in (("S", S), ("T", 1 - S), ("L", self.predicted)):
                 parts |= {f"predicted.{name}.gain": np.abs(values), f"predicted.{name}.phase": np.angle(values)}
         return polars.DataFrame(parts)
@@ -288,128 +357,38 @@ def loop_is_known(result: Response) -> NDArray[np.bool_]:
     return np.asarray(is_known)
 
 
-def _verdict(result: FrequencyResponse) -> Verdict:
-    """The peak of S, where L is 1, at how many frequencies L is known, and how many agree with the linear model."""
-    numbers = {number.path: number for number in _numbers(result)}
-    carried = peak, crossover, agree = tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
-    n, n_known = len(result.frequency), int(loop_is_known(result.measured).sum())
-    at = result.frequency[int(np.abs(result.measured.S).argmax())]
-    parts: list[str | None] = [
-        f"|S| peaks at {about(DECIBEL, 20 * math.log10(peak.value or math.nan))} at {about(FREQUENCY, float(at))}",
-        None if crossover.value is None else f"the gain of L is 1 at {about(FREQUENCY, crossover.value)}",
-        f"L is known at {n_known} of {n} frequencies" if n_known < n else f"L is known at all {n} frequencies",
-    ]
-    status: Status = "marginal" if (peak.value or 0.0) > _HIGH else "good"
-    if agree.value is None:
-        parts.append("no linear model to compare with")
-        status = "told" if status == "good" else status
-    else:
-        parts.append(f"S agrees with the linear model within its 95 % confidence at {percent(agree.value)} of them")
-        status = "marginal" if agree.value < _FEW else status
-    return Verdict(sentence(parts), status, carried)
-
-
-def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
-    seen = result.measured
-    size, is_known = np.abs(seen.S), loop_is_known(seen)
-    peak = int(size.argmax())
-    largest, radius, within = float(size[peak]), float(seen.radius[peak]), None
-    if result.predicted is not None:
-        within = float((np.abs(seen.S - 1 / (1 + result.predicted)) <= seen.radius).mean())
-    return (
-        Number("S.peak", "largest |S|", largest, _PLAIN, largest - radius, largest + radius,
-               explanation="the largest amplification of a disturbance, with its 95 % confidence"),
-        Number("L.crossover", "crossover of L", _crossover(result, is_known), FREQUENCY, explanation="where |L| is 1"),
-        Number("L.known", "frequencies at which L is known", float(is_known.mean()), SHARE,
-               explanation="where the 95 % confidence of L leaves 0 out"),
-        Number("agreement", "agreement of S with the linear model", within, SHARE,
-               explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if "
-               "the model were exact and friction linear"),
-        Number("coherence", "least coherence", float(seen.coherence.min()), _COHERENCE,
-               explanation="share of the force that the injection explains, of S and T"),
-    )  # fmt: skip
-
-
-def _crossover(result: FrequencyResponse, known: NDArray[np.bool_]) -> float | None:
-    """The highest frequency at which the measured |L| falls through 1, between two lines at which it is known."""
-    gain, f = np.abs(result.measured.L), result.frequency
-    falls = np.flatnonzero((gain[:-1] >= 1) & (gain[1:] < 1) & known[:-1] & known[1:])
-    if not falls.size:
-        return None
-    k = int(falls[-1])
-    share = math.log(gain[k]) / (math.log(gain[k]) - math.log(gain[k + 1]))
-    return float(f[k] * (f[k + 1] / f[k]) ** share)
-
-
-def _table(result: FrequencyResponse) -> Table:
-    """All frequencies, of which the terminal shows some; L where it is known."""
-    seen, n = result.measured, len(result.frequency)
-    is_known = loop_is_known(seen)
-    columns = [
-        Column("f", FREQUENCY),
-        Column("|S|", _PLAIN, "gain from the injected to the total force"),
-        Column("|T|", _PLAIN, "share of the injected force that the controller cancels"),
-        Column("|L|", _PLAIN, "gain of the loop with this channel cut; none where its confidence includes 0"),
-        Column("∠L", _PHASE),
-    ]
-    if result.predicted is not None:
-        columns += [Column("|L| model", _PLAIN, "of the linear model"), Column("∠L model", _PHASE)]
-    columns.append(Column("coherence", _COHERENCE, "of S and T, not of L: what the injection explains of the force"))
-    rows: list[tuple[Cell, ...]] = []
-    for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
-        cells: list[Cell] = [float(result.frequency[k]), float(abs(seen.S[k])), float(abs(seen.T[k]))]
-        cells += [float(abs(seen.L[k])), float(np.angle(seen.L[k]))] if is_known[k] else [None, None]
-        if result.predicted is not None:
-            cells += [float(abs(result.predicted[k])), float(np.angle(result.predicted[k]))]
-        rows.append((*cells, float(seen.coherence[k])))
-    shown = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
-    note = f"{shown}Coherence is of S and T: it may be 1 where L is not known."
-    return Table("Frequency response", tuple(columns), tuple(rows), note=note)
-
-
 def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
-    seen = result.measured
+    """Points of the run with their circles, L where it is known, and lines of the linear model."""
+    seen, model_L, model_S = result.measured, result.predicted, result._model_S
     is_known = loop_is_known(seen)
-    x = Axis("frequency", FREQUENCY, result.frequency, scale="log")
-    L = np.where(is_known, seen.L, np.nan)
-    radius = np.where(is_known, seen.loop_radius, np.nan)
-    size = np.abs(L)
-    angle = np.full(len(L), np.nan)
+    size, radius = (np.where(is_known, values, np.nan) for values in (np.abs(seen.L), seen.loop_radius))
+    angle, spread = np.full((2, len(size)), np.nan)
     angle[is_known] = np.unwrap(np.angle(seen.L[is_known]))
-    spread = np.full(len(L), np.nan)
     spread[is_known] = np.arcsin(np.minimum(1.0, radius[is_known] / size[is_known]))
-    gain = [Series("run", _GAIN, size, "measured", low=size - radius, high=size + radius)]
-    phase = [Series("run", _PHASE, angle, "measured", low=angle - spread, high=angle + spread)]
-    sizes = {
-        name: [
-            Series("run", _GAIN, np.abs(values), "measured", low=np.abs(values) - seen.radius,
-                   high=np.abs(values) + seen.radius)
-        ]
-        for name, values in (("S", seen.S), ("T", seen.T))
-    }  # fmt: skip
-    if result.predicted is not None:
-        line = np.unwrap(np.angle(result.predicted))
-        # by full turns to the nearest phase
-        turns = np.round(np.median(angle[is_known] - line[is_known]) / (2 * math.pi)) if is_known.any() else 0.0
-        S = 1 / (1 + result.predicted)
-        gain.append(Series("linear model", _GAIN, np.abs(result.predicted), "nominal"))
-        phase.append(Series("linear model", _PHASE, line + 2 * math.pi * turns, "nominal"))
-        for name, values in (("S", S), ("T", 1 - S)):
-            sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
-    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     unknown = "" if is_known.all() else "L is left out where its 95 % confidence includes 0."
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     half_turn = Mark(-math.pi, "−180°", role="neutral", tells=False)
+    x = Axis("frequency", FREQUENCY, result.frequency, scale="log")
+
+    def chart(title: str, values: FloatArray, radius: FloatArray, model: FloatArray | None, **options: Any) -> Chart:
+        quantity = _PHASE if title == "phase of L" else _GAIN
+        series = [Series("run", quantity, values, "measured", low=values - radius, high=values + radius)]
+        if model is not None:
+            series.append(Series("linear model", quantity, model, "nominal"))
+        y = Axis(title, ANGLE) if quantity is _PHASE else Axis(title, _GAIN, scale="log")
+        return Chart(title, x, tuple(series), y=y, group="bode", **options)
+
+    line = None
+    if model_L is not None:  # by full turns to the nearest phase
+        line = np.unwrap(np.angle(model_L))
+        turns = np.round(np.median(angle[is_known] - line[is_known]) / (2 * math.pi)) if is_known.any() else 0.0
+        line = line + 2 * math.pi * turns
     coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
     return (
-        Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=unity, note=unknown,
-              group="bode"),
-        Chart("phase of L", x, tuple(phase), y=Axis("phase of L", ANGLE), marks=(half_turn,),
-              note=unknown, group="bode"),
-        *(
-            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=unity,
-                  group="bode")
-            for name, series in sizes.items()
-        ),
+        chart("gain of L", size, radius, None if model_L is None else np.abs(model_L), marks=unity, note=unknown),
+        chart("phase of L", angle, spread, line, marks=(half_turn,), note=unknown),
+        chart("gain of S", np.abs(seen.S), seen.radius, None if model_S is None else np.abs(model_S), marks=unity),
+        chart("gain of T", np.abs(seen.T), seen.radius, None if model_S is None else np.abs(1 - model_S), marks=unity),
         Chart("coherence of S and T", x, (coherence,), "points", y=Axis("coherence", _COHERENCE), group="bode",
               note="The share of the force that the injection explains; it says nothing of L where that is small."),
     )  # fmt: skip

@@ -16,7 +16,6 @@ from gymnasium.vector.utils import batch_space
 from numpy.random import SeedSequence
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.component import Signals
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.laws import LinearController
@@ -68,15 +67,6 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     Information of a step has `cause`, why a member terminated, where any has.
     """
 
-    # between steps, members last: states of limits and drives, commands that wait for their delay; rows, ends
-    _planned: Signals
-    _driven: Signals
-    _slots: FloatArray
-    _excess: FloatArray
-    _row: NDArray[np.intp]
-    _ended: BoolArray
-    _causes: NDArray[Any]
-
     def __init__(
         self,
         experiment: Experiment,
@@ -97,27 +87,150 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         ):
             if not is_one:
                 raise ArgumentError(f"{name} is {value!r}; expected {expected}")
-        loop, sensors = experiment.loop, experiment.sensors
         for name, is_there in (
             *((name, bool(getattr(experiment, name))) for name in ("change", "disturbance", "fault")),
-            ("loop.jitter", bool(loop.jitter)),
-            ("sensors.sample_time", sensors.sample_time is not None),
+            ("loop.jitter", bool(experiment.loop.jitter)),
+            ("sensors.sample_time", experiment.sensors.sample_time is not None),
         ):
             if is_there:
                 text = "has a time of its own, which steps of episodes that restart one by one do not have; remove it"
                 raise ExperimentError(experiment.where, name, text)
         self.metadata = {"autoreset_mode": AutoresetMode[autoreset.upper()], "render_modes": []}
-        self.num_envs, self._experiment, self._hold, self._actions = n, experiment, hold, actions
+        self.num_envs, self._experiment, self._hold, self._follows_poses = n, experiment, hold, actions == "pose"
         self._prepare(None)
-        self._observed = [self._places_of(name) for name in observations]
+
+        # what is observed: measured or of the reference, and its elements
+        self._observed = list[tuple[str, slice]]()
+        for name in observations:
+            signal = name.removeprefix(_REFERENCE)
+            if signal not in AT:
+                raise ArgumentError(f"observations has {name!r}{nearest(signal, NAMES)}")
+            if signal != name and self._reference is None:
+                raise ArgumentError(
+                    f"observations has {name!r}, and the experiment has no reference; add one, or remove it"
+                )
+            self._observed.append(("measured" if signal == name else "reference", AT[signal]))
         self._reward = self._metric_reward(reward) if isinstance(reward, str) else reward
         self._sense(None)
         self._observe()
-        size = sum(at.stop - at.start for _, at in self._observed)
-        self.single_observation_space = Box(-np.inf, np.inf, (size,), dtype=np.float64)
-        self.single_action_space = Box(*self._action_bounds, dtype=np.float64)
+
+        # the least and largest actions: force limits [N], or home ± half the stroke [m], angles as far [rad]
+        limit, platform = self._loop.actuators.force_limit, self._platform
+        bound = np.full(N_LEGS, np.inf if limit is None else np.max(limit))
+        low, high = -bound, bound
+        if self._follows_poses:
+            stroke, legs = platform.stroke, leg_geometry(platform, platform.home_position, platform.home_orientation)
+            reach = _REACH * float(legs.length.mean()) if stroke is None else stroke / 2
+            radius = float(np.linalg.norm(platform.platform_points, axis=1).max())
+            home, size = np.r_[platform.home_position, platform.home_orientation], np.repeat([reach, reach / radius], 3)
+            low, high = home - size, home + size
+        n_observed = sum(at.stop - at.start for _, at in self._observed)
+        self.single_observation_space = Box(-np.inf, np.inf, (n_observed,), dtype=np.float64)
+        self.single_action_space = Box(low, high, dtype=np.float64)
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
+
+    def _prepare(self, seed: int | None) -> None:
+        """Members, with the draws of the `[ensemble]` of a seed; of none those of the experiment's own."""
+        experiment, n = self._experiment, self.num_envs
+        choice, tolerance = experiment.ensemble, experiment.plant.tolerance
+        values: Sequence[Values] = [{}] * n
+        if choice is not None:
+            tolerance = choice.tolerance
+            drawn = choice.model_copy(update={"members": n} if seed is None else {"members": n, "seed": seed})
+            limits = experiment.limits.model_copy(update={"stroke": "warn"})  # of no concern for the draws
+            values = Members(experiment.model_copy(update={"ensemble": drawn, "limits": limits})).draws(0, n).values
+        prepared = Preparation(experiment).members(values)
+        for error in prepared.errors.values():
+            raise error
+        batch = prepared.batch
+        self._loop, self._timing, self._platform = batch.loop, batch.timing, batch.setups[0].platform
+        self._every, self._steps = self._timing.steps_a_sample, self._timing.steps
+        fixed = experiment.plant.fixed_step_size
+        self._plant = LanesPlant(
+            batch.machines,
+            [setup.start for setup in batch.setups],
+            substeps=max(1, round(self._timing.plant_step / fixed)) if fixed else None,
+            tolerance=tolerance,
+            kernel=loop_kernel(Variant.of(batch.machines[0])),
+        )
+        for failure in self._plant.begin().values():
+            raise failure
+        self._reference = members_last(self._loop.reference)
+        planned = np.zeros((len(self._timing.samples), N_LEGS)) if self._follows_poses else self._loop.feedforward
+        self._known: Any = members_last(planned if self._loop.injection is None else planned + self._loop.injection)
+        self._law = self._law_of(batch) if self._follows_poses else None
+
+        # limits, commands that wait for their delay, and drives, members last, as in the host of a run
+        self._start_force = start = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T.copy()
+        actuators = {
+            key: np.full(start.shape, np.transpose(value)) for key, value in self._loop.actuators.values.items()
+        }
+        self._limits = ForceLimits.without_idle(ForceLimits.prepare(actuators, self._timing.sample_time))
+        self._drive = Drive.without_idle(Drive.prepare(actuators, self._timing.plant_step))
+        self._planned, self._driven = ForceLimits.start(self._limits, (start,)), Drive.start(self._drive, (start,))
+        self._delay = np.broadcast_to(np.asarray(self._loop.actuators.delay), (n,))
+        self._slots, self._excess = np.tile(start, (int(self._delay.max()) + 1, 1, 1)), np.zeros((N_LEGS, n))
+        self._inputs, self._members = np.zeros((n, interface.N_INPUTS)), np.arange(n)
+        # of each member its row, and whether and why its episode has ended; samples and rows since machines were made
+        self._row, self._samples, self._rows = np.zeros(n, dtype=np.intp), 0, 0
+        self._ended, self._causes = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)
+
+    def _law_of(self, batch: Batch) -> LinearLaw:
+        """The controllers of all, with the memory of rest in the start state."""
+        controllers, where = [setup.controller for setup in batch.setups], self._experiment.where
+        if not all(isinstance(controller, LinearController) for controller in controllers):
+            text = "follows no poses; expected a linear one, such as type = 'pd', or actions of forces"
+            raise ExperimentError(where, "controller", text)
+        if any(setup.platform is not self._platform for setup in batch.setups):
+            raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
+        assert self._loop.reference is not None  # a controller has one
+        jacobians = np.stack([setup.jacobians[:1] for setup in batch.setups], axis=1)
+        make = laws_of(
+            [controller for controller in controllers if controller is not None], self._timing.sample_time, jacobians
+        )
+        silent = replace(self._loop, sensors=replace(self._loop.sensors, noise={}))
+        sensors = SensorReadings(silent, self.num_envs, np.zeros((self.num_envs, N_FAULTS)))
+        law = make(self._loop.reference[0], sensors.read(0, seen(self._plant, silent.sensors.side)))
+        assert isinstance(law, LinearLaw)
+        return law
+
+    def _sense(self, seed: int | None) -> None:
+        """Sensors with the noise of a seed, from their first reading on."""
+        common = self._experiment.sensors.seed if seed is None else seed
+        seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
+        loop = replace(self._loop, sensors=replace(self._loop.sensors, seed=seeds))
+        used = {name for name in NAMES for kind, at in self._observed if kind == "measured" and AT[name] == at}
+        used |= set(() if self._law is None else self._law.used)
+        self._readings = SensorReadings(loop, self.num_envs, np.zeros((self.num_envs, N_FAULTS)), sorted(used))
+        self._read = 0
+
+    def _observe(self) -> FloatArray:
+        """Read the sensors once more: observations (N, size)."""
+        self._reading = self._readings.read(self._read, seen(self._plant, self._loop.sensors.side))
+        self._read += 1
+        parts = {"measured": self._reading.T, "reference": self._reference_now()}
+        return np.ascontiguousarray(np.concatenate([parts[kind][at] for kind, at in self._observed]).T)
+
+    def _metric_reward(self, path: str) -> Reward:
+        """Minus the squared norm of an error, so that the mean over an episode is minus the metric's square.
+
+        What terminates counts its last error for all the rest of the episode, so that an early end is no gain.
+        """
+        if path not in _SQUARES or self._reference is None:
+            raise ArgumentError(
+                f"reward is {path!r}; expected a function, or of an experiment with a reference one of "
+                f"{', '.join(_SQUARES)}"
+            )
+        name, a_step = _SQUARES[path], self._every * self._hold
+
+        def reward(after: Transition) -> FloatArray:
+            error = error_between(name, after.reference[name].T, after.state[name].T)
+            square = np.add.reduce(error * error, axis=0)
+            left = np.where(after.terminated, (self._steps - self._row) // a_step, 0)
+            return np.asarray(-square * (1 + left))
+
+        return reward
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -147,19 +260,18 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._restart(members)
         return self._observe(), {}
 
-    @property
-    def _action_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Least and largest actions (6,): force limits [N], or home ± half the stroke [m], angles as far [rad]."""
-        if self._actions == "force":
-            limit = self._loop.actuators.force_limit
-            bound = np.full(N_LEGS, np.inf if limit is None else np.max(limit))
-            return -bound, bound
-        platform = self._platform
-        geometry, stroke = leg_geometry(platform, platform.home_position, platform.home_orientation), platform.stroke
-        reach = _REACH * float(geometry.length.mean()) if stroke is None else stroke / 2
-        radius = float(np.linalg.norm(platform.platform_points, axis=1).max())
-        home, size = np.r_[platform.home_position, platform.home_orientation], np.repeat([reach, reach / radius], 3)
-        return home - size, home + size
+    def _restart(self, members: BoolArray) -> None:
+        """Begin a new episode of these members (N,), in the start state of the experiment."""
+        self._plant.restart(members)
+        self._row[members], self._ended[members] = 0, False
+        self._slots[:, :, members] = self._start_force[:, members]
+        self._planned, self._driven = (
+            tuple(np.where(members, self._start_force, values) for values in states)
+            for states in (self._planned, self._driven)
+        )
+        self._excess = np.where(members, 0.0, self._excess)
+        if self._law is not None:
+            self._law.restart(members)
 
     def step(self, actions: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Take actions (N, 6); members whose episode had ended begin the next, or stay, with reward 0.
@@ -169,202 +281,57 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         ArgumentError
             Actions of another shape, or that are no numbers.
         """
-        actions = np.asarray(actions, dtype=float)
-        if actions.shape != (self.num_envs, N_LEGS) or not (np.abs(actions) <= LARGEST_NUMBER).all():
+        actions, n, law = np.asarray(actions, dtype=float), self.num_envs, self._law
+        if actions.shape != (n, N_LEGS) or not (np.abs(actions) <= LARGEST_NUMBER).all():
             raise ArgumentError(
                 f"actions have shape {actions.shape} and values up to {np.abs(actions).max(initial=0.0):g}; expected "
-                f"{self.num_envs} x {N_LEGS} numbers up to {LARGEST_NUMBER:g}"
+                f"{n} x {N_LEGS} numbers up to {LARGEST_NUMBER:g}"
             )
         waiting = self._ended
-        going = ~waiting
+        going, terminated = ~waiting, np.zeros(n, dtype=bool)
         if waiting.any():
             self._plant.freeze(waiting)
-        wanted = self._wanted(actions) if self._law is not None else None
-        terminated = np.zeros(self.num_envs, dtype=bool)
+
+        # forces, or references at rest in the poses (N, 30) with the feedforward that holds them
+        added, reference = actions.T, np.zeros((n, 30))
+        if law is not None:
+            position, orientation = actions[:, :3], actions[:, 3:]
+            reference[:, :6] = actions
+            reference[:, LENGTHS] = leg_geometry(self._platform, position, orientation).length
+            if law.jacobians is not None:
+                J = leg_jacobian(self._platform, position, orientation)
+                law.jacobians, law.inverses = (np.moveaxis(M, 0, -1)[None] for M in (J, np.linalg.inv(J)))
+            added = np.zeros((N_LEGS, 1))
+            if self._experiment.controller.feedforward != "none":
+                added = static_leg_forces(self._platform, position, orientation).T
+
         for sample in range(self._hold):
             if sample:
                 self._observe()
-            target = self._sample(actions, wanted, going)
+            # the command, what of it is allowed, and what reaches the drives after its delay
+            command = self._at(self._known, np.minimum(self._row, self._steps - 1) // self._every) + added
+            if law is not None:
+                due = None if going.all() else going
+                command = command + law.force(0, 0.0, reference, self._reading, self._excess.T, due).T
+            self._planned, (allowed, _, excess) = ForceLimits.step(self._limits, self._planned, (command,))
+            self._excess = self._excess if excess is None else excess
+            j, self._samples = self._samples, self._samples + 1
+            self._slots[j % len(self._slots)] = allowed
+            target = self._slots[(j - self._delay) % len(self._slots), :, self._members].T
             for _ in range(self._every):
                 self._driven, (force, _) = Drive.step(self._drive, self._driven, (target,))
                 self._advance(force, going, terminated)
+
         self._ended = ~going
         truncated = self._ended & ~waiting & ~terminated
         rewards = np.array(self._reward(self._transition(actions, terminated)), dtype=float)
-        if rewards.shape != (self.num_envs,):
-            raise ArgumentError(f"rewards have shape {rewards.shape}; expected one for each member, ({self.num_envs},)")
+        if rewards.shape != (n,):
+            raise ArgumentError(f"rewards have shape {rewards.shape}; expected one for each member, ({n},)")
         rewards[waiting] = 0.0
-        infos: dict[str, Any] = {}
-        if terminated.any():
-            infos = {"cause": self._causes.copy(), "_cause": terminated.copy()}
+        infos = {"cause": self._causes.copy(), "_cause": terminated.copy()} if terminated.any() else {}
         if self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP and waiting.any():
             self._restart(waiting)
         return self._observe(), rewards, terminated, truncated, infos
-
-    def _restart(self, members: BoolArray) -> None:
-        """Begin a new episode of these members (N,), in the start state of the experiment."""
-        self._plant.restart(members)
-        self._row[members], self._ended[members] = 0, False
-        self._slots[:, :, members] = self._start_force[:, members]
-        self._planned = tuple(np.where(members, self._start_force, values) for values in self._planned)
-        self._driven = tuple(np.where(members, self._start_force, values) for values in self._driven)
-        self._excess = np.where(members, 0.0, self._excess)
-        if self._law is not None:
-            self._law.restart(members)
-
-    def _observe(self) -> FloatArray:
-        """Read the sensors once more: observations (N, size)."""
-        self._reading = self._readings.read(self._read, seen(self._plant, self._loop.sensors.side))
-        self._read += 1
-        parts = {"measured": self._reading.T, "reference": self._reference_now()}
-        return np.ascontiguousarray(np.concatenate([parts[kind][at] for kind, at in self._observed]).T)
-
-    def _prepare(self, seed: int | None) -> None:
-        """Members, with the draws of the `[ensemble]` of a seed; of none those of the experiment's own."""
-        experiment, n = self._experiment, self.num_envs
-        choice, tolerance = experiment.ensemble, experiment.plant.tolerance
-        values: Sequence[Values] = [{}] * n
-        if choice is not None:
-            tolerance = choice.tolerance
-            drawn = choice.model_copy(update={"members": n} if seed is None else {"members": n, "seed": seed})
-            limits = experiment.limits.model_copy(update={"stroke": "warn"})  # of no concern for the draws
-            values = Members(experiment.model_copy(update={"ensemble": drawn, "limits": limits})).draws(0, n).values
-        prepared = Preparation(experiment).members(values)
-        for error in prepared.errors.values():
-            raise error
-        batch = prepared.batch
-        self._loop, self._timing, self._platform = batch.loop, batch.timing, batch.setups[0].platform
-        self._every, self._steps = self._timing.steps_a_sample, self._timing.steps
-        fixed = experiment.plant.fixed_step_size
-        self._plant = LanesPlant(
-            batch.machines,
-            [setup.start for setup in batch.setups],
-            substeps=max(1, round(self._timing.plant_step / fixed)) if fixed else None,
-            tolerance=tolerance,
-            kernel=loop_kernel(Variant.of(batch.machines[0])),
-        )
-        for failure in self._plant.begin().values():
-            raise failure
-        self._reference = members_last(self._loop.reference)
-        planned = self._loop.feedforward
-        if self._actions == "pose":
-            planned = np.zeros((len(planned), N_LEGS))
-        if self._loop.injection is not None:
-            planned = planned + self._loop.injection
-        self._known: Any = members_last(planned)
-        self._law = self._law_of(batch) if self._actions == "pose" else None
-
-        # actuators, as in the host of a run
-        self._start_force = start = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T.copy()
-        actuators = {
-            key: np.full(start.shape, np.transpose(value)) for key, value in self._loop.actuators.values.items()
-        }
-        self._limits = ForceLimits.without_idle(ForceLimits.prepare(actuators, self._timing.sample_time))
-        self._drive = Drive.without_idle(Drive.prepare(actuators, self._timing.plant_step))
-        self._planned = ForceLimits.start(self._limits, (start,))
-        self._driven = Drive.start(self._drive, (start,))
-        self._delay = np.broadcast_to(np.asarray(self._loop.actuators.delay), (n,))
-        self._slots = np.tile(start, (int(self._delay.max()) + 1, 1, 1))
-        self._excess = np.zeros((N_LEGS, n))
-        self._inputs = np.zeros((n, interface.N_INPUTS))
-        self._row = np.zeros(n, dtype=np.intp)
-        self._members = np.arange(n)
-        self._samples, self._rows = 0, 0  # since the machines were made
-        self._ended = np.zeros(n, dtype=bool)
-        self._causes = np.full(n, "", dtype=object)
-
-    def _law_of(self, batch: Batch) -> LinearLaw:
-        """The controllers of all, with the memory of rest in the start state."""
-        controllers, where = [setup.controller for setup in batch.setups], self._experiment.where
-        if not all(isinstance(controller, LinearController) for controller in controllers):
-            text = "follows no poses; expected a linear one, such as type = 'pd', or actions of forces"
-            raise ExperimentError(where, "controller", text)
-        if any(setup.platform is not self._platform for setup in batch.setups):
-            raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
-        assert self._loop.reference is not None  # a controller has one
-        jacobians = np.stack([plan.jacobians[:1] for setup in batch.setups if (plan := setup.planned)], axis=1)
-        make = laws_of(
-            [controller for controller in controllers if controller is not None], self._timing.sample_time, jacobians
-        )
-        silent = replace(self._loop, sensors=replace(self._loop.sensors, noise={}))
-        sensors = SensorReadings(silent, self.num_envs, np.zeros((self.num_envs, N_FAULTS)))
-        law = make(self._loop.reference[0], sensors.read(0, seen(self._plant, silent.sensors.side)))
-        assert isinstance(law, LinearLaw)
-        return law
-
-    def _sense(self, seed: int | None) -> None:
-        """Sensors with the noise of a seed, from their first reading on."""
-        common = self._experiment.sensors.seed if seed is None else seed
-        seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
-        loop = replace(self._loop, sensors=replace(self._loop.sensors, seed=seeds))
-        used = {name for name in NAMES for kind, at in self._observed if kind == "measured" and AT[name] == at}
-        used |= set(() if self._law is None else self._law.used)
-        self._readings = SensorReadings(loop, self.num_envs, np.zeros((self.num_envs, N_FAULTS)), sorted(used))
-        self._read = 0
-
-    def _places_of(self, name: str) -> tuple[str, slice]:
-        """Whether an observation is measured or of the reference, and its elements."""
-        signal = name.removeprefix(_REFERENCE)
-        if signal not in AT:
-            raise ArgumentError(f"observations has {name!r}{nearest(signal, NAMES)}")
-        if signal != name and self._reference is None:
-            raise ArgumentError(
-                f"observations has {name!r}, and the experiment has no reference; add one, or remove it"
-            )
-        return "measured" if signal == name else "reference", AT[signal]
-
-    def _metric_reward(self, path: str) -> Reward:
-        """Minus the squared norm of an error, so that the mean over an episode is minus the metric's square.
-
-        What terminates counts its last error for all the rest of the episode, so that an early end is no gain.
-        """
-        if path not in _SQUARES or self._reference is None:
-            raise ArgumentError(
-                f"reward is {path!r}; expected a function, or of an experiment with a reference one of "
-                f"{', '.join(_SQUARES)}"
-            )
-        name, a_step = _SQUARES[path], self._every * self._hold
-
-        def reward(after: Transition) -> FloatArray:
-            error = error_between(name, after.reference[name].T, after.state[name].T)
-            square = np.add.reduce(error * error, axis=0)
-            left = np.where(after.terminated, (self._steps - self._row) // a_step, 0)
-            return np.asarray(-square * (1 + left))
-
-        return reward
-
-    def _wanted(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of poses (N, 6): references at rest in them (N, 30), and the feedforward (6, N) [N]."""
-        position, orientation = poses[:, :3], poses[:, 3:]
-        reference = np.zeros((30, self.num_envs))
-        reference[:6] = poses.T
-        reference[LENGTHS] = leg_geometry(self._platform, position, orientation).length.T
-        assert self._law is not None
-        if self._law.jacobians is not None:
-            J = leg_jacobian(self._platform, position, orientation)
-            self._law.jacobians, self._law.inverses = (np.moveaxis(M, 0, -1)[None] for M in (J, np.linalg.inv(J)))
-        if self._experiment.controller.feedforward == "none":
-            return reference.T, np.zeros((N_LEGS, 1))
-        return reference.T, static_leg_forces(self._platform, position, orientation).T
-
-    def _sample(
-        self, actions: FloatArray, wanted: tuple[FloatArray, FloatArray] | None, going: BoolArray
-    ) -> FloatArray:
-        """The forces (6, N) [N] that reach the drives from this sample on."""
-        j = self._samples
-        self._samples += 1
-        command = self._at(self._known, np.minimum(self._row, self._steps - 1) // self._every)
-        if self._law is None or wanted is None:
-            command = command + actions.T
-        else:
-            reference, feedforward = wanted
-            due = None if going.all() else going
-            command = command + feedforward + self._law.force(0, 0.0, reference, self._reading, self._excess.T, due).T
-        self._planned, (allowed, _, excess) = ForceLimits.step(self._limits, self._planned, (command,))
-        if excess is not None:
-            self._excess = excess
-        self._slots[j % len(self._slots)] = allowed
-        return self._slots[(j - self._delay) % len(self._slots), :, self._members].T
 
     def _advance(self, force: FloatArray, going: BoolArray, terminated: BoolArray) -> None:
         """Step the plant once under forces (6, N), and end members in both flags (N,) there."""
@@ -397,9 +364,8 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def _transition(self, actions: FloatArray, terminated: BoolArray) -> Transition:
         by_name = interface.unpack
         known = {} if self._reference is None else by_name(VARIABLES, self._reference_now()[: AT[NAMES[-1]].stop].T)
-        state = by_name(VARIABLES, self._plant.signals())
-        time = np.asarray(self._row * self._timing.plant_step, dtype=np.float64)
-        return Transition(time, state, known, actions, self._inputs[:, :N_LEGS], terminated)
+        state, time = by_name(VARIABLES, self._plant.signals()), self._row * self._timing.plant_step
+        return Transition(np.asarray(time), state, known, actions, self._inputs[:, :N_LEGS], terminated)
 
     def _reference_now(self) -> Any:
         """The reference at each member's row (30, N)."""

@@ -40,6 +40,7 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
@@ -207,8 +208,7 @@ class LoopMargins(Margins):
 
     def as_dict(self) -> dict[str, Any]:
         """As plain types, as in margins.json; None for infinite or undefined values."""
-        gains, structure = self.gains, self.structure
-        actions = ("proportional", "derivative", "integral")
+        gains, structure, actions = self.gains, self.structure, ("proportional", "derivative", "integral")
         numbers: dict[str, Any] = {
             "title": self.title,
             "sample_time": self.sample_time,
@@ -227,12 +227,8 @@ class LoopMargins(Margins):
         if self.believed is not None:
             numbers["believed"] = self.believed.as_dict()
         if structure is not None:
-            of_modes = [{name: _defined(value) for name, value in mode._asdict().items()} for mode in structure.modes]
-            numbers["structure"] = {
-                **structure._asdict(),
-                "modes": of_modes,
-                "bandwidth": _defined(structure.bandwidth),
-            }
+            of_modes = [plain(mode._asdict()) for mode in structure.modes]
+            numbers["structure"] = {**structure._asdict(), "modes": of_modes, "bandwidth": plain(structure.bandwidth)}
         return numbers
 
 
@@ -309,15 +305,13 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     if form.doubt:
         doubt, warning = "; ".join(filter(None, [form.doubt, doubt])), "; ".join(filter(None, [form.doubt, warning]))
     family = None
-    if isinstance(choice, PD | PID) and choice.bandwidth is not None:
+    if isinstance(choice, PD | PID) and (bandwidth := choice.bandwidth) is not None:
 
         def with_bandwidth(bandwidth: float, choice: PD | PID = choice) -> StateSpace:
-            of_believed = choice.model_copy(update={"bandwidth": bandwidth}).controller(
-                believed, prepared.loop.timing.sample_time
-            )
-            return transfer_of(prepared, machine, of_believed)
+            law = choice.model_copy(update={"bandwidth": bandwidth}).controller(believed, sample_time)
+            return transfer_of(prepared, machine, law)
 
-        family = choice.bandwidth, with_bandwidth
+        family = bandwidth, with_bandwidth
     return LoopMargins(
         **vars(of_machine),
         title=chosen.title,
@@ -347,17 +341,10 @@ class Judged(NamedTuple):
 
 
 def judged(prepared: Prepared, plant: Platform, controller: LinearController) -> Judged:
-    """The margins of an experiment's loop around a plant, which is its machine or another.
+    """The margins of an experiment's loop around a plant, which is its machine or another; it may be unstable.
 
     With the worst delay of the sensors' own clock and of jitter, by which the loop is never later. If it is unstable
     with that, although it is not by its eigenvalues over a period of both clocks, margins are of the loop without.
-
-    Raises
-    ------
-    ControllerError
-        Too many states.
-    UnstableLoopError
-        The loop is unstable.
     """
     late = prepared.loop.worst_delay
     try:
@@ -381,21 +368,11 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
     """The largest |z| of a sample of an experiment's loop, with the sensors' own clock, exactly, and without jitter.
 
     Lifted: x⁺ = M x over the least common multiple of both clocks; the root of M's largest |eigenvalue| for as many
-    samples as there are.
-
-    Raises
-    ------
-    ControllerError
-        Too many states.
+    samples as there are. Refuses too many states.
     """
-    loop, timing, reading_time, where = (
-        prepared.loop,
-        prepared.loop.timing,
-        prepared.loop.sensors.sample_time,
-        _pose(prepared),
-    )
+    loop, timing, where = prepared.loop, prepared.loop.timing, _pose(prepared)
     a_sample = timing.steps_a_sample
-    a_reading = a_sample if reading_time is None else timing.steps_in(reading_time, "the sensors' sample_time")
+    a_reading = loop.steps_a_reading or a_sample
     step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
     P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
     K = feedback_part(prepared.platform, controller, *where)
@@ -453,14 +430,12 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
 
     In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
-    loop, (position, orientation) = prepared.loop, _pose(prepared)
-    usual = {
+    loop, drives = prepared.loop, prepared.loop.actuators
+    usual = dict(zip(("position", "orientation"), _pose(prepared), strict=True)) | {
         "sample_time": loop.timing.sample_time,
-        "delay": loop.actuators.delay,
-        "lag": loop.actuators.lag,
+        "delay": drives.delay,
+        "lag": drives.lag,
         "late": loop.worst_delay,
-        "position": position,
-        "orientation": orientation,
     }
     return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | replaced)
 
@@ -489,12 +464,13 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
         remedies.append(
             f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"
         )
-    if delay and is_stable_with(delay=0):
-        remedies.append(f"it is stable without the delay of {delay} samples")
-    if lag and is_stable_with(lag=0.0):
-        remedies.append(f"it is stable without the actuators' lag of {lag:g} s")
-    if late and is_stable_with(late=0.0):
-        remedies.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
+    for name, value, words in (
+        ("delay", delay, f"the delay of {delay} samples"),
+        ("lag", lag, f"the actuators' lag of {lag:g} s"),
+        ("late", late, f"the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter"),
+    ):
+        if value and is_stable_with(**{name: 0}):
+            remedies.append(f"it is stable without {words}")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
         shorter = sample_time / part
@@ -539,23 +515,22 @@ def _verdict(analysis: LoopMargins) -> Verdict:
 
 
 def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
-    doubt = analysis.doubt
-    slowest, damping_ratio = analysis.modes[0].frequency, min(mode.damping_ratio for mode in analysis.modes)
-    of_machine = (
-        *_numbers_of_margins(analysis, "", doubt),
-        Number("modes.slowest", "slowest mode", slowest, FREQUENCY, explanation="of the closed loop", doubt=doubt),
-        Number("modes.damping_ratio", "least damping ratio", damping_ratio,
+    doubt, structure = analysis.doubt, analysis.structure
+    numbers = _numbers_of_margins(analysis, "", doubt)
+    numbers += (
+        Number("modes.slowest", "slowest mode", analysis.modes[0].frequency, FREQUENCY,
+               explanation="of the closed loop", doubt=doubt),
+        Number("modes.damping_ratio", "least damping ratio", min(mode.damping_ratio for mode in analysis.modes),
                explanation="of all modes of the closed loop", doubt=doubt),
     )  # fmt: skip
-    believed = () if analysis.believed is None else _numbers_of_margins(analysis.believed, "believed ", doubt)
-    structure = analysis.structure
+    if analysis.believed is not None:
+        numbers += _numbers_of_margins(analysis.believed, "believed ", doubt)
     if structure is None or not structure.modes:
-        return (*of_machine, *believed)
+        return tuple(numbers)
     first = structure.modes[0]
     gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
     return (
-        *of_machine,
-        *believed,
+        *numbers,
         Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
                explanation="of the platform on its legs, with motors that are free"),
         Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
@@ -566,40 +541,39 @@ def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
     )  # fmt: skip
 
 
-def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Number, ...]:
+def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> list[Number]:
     """The numbers of the loop that runs, or of the "believed " one."""
-    disk = margins.disk
-    at_once = "which all legs may have at once, independently of each other"
-    rows: dict[str, tuple[str, float | None, Quantity, str]] = {
-        "disk": ("disk margin", disk.alpha, NUMBER, f"size of the changes {at_once}"),
-        "disk_gain": ("gain of each leg", decibels(disk.gain[1]), DECIBEL, f"up or down, {at_once}"),
-        "disk_phase": ("phase of each leg", disk.phase, ANGLE, f"lag or lead, {at_once}"),
-    }
+    disk, at_once = margins.disk, "which all legs may have at once, independently of each other"
+    values: list[tuple[str, float | None, Quantity, str]] = [
+        ("disk margin", disk.alpha, NUMBER, f"size of the changes {at_once}"),
+        ("gain of each leg", decibels(disk.gain[1]), DECIBEL, f"up or down, {at_once}"),
+        ("phase of each leg", disk.phase, ANGLE, f"lag or lead, {at_once}"),
+    ]
     alone = "with the loop open at this leg and closed at the others; the least of the legs"
-    for where, legs, those, which in (
-        ("", (margins.common,), "all legs", "the same for all legs"),
-        ("leg.", margins.legs, "one leg", alone),
+    for legs, those, which in (
+        ((margins.common,), "all legs", "the same for all legs"),
+        (margins.legs, "one leg", alone),
     ):
         up = min(decibels(leg.gain_up) for leg in legs)
         down = min(decibels(1 / leg.gain_down) if leg.gain_down > 0 else math.inf for leg in legs)
-        rows |= {
-            f"{where}gain": (f"gain of {those}", min(up, down), DECIBEL, f"up or down, {which}"),
-            f"{where}gain_up": (f"gain of {those}, up", up, DECIBEL, which),
-            f"{where}gain_down": (f"gain of {those}, down", down, DECIBEL, which),
-            f"{where}phase": (f"phase of {those}", min(leg.phase for leg in legs), ANGLE, f"lag or lead, {which}"),
-            f"{where}delay": (f"further delay of {those}", min(leg.delay for leg in legs), _DELAY, which),
-        }
+        values += [
+            (f"gain of {those}", min(up, down), DECIBEL, f"up or down, {which}"),
+            (f"gain of {those}, up", up, DECIBEL, which),
+            (f"gain of {those}, down", down, DECIBEL, which),
+            (f"phase of {those}", min(leg.phase for leg in legs), ANGLE, f"lag or lead, {which}"),
+            (f"further delay of {those}", min(leg.delay for leg in legs), _DELAY, which),
+        ]
     crossover = max((leg.crossover for leg in margins.legs if math.isfinite(leg.crossover)), default=None)
-    rows |= {
-        "crossover": ("highest crossover", crossover, FREQUENCY, "where the gain of a leg's loop falls below 1"),
-        "sensitivity_peak": ("peak of σ(S)", margins.sensitivity_peak, NUMBER, "largest amplification"),
-        "complementary_peak": ("peak of σ(T)", margins.complementary_peak, NUMBER, "resonance"),
-    }
+    values += [
+        ("highest crossover", crossover, FREQUENCY, "where the gain of a leg's loop falls below 1"),
+        ("peak of σ(S)", margins.sensitivity_peak, NUMBER, "largest amplification"),
+        ("peak of σ(T)", margins.complementary_peak, NUMBER, "resonance"),
+    ]
     loop = "margins.believed" if whose else "margins"
-    return tuple(
+    return [
         Number(f"{loop}.{path}", f"{whose}{name}", value, quantity, explanation=explanation, doubt=doubt)
-        for path, (name, value, quantity, explanation) in rows.items()
-    )
+        for path, (name, value, quantity, explanation) in zip(_OF_MARGINS, values, strict=True)
+    ]
 
 
 def _margin_tables(analysis: LoopMargins) -> tuple[Table, ...]:
@@ -771,7 +745,3 @@ def _step(L: StateSpace) -> Chart:
         marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
         group="step",
     )
-
-
-def _defined(value: float | None) -> float | None:
-    return None if value is None or math.isnan(value) else value

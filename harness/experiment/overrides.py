@@ -5,7 +5,7 @@ tables, before they are validated as a whole; `table_with` sets paths in one val
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from inspect import isclass
 from typing import Any, get_args
@@ -52,28 +52,21 @@ _UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {n
 
 
 def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
-    """Plain values with some replaced: "loop.duration=3", "reference.position_change=[0, 0, 0.01]", "plant.kind=fmu2".
-
-    Values in strings are TOML; anything else is taken as a string. Values of a mapping are copied, arrays become
-    lists.
-
-    Raises
-    ------
-    SettingError
-        No "=", or a key inside something that is not a table.
-    """
+    """A copy of plain values with some set: "loop.duration=3", "reference.position_change=[0, 0, 0.01]"."""
     tables: dict[str, Any] = _copied(values)
     for where, key, value in keys_and_values(settings):
         set_key(tables, where, key, _copied(value))
     return tables
 
 
-def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
-    """For every setting its name for messages, its key, and its value."""
+def keys_and_values(settings: Settings) -> list[tuple[str, str, Any]]:
+    """For every setting its name for messages, its key, and its value; texts are TOML, or else texts as they are."""
     if isinstance(settings, Mapping):
-        for key, value in settings.items():
-            yield f"setting {key!r}", str(key), value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-        return
+        return [
+            (f"setting {key!r}", str(key), value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
+            for key, value in settings.items()
+        ]
+    items = list[tuple[str, str, Any]]()
     for setting in [settings] if isinstance(settings, str) else settings:
         where = f"--set {setting}"
         key, equals, text = setting.partition("=")
@@ -82,19 +75,14 @@ def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
         if "\n" in text:
             raise SettingError(where, "", "expected one line")
         try:
-            yield where, key, toml_values(f"value = {text}")["value"]
+            items.append((where, key, toml_values(f"value = {text}")["value"]))
         except ValueError:
-            yield where, key, text.strip()
+            items.append((where, key, text.strip()))
+    return items
 
 
 def set_key(values: Any, where: str, key: str, value: Any) -> None:
-    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's.
-
-    Raises
-    ------
-    SettingError
-        A key inside something that is not a table; `where` names the setting.
-    """
+    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's."""
     names = key.strip().split(".")
     if not all(names):
         raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
@@ -102,15 +90,13 @@ def set_key(values: Any, where: str, key: str, value: Any) -> None:
     for name in names[:-1]:
         if isinstance(table, dict) and table.get(name) is None:
             table[name] = {}
-        table = table_or_element(table, name)
-        if table is None:
-            break
+        table = inner(table, name)
     if not isinstance(table, dict):
         raise SettingError(where, "", f"{key.rpartition('.')[0]} is not a table of the experiment")
     table[names[-1]] = value
 
 
-def table_or_element(tables: Any, name: str) -> Any:
+def inner(tables: Any, name: str) -> Any:
     """What a table has under a name, or a list such as [[change]] under a number from 1 on; None if it has nothing."""
     if isinstance(tables, Mapping):
         return tables.get(name)
@@ -120,51 +106,8 @@ def table_or_element(tables: Any, name: str) -> Any:
 
 def _copied(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {k: _copied(v) for k, v in value.items()}
-    return [_copied(v) for v in value] if isinstance(value, list) else value
-
-
-def table_with(experiment: Experiment, name: str, values: Values) -> Any:
-    """A table of an experiment, or a list of tables, with other values by their paths in it.
-
-    Raises
-    ------
-    ExperimentError
-        Invalid values; those of a platform are checked with the platform.
-    """
-    table = getattr(experiment, name)
-    if name in _PLATFORMS:
-        parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
-        return table.model_copy(update={"parameters": parameters})
-    if not isinstance(table, list):
-        return _validated(experiment, name, table, values)
-    elements = list(table)
-    for number in sorted({int(path[0]) for path in values}):
-        inner = {path[1:]: value for path, value in values.items() if int(path[0]) == number}
-        elements[number - 1] = _validated(experiment, f"{name}.{number}", table[number - 1], inner)
-    return elements
-
-
-def _validated(experiment: Experiment, name: str, table: Section, values: Values) -> Section:
-    plain = table.model_dump(exclude_unset=True)
-    for path, value in values.items():
-        set_key(plain, experiment.where, ".".join(path), value)
-    try:
-        return type(table).built().model_validate(plain)
-    except ValidationError as error:
-        raise ExperimentError(experiment.where, name, complaints(error, type(table), plain)) from None
-
-
-def experiment_with(experiment: Experiment, values: Values) -> Experiment:
-    """An experiment with other values by their paths.
-
-    Raises
-    ------
-    ExperimentError
-        Invalid values.
-    """
-    changed = by_table(values)
-    return experiment.model_copy(update={name: table_with(experiment, name, changed[name]) for name in changed})
+        return {key: _copied(inner) for key, inner in value.items()}
+    return [_copied(element) for element in value] if isinstance(value, list) else value
 
 
 def by_table(values: Values) -> dict[str, dict[tuple[str, ...], Any]]:
@@ -175,6 +118,39 @@ def by_table(values: Values) -> dict[str, dict[tuple[str, ...], Any]]:
     return tables
 
 
+def experiment_with(experiment: Experiment, values: Values) -> Experiment:
+    """An experiment with other values by their paths."""
+    changed = by_table(values)
+    return experiment.model_copy(update={name: table_with(experiment, name, changed[name]) for name in changed})
+
+
+def table_with(experiment: Experiment, name: str, values: Values) -> Any:
+    """A table of an experiment, or a list of tables, with other values by their paths in it.
+
+    Invalid ones are an `ExperimentError`; those of a platform are checked with the platform.
+    """
+    table = getattr(experiment, name)
+    if name in _PLATFORMS:
+        parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
+        return table.model_copy(update={"parameters": parameters})
+
+    def validated(name: str, table: Section, values: Values) -> Section:
+        plain = table.model_dump(exclude_unset=True)
+        for path, value in values.items():
+            set_key(plain, experiment.where, ".".join(path), value)
+        try:
+            return type(table).built().model_validate(plain)
+        except ValidationError as error:
+            raise ExperimentError(experiment.where, name, complaints(error, type(table), plain)) from None
+
+    if not isinstance(table, list):
+        return validated(name, table, values) if values else table
+    elements = list(table)
+    for number, of_element in by_table(values).items():
+        elements[int(number) - 1] = validated(f"{name}.{number}", table[int(number) - 1], of_element)
+    return elements
+
+
 @dataclass(frozen=True)
 class Place:
     """A place in an experiment: the path through its tables, and the value there."""
@@ -183,14 +159,8 @@ class Place:
     target: VariedValue
 
 
-def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:
-    """The place that a key of `[ensemble]` names.
-
-    Raises
-    ------
-    ValueError
-        No such parameter or key, or one that is common to all members; suggests the nearest name.
-    """
+def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:  # noqa: PLR0912
+    """The place that a key of `[ensemble]` names, a `ValueError` if it is none, or one common to all members."""
     path = tuple(key.split("."))
     if len(path) == 1 and key in TABLE:
         path = ("plant", "parameters", key)
@@ -208,73 +178,69 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
             raise ValueError(f"no such parameter{nearest(name, TABLE)}")
         value = getattr(machine if section == "plant" else nominal, name)
         return Place(path, _parameter(name if section == "plant" else f"platform.{name}", name, value))
-    return Place(path, _target(".".join(path), getattr(experiment, section), rest, section))
 
-
-def _target(key: str, table: Any, path: Sequence[str], above: str) -> VariedValue:
-    """The value at the end of a path through tables."""
-    name, *rest = path
-    if isinstance(table, list):
-        if not (name.isdigit() and 1 <= int(name) <= len(table)) or not rest:
-            raise ValueError(
-                f"expected {above}.1 to {above}.{len(table)} and a key of it" if table else f"no [[{above}]]"
+    # through the tables down to the value
+    column, above, table = ".".join(path), section, getattr(experiment, section)
+    while True:
+        name, *rest = rest
+        if isinstance(table, list):
+            if not (name.isdigit() and 1 <= int(name) <= len(table)) or not rest:
+                raise ValueError(
+                    f"expected {above}.1 to {above}.{len(table)} and a key of it" if table else f"no [[{above}]]"
+                )
+            above, table = f"{above}.{name}", table[int(name) - 1]
+            continue
+        if not isinstance(table, Section):
+            raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - the key is wrong, not a type
+        field = type(table).model_fields.get(name)
+        if field is None:
+            raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
+        value = getattr(table, name)
+        may_be = [isinstance(kind, type) and issubclass(kind, Section) for kind in get_args(field.annotation)]
+        if isinstance(value, Mapping):
+            if isinstance(table, ControllerChoice) and name != "parameters":
+                raise ValueError("is common to all members")
+            if len(rest) != 1:
+                raise ValueError(f"expected one name after {name}")
+            kind = "controller" if isinstance(table, ControllerChoice) else name
+            return Place(path, _named(column, kind, rest[0], value.get(rest[0])))
+        if not rest:
+            quantity = quantity_in(field.annotation, *field.metadata)
+            if quantity is None:
+                return Place(path, VariedValue(column, None, (), None))
+            shape = (quantity.size,) if isinstance(quantity, Vector) else ()
+            return Place(
+                path, VariedValue(column, quantity.unit, shape, None if isinstance(value, str) else _array(value))
             )
-        return _target(key, table[int(name) - 1], rest, f"{above}.{name}")
-    if not isinstance(table, Section):
-        raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - the key is wrong, not a type
-    field = type(table).model_fields.get(name)
-    if field is None:
-        raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
-    value = getattr(table, name)
-    if isinstance(value, Mapping):
-        if isinstance(table, ControllerChoice) and name != "parameters":
-            raise ValueError("is common to all members")
-        if len(rest) != 1:
-            raise ValueError(f"expected one name after {name}")
-        inner = value.get(rest[0])
-        return _controller_parameter(key, inner) if isinstance(table, ControllerChoice) else _named(key, inner, name)
-    may_be = [isinstance(kind, type) and issubclass(kind, Section) for kind in get_args(field.annotation)]
-    if rest and (isinstance(value, Section) or (value is None and any(may_be))):
-        return _target(key, value, rest, f"{above}.{name}")
-    if rest:
-        raise ValueError(f"{above}.{name} is not a table")
-    quantity = quantity_in(field.annotation, *field.metadata)
-    if quantity is None:
-        return VariedValue(key, None, (), None)
-    shape = (quantity.size,) if isinstance(quantity, Vector) else ()
-    return VariedValue(key, quantity.unit, shape, None if isinstance(value, str) else _array(value))
+        if not (isinstance(value, Section) or (value is None and any(may_be))):
+            raise ValueError(f"{above}.{name} is not a table")
+        above, table = f"{above}.{name}", value
 
 
-def _controller_parameter(key: str, value: Any) -> VariedValue:
-    """A parameter of a controller in Python or of an FMU, which alone knows its name: a plain number, or a list."""
-    try:
-        nominal = None if isinstance(value, bool | str) else _array(value)
-    except (TypeError, ValueError):
-        nominal = None
-    # a text or a switch has no distribution but a choice
-    unit = PLAIN if value is None or nominal is not None else None
-    return VariedValue(key, unit, () if nominal is None else nominal.shape, nominal)
-
-
-def _named(key: str, value: Any, table: str) -> VariedValue:
-    """A value in a table of parameters, of factors on them, or of signals."""
-    name = key.rpartition(".")[2]
-    if table in ("parameters", "factors") and name not in TABLE:
+def _named(column: str, kind: str, name: str, value: Any) -> VariedValue:
+    """A value in a table of parameters, of a platform or a controller, of factors on them, or of signals."""
+    if kind == "controller":  # which alone knows its parameters: a text or a switch has no distribution but a choice
+        try:
+            nominal = None if isinstance(value, bool | str) else _array(value)
+        except (TypeError, ValueError):
+            nominal = None
+        unit = PLAIN if value is None or nominal is not None else None
+        return VariedValue(column, unit, () if nominal is None else nominal.shape, nominal)
+    if kind in ("parameters", "factors") and name not in TABLE:
         raise ValueError(f"no such parameter{nearest(name, TABLE)}")
-    if table == "factors":
-        return VariedValue(key, PLAIN, (), _array(value))
-    if table == "parameters":
-        return _parameter(key, name, value)
+    if kind == "factors":
+        return VariedValue(column, PLAIN, (), _array(value))
+    if kind == "parameters":
+        return _parameter(column, name, value)
     if name not in _SIGNALS:
         raise ValueError(f"no signal '{name}'{nearest(name, NAMES)}")
-    return VariedValue(key, _SIGNALS[name].unit, (), _array(value))
+    return VariedValue(column, _SIGNALS[name].unit, (), _array(value))
 
 
-def _parameter(key: str, name: str, value: Any) -> VariedValue:
+def _parameter(column: str, name: str, value: Any) -> VariedValue:
     row = TABLE[name]
-    return VariedValue(
-        key, PLAIN if row.unit == "1" else row.unit, row.shape, _array(value), name == "platform_inertia"
-    )
+    unit, is_symmetric = PLAIN if row.unit == "1" else row.unit, name == "platform_inertia"
+    return VariedValue(column, unit, row.shape, _array(value), is_symmetric)
 
 
 def _array(value: Any) -> Any:

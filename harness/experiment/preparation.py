@@ -1,7 +1,6 @@
-"""From an experiment's tables to what runs: everything is checked, for one run or for many members that differ.
+"""From an experiment's tables to what runs, for N members that differ in some values; a single run is one member.
 
-What members have in common, such as a planned motion, is computed once and shared: a stage is made once for the same
-parts. A single run is one member.
+What members have in common, such as a planned motion, is made once for the same parts, and shared.
 """
 
 import math
@@ -49,13 +48,7 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
 from gough_stewart.model.interface import CHOOSING, SMOOTH, Variant, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.platform import (
-    Platform,
-    Platforms,
-    load_platform,
-    load_preset,
-    platforms_with,
-)
+from gough_stewart.model.platform import Platform, Platforms, load_platform, load_preset, platforms_with
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_joints import CIRCLE_KEYS, joints_of_keys
 from gough_stewart.model.rotations import nearest_angle
@@ -72,66 +65,50 @@ _REPEATED = 16
 # The largest plausible noise or quantisation: this share of a leg [m] or of a radian, within this time for rates [s].
 _SHARE = 0.05
 _TIME = 0.1
-_NO_JACOBIANS = np.zeros((0, 6, 6))
 _PLAIN = frozenset((str, int, float, bool, type(None)))
 
 
 class Planned(NamedTuple):
-    """What is planned from a reference."""
+    """What is planned from a reference, if there is one."""
 
-    reference: Reference  # the motion at any time
-    motion: Motion  # at every row
-    legs: LegMotion  # leg lengths and velocities at every row
-    signals: FloatArray  # and accelerations, at every row (n, 30)
-    jacobians: FloatArray  # leg Jacobians at every sample (m, 6, 6)
-    home_leg_length: float  # mean of the legs in the home pose [m]
-    warnings: tuple[str, ...]  # limits exceeded with permission
+    reference: Reference | None = None  # the motion at any time
+    motion: Motion | None = None  # at every row
+    legs: LegMotion | None = None  # leg lengths and velocities at every row
+    signals: FloatArray | None = None  # and accelerations, at every row (n, 30)
+    jacobians: FloatArray = np.zeros((0, 6, 6))  # of the legs at every sample (m, 6, 6)
+    warnings: tuple[str, ...] = ()  # limits exceeded with permission
+
+
+_UNPLANNED = Planned()
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What members share that differ only in their machine and in their sensors."""
+    """What members share that differ only in their machine and in their sensors; with the parts of `Planned`."""
 
     timing: Timing  # with their jitter
-    platform: Platform  # the nominal model
+    platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
     start: State
-    planned: Planned | None
-    controller: Controller | None
-    feedforward: FloatArray  # at every sample (m, 6) [N]
-    injection: FloatArray | None
+    reference: Reference | None
+    motion: Motion | None
+    legs: LegMotion | None
+    signals: FloatArray | None
+    jacobians: FloatArray
+    warnings: tuple[str, ...]  # of one that is prepared alone also hints at its experiment
+    controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
+    known: KnownAhead  # what the loop tells a controller in Python, with the feedforward
+    injection: FloatArray | None  # at every sample (m, 6) [N]
     actuators: Actuators
     limits: Limits
-    gains: Mapping[str, Any]  # that a controller in Python is told
-    turned: tuple[Change, ...] = ()  # of the loop's settings
-
-    @property
-    def known(self) -> KnownAhead:
-        """What a loop tells a controller in Python."""
-        planned = self.feedforward if self.injection is None else self.feedforward + self.injection
-        drives = self.actuators
-        # the least of legs that differ
-        force_limit, rate_limit = (
-            np.inf if most is None else float(np.min(most)) for most in (drives.force_limit, drives.rate_limit)
-        )
-        before = self.platform, self.timing.sample_time, self.feedforward, planned
-        return KnownAhead(*before, force_limit, rate_limit, self.gains)
+    turned: tuple[Change, ...]  # of the loop's settings
 
 
-@dataclass(frozen=True)
-class Prepared:
+@dataclass(frozen=True, eq=False)
+class Prepared(Setup):
     """An experiment that is ready to run."""
 
-    platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
     machine: Platform  # the simulated platform
-    start: State
     loop: Loop
-    motion: Motion | None  # the reference at every row
-    legs: LegMotion | None  # its leg lengths and velocities
-    controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
-    known: KnownAhead  # what the loop tells a controller in Python
-    jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
-    warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
-    reference: Reference | None = None  # the motion at any time
 
     @property
     def kernel(self) -> CompiledLanes | None:
@@ -142,23 +119,7 @@ class Prepared:
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
-        make = law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)
-        return make(reference, measured)
-
-    def linear_form(self) -> LinearForm | None:
-        """The linear controller, or the small signals of another at rest in the first pose; None of loops without.
-
-        Raises
-        ------
-        ControllerError
-            It fails there, or does not answer to the measurements.
-        """
-        linear = linear_of(self.controller)
-        if linear is not None:
-            return LinearForm(linear)
-        if self.controller is None or isinstance(self.controller, UnitController) or self.loop.reference is None:
-            return None
-        return linearised(self.controller, self.known, self.loop.reference[0])
+        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)(reference, measured)
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
@@ -168,6 +129,15 @@ class Prepared:
                 yield lambda _reference, _measured: SeparateLaws([law])
         else:
             yield None if self.controller is None else self.law
+
+    def linear_form(self) -> LinearForm | None:
+        """The linear controller, or the small signals of another at rest in the first pose; None of loops without."""
+        linear = linear_of(self.controller)
+        if linear is not None:
+            return LinearForm(linear)
+        if self.controller is None or isinstance(self.controller, UnitController) or self.loop.reference is None:
+            return None
+        return linearised(self.controller, self.known, self.loop.reference[0])
 
 
 class InParallel(NamedTuple):
@@ -204,20 +174,7 @@ class Batch:
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
-        setup, planned = self.setups[k], self.setups[k].planned
-        return Prepared(
-            platform=setup.platform,
-            machine=self.machines[k],
-            start=setup.start,
-            loop=self.take([k]).loop,
-            motion=planned and planned.motion,
-            legs=planned and planned.legs,
-            controller=setup.controller,
-            known=setup.known,
-            jacobians=planned.jacobians if planned else _NO_JACOBIANS,
-            warnings=planned.warnings if planned else (),
-            reference=planned and planned.reference,
-        )
+        return Prepared(**vars(self.setups[k]), machine=self.machines[k], loop=self.take([k]).loop)
 
     @property
     def timing(self) -> Timing:
@@ -227,9 +184,8 @@ class Batch:
     @property
     def loop(self) -> Loop:
         """The loop of all; of one member alone without a member axis."""
-        setups, sensors = self.setups, self.sensors
-        timing, actuators = setups[0].timing, [setup.actuators for setup in setups]
-        limits, planned = [setup.limits for setup in setups], [setup.planned for setup in setups]
+        setups, sensors, timing = self.setups, self.sensors, self.setups[0].timing
+        limits = [setup.limits for setup in setups]
 
         def seeds(are_random: Sequence[bool], common: Seeds) -> Seeds:
             """Of each member, the common one of those without random numbers; one if all are the same."""
@@ -242,14 +198,11 @@ class Batch:
             names = dict.fromkeys(name for size in sizes for name in size)
             return {name: one_or_each([size.get(name, 0.0) for size in sizes]) for name in names}
 
+        jitter = [setup.timing.jitter for setup in setups]
         return Loop(
-            timing=replace(
-                timing,
-                jitter=one_or_each([setup.timing.jitter for setup in setups]),
-                seed=seeds([bool(setup.timing.jitter) for setup in setups], timing.seed),
-            ),
-            reference=one_or_stacked([plan and plan.signals for plan in planned]),
-            feedforward=one_or_stacked([setup.feedforward for setup in setups]),
+            timing=replace(timing, jitter=one_or_each(jitter), seed=seeds([*map(bool, jitter)], timing.seed)),
+            reference=one_or_stacked([setup.signals for setup in setups]),
+            feedforward=one_or_stacked([setup.known.feedforward for setup in setups]),
             start_force=self.start_force[0] if len(setups) == 1 else self.start_force,
             sensors=Sensors(
                 by_signal([sensor.noise for sensor in sensors]),
@@ -259,10 +212,10 @@ class Batch:
                 sensors[0].side,
             ),
             actuators=Actuators(
-                one_or_each([drive.force_limit for drive in actuators], np.inf),
-                one_or_each([drive.rate_limit for drive in actuators], np.inf),
-                one_or_each([drive.lag for drive in actuators]),
-                one_or_each([drive.delay for drive in actuators]),
+                *(
+                    one_or_each([getattr(setup.actuators, name) for setup in setups], np.inf)
+                    for name in ("force_limit", "rate_limit", "lag", "delay")
+                )
             ),
             limits=Limits(
                 (one_or_each([ends.stroke[0] for ends in limits]), one_or_each([ends.stroke[1] for ends in limits])),
@@ -275,39 +228,20 @@ class Batch:
         )
 
     def in_parallel(self, stepping: Stepping) -> InParallel:
-        """All of them as one plant and one loop.
-
-        Raises
-        ------
-        ControllerError
-            Members that cannot run in parallel; names the difference.
-        BuildError, OSError
-            There is no machine code of the loop, see `loop_kernel`.
-        """
+        """All of them as one plant and one loop; refuses controllers of different structure."""
         n, controllers = len(self.setups), [setup.controller for setup in self.setups]
-        copies = (
-            0 if _runs_in_c(list({id(controller): controller for controller in controllers}.values())) else -n % LANES
-        )
+        in_c = _runs_in_c(list({id(controller): controller for controller in controllers}.values()))
+        copies = 0 if in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         starts, kernel = [setup.start for setup in filled.setups], loop_kernel(Variant.of(self.machines[0]))
         plant, law_from = LanesPlant(filled.machines, starts, **stepping._asdict(), kernel=kernel), None
-        closed = [controller for controller in controllers if controller is not None]
-        if closed:
-            plans = [setup.planned for setup in filled.setups]
+        if closed := [controller for controller in controllers if controller is not None]:
             # one view of each array, by which members that share it are known
-            views = {id(plan): (plan.jacobians if plan else _NO_JACOBIANS).reshape(-1, 36) for plan in plans}
-            flat = one_or_stacked([views[id(plan)] for plan in plans])
-            jacobians = flat.reshape(*flat.shape[:-1], 6, 6)
-            known = [setup.known for setup in self.setups]
+            views = {id(setup.jacobians): setup.jacobians.reshape(-1, 36) for setup in filled.setups}
+            flat = one_or_stacked([views[id(setup.jacobians)] for setup in filled.setups])
+            known, jacobians = [setup.known for setup in self.setups], flat.reshape(*flat.shape[:-1], 6, 6)
             law_from = laws_of(closed, self.setups[0].timing.sample_time, jacobians, known, copies)
         return InParallel(plant, law_from, filled.loop, len(filled))
-
-
-def _structure(controller: Any) -> tuple[Any, ...]:
-    """What stays of a linear controller while its gains change."""
-    if controller is None:
-        return ()
-    return controller.space, controller.signals, controller.kinds, controller.system.nstates
 
 
 def _runs_in_c(controllers: Sequence[Controller | None]) -> bool:
@@ -330,34 +264,23 @@ def one_or_each(numbers: Sequence[Any], none: float = np.nan) -> PerMember:
 
 def one_or_stacked(arrays: Sequence[FloatArray | None]) -> Any:
     """The array (..., size) that all members have, or None; or that of each (..., N, size)."""
-    distinct = {id(array): array for array in arrays}
+    distinct: dict[int, Any] = {id(array): array for array in arrays}
     if all(np.array_equal(array, arrays[0]) for array in distinct.values()):  # type: ignore[arg-type]
         return arrays[0]
     if 4 * len(distinct) > len(arrays):
         return stacked(arrays)
-    places = {key: k for k, key in enumerate(distinct)}
-    kinds, place = np.stack(list(distinct.values()), axis=-1), [places[id(array)] for array in arrays]  # type: ignore[arg-type]
-    return np.moveaxis(np.take(kinds, place, axis=-1), -1, -2)
+    numbers = {key: k for k, key in enumerate(distinct)}
+    kinds = np.stack([*distinct.values()], axis=-1)
+    return np.moveaxis(np.take(kinds, [numbers[id(array)] for array in arrays], axis=-1), -1, -2)
 
 
 def prepare(experiment: Experiment, controller: Any = None, injection: Injection | None = None) -> Prepared:
     """Check everything in an experiment that can be checked without running it.
 
-    Parameters
-    ----------
-    controller
-        Replaces the controller of the experiment, with the feedforward unchanged: as `controller_of`; or an FMU, which
-        contains its feedforward.
-    injection
-        Replaces that of the experiment: a function from the time of a sample [s] to six forces [N] that are added to
-        the command.
-
-    Raises
-    ------
-    ExperimentError
-        An invalid part; names it.
-    ReachError
-        A reference that the platform cannot follow.
+    A controller replaces the experiment's, with the feedforward unchanged, as `controller_of`; or is an FMU, which
+    contains its feedforward. An injection, from the time of a sample [s] to six forces [N] that are added to the
+    command, replaces the experiment's. An invalid part is an `ExperimentError`, a reference that the platform cannot
+    follow a `ReachError`.
     """
     prepared = Preparation(experiment, controller).members([{}], injection=injection)
     for error in prepared.errors.values():
@@ -415,22 +338,13 @@ class PreparedMembers:
         return {k: str(self.errors[k]).removeprefix(f"{self.where}: ") for k in sorted(self.errors)}
 
 
-class _Believed(NamedTuple):
-    """What an experiment's tables say, for members with the same ones but for sensors and machine."""
-
-    tables: dict[str, Any]  # by name
-    platform: Platform  # the nominal model
-    machine_base: Platform  # whose parameters those of the machine replace
+# What an experiment's tables say, for members with the same ones but for sensors and machine: the tables by name, the
+# nominal model, and the platform whose parameters those of the machine replace.
+_Believed = tuple[dict[str, Any], Platform, Platform]
 
 
 class Preparation:
-    """Prepares members of an experiment that differ in their values; those before often had the same ones.
-
-    Parameters
-    ----------
-    controller
-        Replaces the experiment's, as in `prepare`.
-    """
+    """Prepares members of an experiment that differ in their values; those before often had the same ones."""
 
     def __init__(self, experiment: Experiment, controller: Any = None) -> None:
         self.experiment, self.controller, self._where = experiment, controller, experiment.where
@@ -455,19 +369,11 @@ class Preparation:
             raise result
         return result
 
-    def members(  # noqa: PLR0915 - one road, in sections
+    def members(  # noqa: PLR0912, PLR0915 - one road, in sections
         self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
     ) -> PreparedMembers:
-        """Members with these values.
-
-        Parameters
-        ----------
-        seeds
-            Of each member's noise and jitter, instead of the sensors' own.
-        injection
-            As in `prepare`.
-        """
-        experiment, where, errors = self.experiment, self._where, dict[int, GoughStewartError]()
+        """Members with these values, and with seeds of their own for noise and jitter instead of the sensors'."""
+        experiment, where, once, errors = self.experiment, self._where, self._once, dict[int, GoughStewartError]()
         if seeds is not None and any(change.has_settings for change in experiment.change):
             text = (
                 "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
@@ -481,27 +387,28 @@ class Preparation:
             changed = by_table(member)
             of_machine, of_sensors = changed.pop("plant", {}), changed.pop("sensors", {})
             try:
-                belief = self._once(self._believed, changed)
-                readings = self._once(self._sensors, of_sensors)
+                belief = once(self._believed, changed)
+                readings = once(table_with, experiment, "sensors", of_sensors) if of_sensors else experiment.sensors
             except GoughStewartError as error:
                 errors[k] = error
                 continue
             candidates.append(k)
             believed.append(belief)
-            sensors.append(readings)
+            sensors.append(Sensors(**dict(readings)))
             parameters = {path[-1]: value for path, value in of_machine.items()}
             of_machines.append({**experiment.plant.parameters, **parameters})
 
-        # machines, for all at once
-        distinct = {id(belief.machine_base): belief.machine_base for belief in believed}
+        # machines, for all at once; one vector steps several, so that all have the same states
+        distinct = {id(base): base for _, _, base in believed}
         places = {key: place for place, key in enumerate(distinct)}
-        base_of = np.array([places[id(belief.machine_base)] for belief in believed], dtype=np.intp)
+        base_of = np.array([places[id(base)] for _, _, base in believed], dtype=np.intp)
         machines = Platforms(list(distinct.values()), base_of)
         if any(of_machines):
             machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
             errors |= {candidates[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
         if candidates and any(path[-1] in CHOOSING for member in values for path in member):
-            self._refuse_other_variants(machines, candidates, errors)
+            for at, text in self._other_variants(machines):
+                errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
 
         # everything else
         ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
@@ -510,10 +417,10 @@ class Preparation:
             if k in errors:
                 continue
             try:
-                setup = self._once(self._setup, believed[at], injection)
-                changing = [believed[at].tables[name] for name in ("change", "disturbance", "fault")]
+                setup = once(self._setup, believed[at], injection)
+                changing = [believed[at][0][name] for name in ("change", "disturbance", "fault")]
                 machine = machines[at] if changing[0] else None
-                of_machine_and_load = self._once(self._changes, *changing, machine) if has_changes else ()
+                of_machine_and_load = once(self._changes, *changing, machine) if has_changes else ()
                 changes.append(of_machine_and_load + setup.turned)
             except GoughStewartError as error:
                 errors[k] = error
@@ -524,49 +431,65 @@ class Preparation:
         # forces before the first command: of an open loop its own, else those that hold the machine at rest
         of_ready = np.array(ready, dtype=np.intp)
         numbers, machines, n = np.array(candidates, dtype=np.intp)[of_ready], machines[of_ready], len(ready)
-        forces = np.array([setup.feedforward[0] for setup in setups]).reshape(n, 6)
+        forces = np.array([setup.known.feedforward[0] for setup in setups]).reshape(n, 6)
         if closed := [at for at in range(n) if setups[at].controller is not None]:
             position = np.stack([setups[at].start.position for at in closed])
             orientation = np.stack([setups[at].start.orientation for at in closed])
             try:
                 forces[closed] = static_leg_forces(machines[np.array(closed)].parameters, position, orientation)
             except SingularPoseError:
-                for at in closed:
-                    start = setups[at].start
+                for k, at in enumerate(closed):
                     try:
-                        forces[at] = static_leg_forces(machines[at], start.position, start.orientation)
+                        forces[at] = static_leg_forces(machines[at], position[k], orientation[k])
                     except SingularPoseError as error:
                         errors[int(numbers[at])] = error
         limits = [np.inf if (most := setup.actuators.force_limit) is None else most for setup in setups]
         limit = of_legs(one_or_each(limits)).T if limits else np.inf
 
         self._known = {name: results for name, results in self._known.items() if len(results) <= _REPEATED}
-        common = experiment.sensors.seed
         batch = Batch(
             setups=setups,
             machines=machines,
             sensors=[sensors[at] for at in ready],
             changes=changes,
-            seeds=[seeds[k] if seeds else common for k in numbers.tolist()],
+            seeds=[seeds[k] if seeds else experiment.sensors.seed for k in numbers.tolist()],
             start_force=np.clip(forces, -limit, limit),
         )
         possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
         return PreparedMembers(numbers[possible], batch.take(possible), errors, where)
 
+    # Stages: each is made once for the same parts.
+
     def _believed(self, changed: Mapping[str, Values]) -> _Believed:
         experiment = self.experiment
-        tables = {name: self._once(table_with, experiment, name, values) for name, values in changed.items()}
-        tables = dict(experiment) | tables
+        tables = dict(experiment) | {
+            name: self._once(table_with, experiment, name, values) for name, values in changed.items()
+        }
         nominal = self._once(nominal_platform, experiment, tables["platform"])
         if experiment.plant.file is None:
-            return _Believed(tables, nominal, nominal)
+            return tables, nominal, nominal
         with part_of(experiment.where, "plant"):
-            return _Believed(tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file)))
+            return tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file))
 
-    def _sensors(self, changed: Values) -> Sensors:
-        return Sensors(**dict(table_with(self.experiment, "sensors", changed) if changed else self.experiment.sensors))
+    def _other_variants(self, machines: Platforms) -> Iterator[tuple[int, str]]:
+        """Members whose machine has other states than the experiment's, and why they cannot run with it."""
+        try:
+            variant = Variant.of(platforms_of(self.experiment)[1])
+        except GoughStewartError:
+            return
+        sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
+        for name, differing, differs in (
+            ("leg_friction_model", replace(variant, bristles=not variant.bristles), sticks != variant.bristles),
+            ("leg_stiffness", replace(variant, springs=not variant.springs), gives != variant.springs),
+        ):
+            text = (
+                f"{name}: gives a member {differing.words.removeprefix('with ')}, and the experiment's machine has "
+                f"{variant.words.removeprefix('with ')}; expected one kind in all members: run the others as an "
+                "experiment of their own"
+            )
+            yield from ((at, text) for at in np.flatnonzero(differs).tolist())
 
-    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:
+    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0915 - likewise
         """Everything of a member but its machine and its sensors."""
         where, once = self._where, self._once
         tables, platform, _ = believed
@@ -577,11 +500,19 @@ class Preparation:
         # clocks, and the motion in rows of clocks that all members have, within the force limit of the actuators
         timing = once(timing_of, self.experiment, loop)
         limited = once(limited_platform, platform, drives.force_limit)
-        is_needed = is_closed or choice.feedforward != "none"
-        if reference is None and is_needed:
+        if reference is None and (is_closed or choice.feedforward != "none"):
             raise ExperimentError(where, "reference", "is missing; a controller needs one, for instance type = 'hold'")
         within = limits.condition_number, limits.reference
-        planned = None if reference is None else once(self._planned, reference, limited, *within)
+        planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
+
+        # the start, with angles in the turns of the reference
+        rest, given = np.zeros(3), tables["start"].model_dump(exclude_none=True)
+        start = State(platform.home_position, platform.home_orientation, rest, rest)
+        stated = {name: np.array(value) for name, value in given.items()}
+        if planned.motion is not None:
+            start = State(*(values[0] for values in planned.motion[:4]))
+            if "orientation" in stated:
+                stated["orientation"] = nearest_angle(stated["orientation"], start.orientation)
 
         # the controller, and what is known of its forces in advance; an FMU that replaces it contains its feedforward
         forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned)
@@ -604,6 +535,9 @@ class Preparation:
             forces = choice.planned(forces)
         elif isinstance(controller, UnitController):
             forces = np.zeros_like(forces)
+        injected = None
+        if injection is not None or tables["injection"] is not None:
+            injected = once(self._injection, tables["injection"], platform, planned, injection)
 
         # changes of the loop's settings at their samples, and the feedforward with them
         turned = list[Change]()
@@ -620,10 +554,14 @@ class Preparation:
                 law_choice, force_limit = change.controller or law_choice, change.force_limit or force_limit
                 delay = delay if change.delay is None else change.delay
                 law = self._controller(law_choice, platform)
-                if _structure(law) != _structure(controller):
+                before, after = (
+                    () if linear is None else (linear.space, linear.signals, linear.kinds, linear.system.nstates)
+                    for linear in (controller, law)
+                )
+                if after != before:
                     raise ControllerError(
-                        f"controller at {change.at:g} s has the structure {_structure(law)}; expected that of the "
-                        f"experiment's, {_structure(controller)}"
+                        f"controller at {change.at:g} s has the structure {after}; expected that of the "
+                        f"experiment's, {before}"
                     )
                 most = limited_platform(platform, force_limit).actuator_force_max
                 actuators = Actuators(most, drives.rate_limit, drives.lag, delay)
@@ -634,35 +572,44 @@ class Preparation:
 
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
-        if bound is None:
-            bound = planned.home_leg_length if planned is not None and is_closed else math.inf
-        stroke = stroke_of(platform.leg_length_min, platform.leg_length_max)
+        if bound is None and planned.reference is not None and is_closed:
+            bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+        force_limit, rate_limit = limited.actuator_force_max, drives.rate_limit
         return Setup(
             timing=timing,
             platform=platform,
-            start=once(self._start, tables["start"], platform, planned),
-            planned=planned,
+            start=start._replace(**stated),
+            **planned._asdict(),
             controller=controller,
-            feedforward=forces,
-            injection=once(self._injection, tables["injection"], platform, planned, injection),
-            actuators=Actuators(limited.actuator_force_max, drives.rate_limit, drives.lag, loop.delay),
-            limits=Limits(stroke, self.experiment.limits.stroke, bound),
+            injection=injected,
+            actuators=Actuators(force_limit, rate_limit, drives.lag, loop.delay),
+            limits=Limits(
+                stroke_of(platform.leg_length_min, platform.leg_length_max),
+                self.experiment.limits.stroke,
+                math.inf if bound is None else bound,
+            ),
+            known=KnownAhead(
+                platform,
+                timing.sample_time,
+                forces,
+                forces if injected is None else forces + injected,
+                # the least of legs that differ
+                *(np.inf if most is None else float(np.min(most)) for most in (force_limit, rate_limit)),
+                MappingProxyType(choice.design(platform, timing.sample_time).parameters),
+            ),
             turned=tuple(change for change in turned if change.time < timing.duration),
-            gains=MappingProxyType(choice.design(platform, timing.sample_time).parameters),
         )
 
     @cached_property
-    def _timing(self) -> Timing:
+    def _clocks(self) -> Timing:
         """The clocks of all members, without jitter."""
         return timing_of(self.experiment, self.experiment.loop.model_copy(update={"jitter": 0.0, "delay": 0}))
-
-    # Stages: each is made once for the same parts.
 
     def _planned(
         self, choice: ReferenceChoice, limited: Platform, condition_number: float, when_beyond: WhenBeyond
     ) -> Planned:
         """The reference motion, which the platform can follow, and what the loop reads at rows and samples."""
-        timing = self._timing
+        timing = self._clocks
         reference, motion = reference_motion(self.experiment, choice, limited, timing)
         with part_of(self._where, "reference"):
             centre = centre_of(reference)
@@ -674,46 +621,35 @@ class Preparation:
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
             jacobians = jacobians_of(limited, Motion(*(part[at] for part in motion)))
-            home = leg_geometry(limited, limited.home_position, limited.home_orientation)
-            return Planned(reference, motion, legs, signals, jacobians, float(home.length.mean()), tuple(exceeded))
+            return Planned(reference, motion, legs, signals, jacobians, tuple(exceeded))
 
-    def _start(self, choice: schema.Start, platform: Platform, planned: Planned | None) -> State:
-        """The state at time 0, with angles in the turns of the reference."""
-        rest = np.zeros(3)
-        state = State(platform.home_position, platform.home_orientation, rest, rest)
-        if planned is not None:
-            state = State(*(values[0] for values in planned.motion[:4]))
-        stated = {name: np.array(value) for name, value in choice.model_dump().items() if value is not None}
-        if planned is not None and "orientation" in stated:
-            stated["orientation"] = nearest_angle(stated["orientation"], state.orientation)
-        return state._replace(**stated)
-
-    def _feedforward(self, kind: Feedforward, delay: int, platform: Platform, planned: Planned | None) -> FloatArray:
+    def _feedforward(self, kind: Feedforward, delay: int, platform: Platform, planned: Planned) -> FloatArray:
         """Forces at every sample (m, 6) [N]."""
-        samples = self._timing.samples
-        if planned is None:
+        samples = self._clocks.samples
+        reference = planned.reference
+        if reference is None:
             return np.zeros((len(samples), 6))
         # forces are held, so evaluate them in the middle of that interval
-        ahead, reference = (delay + 0.5) * self._timing.sample_time, planned.reference
+        ahead = (delay + 0.5) * self._clocks.sample_time
         if isinstance(reference, HandMotion):
             motion = reference.foreseen(samples, ahead)
         else:
             motion = reference(np.minimum(samples + ahead, end_of(reference)))
         return feedforward(kind, platform, motion)
 
-    def _controller(self, choice: ControllerChoice, platform: Platform) -> Controller | None:
-        """The controller that replaces the experiment's, or the experiment's."""
-        sample_time = self._timing.sample_time
+    def _controller(self, choice: ControllerChoice, platform: Platform) -> Any:
+        """The controller that replaces the experiment's, or the experiment's; None for feedforward alone."""
+        sample_time = self._clocks.sample_time
         with part_of(self._where, "controller"):
             if self.controller is None:
                 return choice.controller(platform, sample_time, self.experiment.folder)
             return controller_of(self.controller, choice.design(platform, sample_time))
 
     def _injection(
-        self, choice: InjectionChoice | None, platform: Platform, planned: Planned | None, injection: Injection | None
-    ) -> FloatArray | None:
+        self, choice: InjectionChoice, platform: Platform, planned: Planned, injection: Injection | None
+    ) -> FloatArray:
         """Forces that are added to the command at every sample (m, 6) [N]."""
-        samples = self._timing.samples
+        samples = self._clocks.samples
         if injection is not None:
             forces = np.zeros((len(samples), 6))
             for k, time in enumerate(samples.tolist()):
@@ -722,28 +658,37 @@ class Preparation:
                 except ValueError as error:
                     raise ControllerError(f"the injection at time {time:g} s {error}") from None
             return forces
-        if choice is None:
-            return None
-        J = leg_jacobian(platform, platform.home_position, platform.home_orientation)
+        at_home = leg_jacobian(platform, platform.home_position, platform.home_orientation)
         with part_of(self._where, "injection"):
-            J = J if planned is None else planned.jacobians[0]
-            return choice.forces(len(samples), self._timing.sample_time, J)
+            J = at_home if planned.reference is None else planned.jacobians[0]
+            return choice.forces(len(samples), self._clocks.sample_time, J)
 
     def _changes(
         self,
-        parameters: Sequence[schema.ChangeChoice],
+        of_parameters: Sequence[schema.ChangeChoice],
         wrenches: Sequence[schema.DisturbanceChoice],
         faults: Sequence[FaultChoice],
         machine: Platform | None,
     ) -> tuple[Change, ...]:
         """Of the machine's parameters and the switch, then of the load, then faults; each list in order of time."""
-        where, timing = self._where, self._timing
-        changes: list[Change] = []
-        if machine is not None:
-            with part_of(where, "change"):
-                changes = _parameter_changes(parameters, machine)
-                for change in changes:
-                    timing.row(change.time, "a change")
+        where, timing, changes = self._where, self._clocks, list[Change]()
+        with part_of(where, "change"):
+            for choice in [] if machine is None else sorted(of_parameters, key=lambda choice: choice.at):
+                values = dict(choice.parameters)
+                for name, factor in choice.factors.items():  # on the values just before
+                    if name in values:
+                        raise PlatformError(name, "is in parameters and in factors; expected it in one of them")
+                    values[name] = np.asarray(getattr(machine, name, np.nan)) * factor
+                values = by_leg(values)
+                tunable = [variable.name for variable in Variant.of(machine).tunable]
+                for name in values:
+                    if name not in tunable:
+                        raise PlatformError(name, f"cannot change during a run{nearest(name, tunable)}")
+                machine = machine.with_parameters(values)  # type: ignore[union-attr]
+                changed = {name: getattr(machine, name) for name in values}
+                changes.append(Change(choice.at, changed, manual=choice.manual))
+            for change in changes:
+                timing.row(change.time, "a change")
         with part_of(where, "disturbance"):
             spans = [(w.at, w.at + w.duration, np.concatenate([w.force, w.torque])) for w in wrenches]
             for time, active in _active(spans, timing, "disturbance"):
@@ -753,127 +698,6 @@ class Preparation:
             for time, active in _active(spans, timing, "fault"):
                 changes.append(Change(time, faults=np.max([np.zeros(N_FAULTS), *active], axis=0)))
         return tuple(changes)
-
-    def _refuse_other_variants(
-        self, machines: Platforms, numbers: Sequence[int], errors: dict[int, GoughStewartError]
-    ) -> None:
-        """Fail members whose machine has other states than the experiment's: one vector steps several members."""
-        try:
-            variant = Variant.of(platforms_of(self.experiment)[1])
-        except GoughStewartError:
-            return
-        sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
-        for name, differing, differs in (
-            ("leg_friction_model", replace(variant, bristles=not variant.bristles), sticks != variant.bristles),
-            ("leg_stiffness", replace(variant, springs=not variant.springs), gives != variant.springs),
-        ):
-            for at in np.flatnonzero(differs).tolist():
-                text = (
-                    f"{name}: gives a member {differing.words.removeprefix('with ')}, and the experiment's machine has "
-                    f"{variant.words.removeprefix('with ')}; expected one kind in all members: run the others as an "
-                    "experiment of their own"
-                )
-                errors.setdefault(numbers[at], ExperimentError(self._where, "plant", text))
-
-
-def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> Platform:
-    """The platform that the designer believes in."""
-    with part_of(experiment.where, "platform"):
-        file = choice.file
-        platform = load_preset(choice.preset_name) if file is None else load_platform(experiment.folder / file)
-        circles = {key: value for key in CIRCLE_KEYS if (value := getattr(choice, key)) is not None}
-        parameters = joints_of_keys(circles) | choice.parameters
-        return platform.with_parameters(parameters) if parameters else platform
-
-
-def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
-    """The nominal model, and the machine.
-
-    Raises
-    ------
-    ExperimentError
-        An invalid one.
-    """
-    _, nominal, base = Preparation(experiment)._believed({})
-    parameters = experiment.plant.parameters
-    with part_of(experiment.where, "plant"):
-        return nominal, base.with_parameters(parameters) if parameters else base
-
-
-def limited_platform(platform: Platform, force_limit: float | str) -> Platform:
-    """The nominal model with the force limit of the actuators [N], its own for "platform": no motion may use more."""
-    if force_limit == "platform":
-        return platform
-    return platform.with_parameters({"actuator_force_max": None if force_limit == "none" else float(force_limit)})
-
-
-def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
-    """The clocks of a run, with their jitter.
-
-    Raises
-    ------
-    ExperimentError
-        Clocks that do not fit each other, or a delay as long as the run.
-    """
-    with part_of(experiment.where, "loop"):
-        step = loop.plant_step or loop.sample_time
-        timing = Timing(loop.duration, loop.sample_time, step, loop.jitter, experiment.sensors.seed)
-        if not loop.delay * timing.sample_time < timing.duration:
-            raise ControllerError(
-                f"delay of {loop.delay} samples in a run of {timing.duration:g} s: no command would act; "
-                "expected fewer samples, or a longer run"
-            )
-        return timing
-
-
-def reference_motion(
-    experiment: Experiment, choice: ReferenceChoice, limited: Platform, timing: Timing
-) -> tuple[Reference, Motion]:
-    """The reference, and its motion at every row, whether or not the platform can follow it.
-
-    Raises
-    ------
-    ExperimentError
-        An invalid one, or one that is faster than the samples can tell.
-    """
-    with part_of(experiment.where, "reference"):
-        reference = choice.about(limited, experiment.folder)
-        if not choice.highest_frequency < 0.5 / timing.sample_time:
-            raise ControllerError(
-                f"frequency of {choice.highest_frequency:g} Hz at a sample_time of {timing.sample_time:g} s; "
-                f"expected less than half the sample rate, {0.5 / timing.sample_time:g} Hz"
-            )
-        return reference, reference(timing.times)
-
-
-@contextmanager
-def part_of(where: str, name: str) -> Iterator[None]:
-    """Turn errors inside into those of a part of the experiment; a reference out of reach keeps its data."""
-    try:
-        yield
-    except (ExperimentError, ReachError):
-        raise
-    except GoughStewartError as error:
-        raise ExperimentError(where, name, str(error)) from error
-
-
-def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platform) -> list[Change]:
-    """Changes in order of time; factors multiply the values just before."""
-    changes = []
-    for choice in sorted(choices, key=lambda choice: choice.at):
-        values = dict(choice.parameters)
-        for name, factor in choice.factors.items():
-            if name in values:
-                raise PlatformError(name, "is in parameters and in factors; expected it in one of them")
-            values[name] = np.asarray(getattr(platform, name, np.nan)) * factor
-        values = by_leg(values)
-        tunable = [v.name for v in Variant.of(platform).tunable]
-        for name in values:
-            if name not in tunable:
-                raise PlatformError(name, f"cannot change during a run{nearest(name, tunable)}")
-        platform = platform.with_parameters(values)
-        changes.append(Change(choice.at, {name: getattr(platform, name) for name in values}, manual=choice.manual))
-    return changes
 
 
 def _active(
@@ -896,3 +720,66 @@ def _active(
         (time, [value for begin, end, value in spans if begin < time + aside < end])
         for time in timing.times[sorted(rows)].tolist()
     ]
+
+
+def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> Platform:
+    """The platform that the designer believes in."""
+    with part_of(experiment.where, "platform"):
+        file = choice.file
+        platform = load_preset(choice.preset_name) if file is None else load_platform(experiment.folder / file)
+        circles = {key: value for key in CIRCLE_KEYS if (value := getattr(choice, key)) is not None}
+        parameters = joints_of_keys(circles) | choice.parameters
+        return platform.with_parameters(parameters) if parameters else platform
+
+
+def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
+    """The nominal model, and the machine."""
+    _, nominal, base = Preparation(experiment)._believed({})
+    parameters = experiment.plant.parameters
+    with part_of(experiment.where, "plant"):
+        return nominal, base.with_parameters(parameters) if parameters else base
+
+
+def limited_platform(platform: Platform, force_limit: float | str) -> Platform:
+    """The nominal model with the force limit of the actuators [N], its own for "platform": no motion may use more."""
+    if force_limit == "platform":
+        return platform
+    return platform.with_parameters({"actuator_force_max": None if force_limit == "none" else float(force_limit)})
+
+
+def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
+    """The clocks of a run, with their jitter; refuses a delay as long as the run."""
+    with part_of(experiment.where, "loop"):
+        step = loop.plant_step or loop.sample_time
+        timing = Timing(loop.duration, loop.sample_time, step, loop.jitter, experiment.sensors.seed)
+        if not loop.delay * timing.sample_time < timing.duration:
+            raise ControllerError(
+                f"delay of {loop.delay} samples in a run of {timing.duration:g} s: no command would act; "
+                "expected fewer samples, or a longer run"
+            )
+        return timing
+
+
+def reference_motion(
+    experiment: Experiment, choice: ReferenceChoice, limited: Platform, timing: Timing
+) -> tuple[Reference, Motion]:
+    """The reference, and its motion at every row, whether or not the platform can follow it."""
+    with part_of(experiment.where, "reference"):
+        reference = choice.about(limited, experiment.folder)
+        if not choice.highest_frequency < 0.5 / timing.sample_time:
+            raise ControllerError(
+                f"frequency of {choice.highest_frequency:g} Hz at a sample_time of {timing.sample_time:g} s; "
+                f"expected less than half the sample rate, {0.5 / timing.sample_time:g} Hz"
+            )
+        return reference, reference(timing.times)
+
+
+@contextmanager
+def part_of(where: str, name: str) -> Iterator[None]:
+    """Turn errors inside into those of a part of the experiment; a reference out of reach keeps its data."""
+    try:
+        yield
+    except (ExperimentError, ReachError):
+        raise
+    except GoughStewartError as error:
+        raise ExperimentError(where, name, str(error)) from error

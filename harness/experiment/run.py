@@ -6,18 +6,20 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import numpy as np
 import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.faults import CUT, FROZEN, N_FAULTS
+from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, experiment_of
+from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.margins import growing_of
-from gough_stewart.harness.experiment.members import EnsemblePlan, fingerprint, plan_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, plan_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
@@ -51,9 +53,8 @@ FORMAT = 1
 _OF_PLANTS = ("set_inputs", "set_parameters", "results", "do_step")
 _INPUT_COLUMNS = [name for v in interface.INPUTS for name in v.scalar_names]
 _REFERENCE = (
-    *((f"reference.{name}", 3) for name in (*signals.NAMES[:4], "acceleration", "angular_acceleration")),
-    ("reference.leg_length", 6),
-    ("reference.leg_velocity", 6),
+    *((name, 3) for name in (*signals.NAMES[:4], "acceleration", "angular_acceleration")),
+    *(("leg_length", 6), ("leg_velocity", 6)),
 )
 
 # Of the groups of charts that a run shows at first, in their order.
@@ -133,10 +134,8 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     # read and prepare; a member of an ensemble has the values, noise and jitter of its number
-    chosen = experiment_of(experiment, settings)
-    replaced = [
-        name for name, replacement in (("controller", controller), ("injection", injection)) if replacement is not None
-    ]
+    chosen, plan = experiment_of(experiment, settings), None
+    replaced = [name for name, value in (("controller", controller), ("injection", injection)) if value is not None]
     before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
         prepared = prepare(chosen, controller, injection)
@@ -154,52 +153,54 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
         for text in said_before:
             warn(text)
 
-    # simulate: a member by itself in its ensemble's plant, else in the experiment's plant, or the one that replaces it
-    choice = chosen.plant
+    # the plant: of a member by itself its ensemble's, else the experiment's, or the one that replaces it
+    choice, loop = chosen.plant, prepared.loop
     opening: AbstractContextManager[Plant]
-    if member is not None and plant is None and fmu is None:
-        record = records_of(plan, [member], progress)[0]
-    else:
-        if plant is None or isinstance(plant, str):
-            kind: PlantKind = plant or choice.kind
-            name: str = kind
-            if (unit := choice.own_unit(plant, fmu)) is not None:
-                fmu = chosen.folder / unit
-            # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
-            is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
-            if is_whole and (kernel := prepared.kernel) is not None:
-                opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
-            else:
-                opening = open_plant(
-                    kind,
-                    prepared.machine,
-                    prepared.start,
-                    tolerance=choice.tolerance,
-                    fixed_step_size=choice.fixed_step_size,
-                    fmu=fmu,
-                    progress=status,
-                )
+    opening_law: AbstractContextManager[LawFrom | None] = prepared.law_in_a_run()
+    in_batch = plan is not None and plant is None and fmu is None
+    if plan is not None and in_batch:
+        running = batch.in_parallel(plan.prepared.stepping)
+        name, opening, loop, opening_law = "lanes", running.plant, running.loop, nullcontext(running.law_from)
+    elif plant is None or isinstance(plant, str):
+        kind: PlantKind = plant or choice.kind
+        name = kind
+        if (unit := choice.own_unit(plant, fmu)) is not None:
+            fmu = chosen.folder / unit
+        # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
+        is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
+        if is_whole and (kernel := prepared.kernel) is not None:
+            opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
         else:
-            missing = [name for name in _OF_PLANTS if not hasattr(plant, name)]
-            if missing:
-                raise PlantError(
-                    f"plant is {plant!r}, without {', '.join(missing)}; expected "
-                    f"{', '.join(map(repr, get_args(PlantKind)))}, or an object that follows the rules of "
-                    "gough_stewart.harness.plants.plant.Plant"
-                )
-            if fmu is not None:
-                raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
-            name, opening = type(plant).__name__, nullcontext(plant)
-        with opening as opened, prepared.law_in_a_run() as law_from:
-            history = simulate(opened, law_from, prepared.loop, progress)
-            history = history.of_member(0) if getattr(opened, "shape", ()) else history
-            remarks = opened.remarks() if hasattr(opened, "remarks") else ""
-        record = record_of(history, prepared, chosen, name, replaced)
-        if remarks:
-            record.metadata.setdefault("warnings", []).append(remarks)
+            opening = open_plant(
+                kind,
+                prepared.machine,
+                prepared.start,
+                tolerance=choice.tolerance,
+                fixed_step_size=choice.fixed_step_size,
+                fmu=fmu,
+                progress=status,
+            )
+    else:
+        missing = [name for name in _OF_PLANTS if not hasattr(plant, name)]
+        if missing:
+            raise PlantError(
+                f"plant is {plant!r}, without {', '.join(missing)}; expected "
+                f"{', '.join(map(repr, get_args(PlantKind)))}, or an object that follows the rules of "
+                "gough_stewart.harness.plants.plant.Plant"
+            )
+        if fmu is not None:
+            raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
+        name, opening = type(plant).__name__, nullcontext(plant)
+
+    # simulate
+    with opening as opened, opening_law as law_from:
+        history = simulate(opened, law_from, loop, progress)
+        history = history.of_member(0) if getattr(opened, "shape", ()) else history
+        remarks = opened.remarks() if hasattr(opened, "remarks") else ""
+    record = record_of(history, prepared, chosen, name, replaced, member if in_batch else None)
 
     # what is to be said afterwards
-    warnings = list(growing)
+    warnings = [*filter(None, [remarks]), *growing]
     if before and fingerprint(controller) != before:
         warnings.append(
             f"the function {name_of(controller)} keeps memory, which the run has changed, and another run goes on from "
@@ -215,13 +216,7 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
 
 
 def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
-    """The experiments of members, and the same prepared.
-
-    Raises
-    ------
-    ExperimentError
-        No member of that number, or one that is impossible.
-    """
+    """The experiments of members, and the same prepared; None is the nominal machine."""
     for member in numbers:
         if member is not None and not 0 <= member < plan.members:
             raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
@@ -239,13 +234,7 @@ def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list
 
 
 def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: TimeProgress | None = None) -> list[Record]:
-    """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed.
-
-    Raises
-    ------
-    ExperimentError
-        No member of that number, or one that is impossible.
-    """
+    """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed."""
     if not members:
         return []
     experiments, batch = _members_of(plan, members)
@@ -264,18 +253,10 @@ def record_of(
     prepared: Prepared,
     experiment: Experiment,
     plant: str,
-    replaced: Sequence[str] = (),
-    member: int | None = None,
+    replaced: Sequence[str] = (),  # tables of the experiment that objects stood in for
+    member: int | None = None,  # its number if it ran in its ensemble's plant
 ) -> Record:
-    """The table of a run, and its metadata.
-
-    Parameters
-    ----------
-    replaced
-        Tables of the experiment that objects stood in for.
-    member
-        Its number if it ran in its ensemble's plant.
-    """
+    """The table of a run, and its metadata."""
     n, at = len(run.time), run.sample_of_row
     parts: list[tuple[list[str], Any]] = [
         (["time"], run.time[:, None]),
@@ -283,15 +264,12 @@ def record_of(
         (_INPUT_COLUMNS, run.inputs),
     ]
     if prepared.motion is not None and prepared.legs is not None:
-        reference = np.concatenate([*prepared.motion, *prepared.legs], axis=1)[:n]
-        parts.append(([name for prefix, size in _REFERENCE for name in columns(prefix, size)], reference))
-        actual, first = interface.unpack(interface.RESULTS, run.results), 0
-        for prefix, size in _REFERENCE:
-            name = prefix.removeprefix("reference.")
+        actual, errors = interface.unpack(interface.RESULTS, run.results), list[tuple[list[str], Any]]()
+        for (name, size), values in zip(_REFERENCE, (*prepared.motion, *prepared.legs), strict=True):
+            parts.append((columns(f"reference.{name}", size), values[:n]))
             if f"error.{name}" in ERRORS:
-                between = error_between(name, reference[:, first : first + size].T, actual[name].T).T
-                parts.append((columns(f"error.{name}", size), between))
-            first += size
+                errors.append((columns(f"error.{name}", size), error_between(name, values[:n].T, actual[name].T).T))
+        parts += errors
     if run.used:
         names = [f"measured.{name}" for name in signals.column_names(run.used)]
         parts.append((names, run.measured[at][:, signals.positions(run.used)]))
@@ -363,13 +341,6 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
     return parts
 
 
-class Written(NamedTuple):
-    """The names of the files of a run, and its report."""
-
-    files: list[str]
-    report: Report
-
-
 def names_of_files(page: bool = True, figures: bool = True) -> list[str]:
     """The files that `write_results` may write."""
     from gough_stewart.harness.report.page import PAGE  # slow, and a run alone does not need it
@@ -387,8 +358,8 @@ def write_results(
     requirements: Sequence[Required] = (),
     notes: Sequence[Note] = (),
     robustness: Robustness | None = None,
-) -> Written:
-    """Write all files of a run as one set, optionally with page and figures.
+) -> tuple[list[str], Report]:
+    """Write all files of a run as one set, optionally with page and figures; their names, and the report.
 
     If something fails, the files before it are complete, beginning with the record, and no file of an older run
     remains; see `file_set`. `charts` are in the report for other uses than these files.
@@ -425,7 +396,7 @@ def write_results(
         for part in written:
             part.result()
         files.add(more)
-    return Written(files.names, report)
+    return files.names, report
 
 
 def save_record(record: Record, folder: Path | str, report: bool = False, figures: bool = False) -> list[Path]:
@@ -459,8 +430,8 @@ def save_record(record: Record, folder: Path | str, report: bool = False, figure
     """
     folder = Path(folder)
     check_output_folder(folder, names_of_files())
-    written = write_results(record, folder, page=report, figures=figures)
-    return [folder / name for name in written.files]
+    names, _ = write_results(record, folder, page=report, figures=figures)
+    return [folder / name for name in names]
 
 
 def warnings_of(record: Record) -> list[str]:

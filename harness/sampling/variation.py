@@ -4,7 +4,7 @@ Quantile functions turn numbers in (0, 1), random ones or those of a design, int
 element, so a value does not depend on its neighbours.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import prod
 from typing import Any
@@ -77,26 +77,26 @@ class Variation(Section):
         return name
 
     def spread(self, target: VariedValue) -> Spread:
-        """The spread of a target under this distribution.
+        """The spread of a target under this distribution; a `ValueError` says what is no distribution of it."""
+        kind, value = self.kind, getattr(self, self.kind)
+        if kind in ("factor", "offset") and value.kind in ("factor", "offset"):
+            raise ValueError(f"{kind} of a {value.kind}; expected a distribution in it")
+        if kind == "factor":
+            nominal, of_factor = _nominal(target), value.spread(VariedValue("factor", PLAIN, (), np.ones(())))
 
-        Raises
-        ------
-        ValueError
-            Numbers that are not a distribution of this target, one without a spread, or a deviation from a missing
-            value.
-        """
-        kind = self.kind
-        if self.factor is not None:
-            return self._of_factor(self.factor, target)
-        if self.offset is not None:
-            nominal = _nominal(target)
-            inner = _only_values(self.offset, "offset").spread(replace(target, nominal=np.zeros(target.shape)))
-            return replace(inner, draw=lambda u: nominal + np.asarray(inner.draw(u), dtype=float))
+            def factors(u: FloatArray) -> FloatArray:
+                return np.asarray(of_factor.draw(u), dtype=float)
+
+            ones = (1,) * len(target.shape)
+            return Spread(1, lambda u: factors(u).reshape(-1, *ones) * nominal, of_factor.levels, factors)
+        if kind == "offset":
+            nominal, about_zero = _nominal(target), value.spread(replace(target, nominal=np.zeros(target.shape)))
+            return replace(about_zero, draw=lambda u: nominal + np.asarray(about_zero.draw(u), dtype=float))
         if kind in ("choice", "grid"):
-            return self._of_values(kind, getattr(self, kind), target)
+            return self._of_values(kind, value, target)
         if target.unit is None:
             raise ValueError(f"{kind} applies to numbers only; expected choice or grid")
-        quantile = _DISTRIBUTIONS[kind](getattr(self, kind), target)
+        quantile = _quantile(kind, value, target)
 
         def draw(u: FloatArray) -> FloatArray:
             drawn = quantile(u.reshape(len(u), *target.shape))
@@ -107,37 +107,22 @@ class Variation(Section):
 
         return Spread(prod(target.shape), draw)
 
-    def _of_factor(self, factor: "Variation", target: VariedValue) -> Spread:
-        nominal = _nominal(target)
-        inner = _only_values(factor, "factor").spread(VariedValue("factor", PLAIN, (), np.ones(())))
-
-        def drawn(u: FloatArray) -> FloatArray:
-            return np.asarray(inner.draw(u), dtype=float)
-
-        def draw(u: FloatArray) -> FloatArray:
-            return drawn(u).reshape(-1, *(1 for _ in target.shape)) * nominal
-
-        return Spread(1, draw, inner.levels, drawn)
-
     @staticmethod
     def _of_values(kind: str, values: list[Any], target: VariedValue) -> Spread:
+        """One of n values with equal probability, the one at ⌊n u⌋."""
+        n, is_number = len(values), target.unit is not None
         if not values:
             raise ValueError(f"{kind} has no values; expected at least two")
-        parsed = values if target.unit is None else [_parsed(value, target, target.shape) for value in values]
+        parsed = [_parsed(value, target, target.shape) for value in values] if is_number else values
         if all(np.array_equal(value, parsed[0]) for value in parsed):
             raise ValueError(f"{kind} is {values!r}, without a spread; expected at least two values that differ")
         among = values if all(isinstance(value, int) for value in values) else parsed
 
         def draw(u: FloatArray) -> Any:
-            return _choice(u, among) if target.unit is None else np.asarray(_choice(u, among))
+            chosen = [among[min(int(n * share), n - 1)] for share in np.ravel(u).tolist()]
+            return np.asarray(chosen) if is_number else chosen
 
-        return Spread(1, draw, len(values) if kind == "grid" else None)
-
-
-def _only_values(inner: Variation, where: str) -> Variation:
-    if inner.kind in ("factor", "offset"):
-        raise ValueError(f"{where} of a {inner.kind}; expected a distribution in it")
-    return inner
+        return Spread(1, draw, n if kind == "grid" else None)
 
 
 def _nominal(target: VariedValue) -> FloatArray:
@@ -155,22 +140,11 @@ def _parsed(value: Any, target: VariedValue, shape: tuple[int, ...]) -> FloatArr
     return np.array(number(value, target.unit or PLAIN))
 
 
-def _number_or_all(value: Any, target: VariedValue) -> FloatArray:
-    """One number for all elements, or one for each."""
-    return _parsed(value, target, target.shape if isinstance(value, list | tuple) else ())
+def _scores(u: FloatArray) -> FloatArray:
+    """Φ⁻¹(u)."""
+    from scipy.special import ndtri  # not needed, and slow, without an ensemble
 
-
-def _listed(value: Any, sizes: tuple[int, ...], kind: str) -> list[Any]:
-    numbers = list(value) if isinstance(value, list | tuple) else [value]
-    if len(numbers) not in sizes:
-        raise ValueError(f"{kind} is {value!r}; expected {_WANTED[kind]}")
-    return numbers
-
-
-def _positive(size: FloatArray, value: Any, expected: str) -> FloatArray:
-    if not (size > 0).all():
-        raise ValueError(f"is {value!r}, without a spread; expected {expected}")
-    return size
+    return np.asarray(ndtri(u))
 
 
 def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray:
@@ -178,38 +152,46 @@ def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray
     return np.asarray(mean + deviation * _scores(u))
 
 
-def _normal(value: Any, target: VariedValue) -> Quantile:
-    *mean, deviation = _listed(value, (1, 2), "normal")
-    middle = _number_or_all(mean[0], target) if mean else _nominal(target)
-    size = _positive(_number_or_all(deviation, target), value, "a standard deviation > 0")
-    return lambda u: normal(u, middle, size)
+def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
+    """The quantile function of a distribution of numbers: normal, uniform, truncated_normal or lognormal."""
+    given, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
+    if len(given) not in sizes:
+        raise ValueError(f"{kind} is {value!r}; expected {wanted} about the present value")
+    # one number for all elements, or one for each
+    numbers = [
+        np.array(plain_number(part))
+        if kind == "lognormal" and k == len(given) - 1
+        else _parsed(part, target, target.shape if isinstance(part, list | tuple) else ())
+        for k, part in enumerate(given)
+    ]
+    if kind == "truncated_normal" and len(numbers) == 2:  # about the present value, between bounds
+        deviation, bound = numbers
+        _check_spread(bound, value, "a bound > 0")
+        numbers = [_nominal(target), deviation, _nominal(target) - bound, _nominal(target) + bound]
+    elif kind == "uniform" and len(numbers) == 1:
+        _check_spread(numbers[0], value, "a half width > 0")
+        numbers = [_nominal(target) - numbers[0], _nominal(target) + numbers[0]]
+    elif len(numbers) == 1:
+        numbers = [_nominal(target), *numbers]
+    if kind == "lognormal":  # the logarithm is normal, with mean ln m and deviation s: m exp(s Φ⁻¹(u))
+        median, deviation = numbers
+        if not (median > 0).all():
+            raise ValueError(f"lognormal has the median {median.tolist()}; expected a median > 0")
+        _check_spread(deviation, value, "a deviation of the logarithm > 0")
+        return lambda u: np.asarray(median * np.exp(deviation * _scores(u)))
+    if kind == "uniform":  # a + (b − a) u
+        low, high = numbers
+        _check_spread(high - low, value, "the lower bound below the upper one")
+        return lambda u: np.asarray(low + (high - low) * u)
+    mean, deviation = numbers[:2]
+    _check_spread(deviation, value, "a standard deviation > 0")
+    if kind == "normal":
+        return lambda u: normal(u, mean, deviation)
+    low, high = numbers[2:]
+    _check_spread(high - low, value, "the lower bound below the upper one")
 
-
-def _uniform(value: Any, target: VariedValue) -> Quantile:
-    """From a to b: a + (b − a) u."""
-    bounds = [_number_or_all(bound, target) for bound in _listed(value, (1, 2), "uniform")]
-    if len(bounds) == 1:
-        half = _positive(bounds[0], value, "a half width > 0")
-        bounds = [_nominal(target) - half, _nominal(target) + half]
-    else:
-        _positive(bounds[1] - bounds[0], value, "the lower bound below the upper one")
-    low, high = bounds
-    return lambda u: np.asarray(low + (high - low) * u)
-
-
-def _truncated_normal(value: Any, target: VariedValue) -> Quantile:
-    """N(μ, σ²) between two bounds: μ + σ Φ⁻¹(Φ(α) + u (Φ(β) − Φ(α))), α and β the bounds as multiples of σ from μ."""
-    parts = [_number_or_all(part, target) for part in _listed(value, (2, 4), "truncated_normal")]
-    if len(parts) == 2:
-        deviation, bound = parts
-        _positive(bound, value, "a bound > 0")
-        mean, low, high = _nominal(target), _nominal(target) - bound, _nominal(target) + bound
-    else:
-        mean, deviation, low, high = parts
-    _positive(deviation, value, "a standard deviation > 0")
-    _positive(high - low, value, "the lower bound below the upper one")
-
-    def quantile(u: FloatArray) -> FloatArray:
+    def truncated(u: FloatArray) -> FloatArray:
+        """μ + σ Φ⁻¹(Φ(α) + u (Φ(β) − Φ(α))), α and β the bounds as multiples of σ from μ."""
         from scipy.special import ndtr
 
         a, b = (low - mean) / deviation, (high - mean) / deviation
@@ -219,41 +201,18 @@ def _truncated_normal(value: Any, target: VariedValue) -> Quantile:
         z = _scores(ndtr(a) + v * (ndtr(b) - ndtr(a)))
         return np.clip(mean + deviation * np.where(upper, -z, z), low, high)
 
-    return quantile
+    return truncated
 
 
-def _lognormal(value: Any, target: VariedValue) -> Quantile:
-    """The logarithm is normal, with mean ln m and deviation s: m exp(s Φ⁻¹(u)); m is the median."""
-    *median, deviation = _listed(value, (1, 2), "lognormal")
-    middle = _number_or_all(median[0], target) if median else _nominal(target)
-    if not (middle > 0).all():
-        raise ValueError(f"lognormal has the median {middle.tolist()}; expected a median > 0")
-    size = _positive(np.array(plain_number(deviation)), value, "a deviation of the logarithm > 0")
-    return lambda u: np.asarray(middle * np.exp(size * _scores(u)))
+def _check_spread(size: FloatArray, value: Any, expected: str) -> None:
+    if not (size > 0).all():
+        raise ValueError(f"is {value!r}, without a spread; expected {expected}")
 
 
-def _scores(u: FloatArray) -> FloatArray:
-    """Φ⁻¹(u)."""
-    from scipy.special import ndtri  # not needed, and slow, without an ensemble
-
-    return np.asarray(ndtri(u))
-
-
-def _choice(u: FloatArray, values: Sequence[Any]) -> list[Any]:
-    """One of n values with equal probability, the one at ⌊n u⌋, for each of u (m, 1)."""
-    n = len(values)
-    return [values[min(int(n * share), n - 1)] for share in np.ravel(u).tolist()]
-
-
-_DISTRIBUTIONS: dict[str, Callable[[Any, VariedValue], Quantile]] = {
-    "normal": _normal,
-    "uniform": _uniform,
-    "truncated_normal": _truncated_normal,
-    "lognormal": _lognormal,
-}
-_WANTED = {
-    "normal": "[mean, standard deviation], or a standard deviation about the present value",
-    "uniform": "[low, high], or half the width about the present value",
-    "truncated_normal": "[mean, standard deviation, low, high], or [standard deviation, bound] about the present value",
-    "lognormal": "[median, standard deviation of the logarithm], or that deviation about the present value",
+# How many numbers a distribution has, and what they are.
+_WANTED: dict[str, tuple[tuple[int, ...], str]] = {
+    "normal": ((1, 2), "[mean, standard deviation], or a standard deviation"),
+    "uniform": ((1, 2), "[low, high], or half the width"),
+    "truncated_normal": ((2, 4), "[mean, standard deviation, low, high], or [standard deviation, bound]"),
+    "lognormal": ((1, 2), "[median, standard deviation of the logarithm], or that deviation"),
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from gough_stewart.harness.experiment.file import experiment_names, shipped_experiment
+from gough_stewart.harness.experiment.file import experiment_names, load_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.paper.reproduce import record_of_case
@@ -65,7 +65,7 @@ def check(browser: Browser, record: Record, path: Path) -> None:
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_a_shipped_experiment_on_its_page(browser: Browser, name: str, fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    record = run(shipped_experiment(name), plant="fmu3", fmu=fmus["3.0"].path)
+    record = run(load_experiment(name), plant="fmu3", fmu=fmus["3.0"].path)
     check(browser, record, tmp_path / f"{name}.html")
 
 

@@ -175,24 +175,6 @@ def test_numbers_survive_every_way_of_writing_them(
     assert numbers_of(table, "b [mm]").tolist() == [2 * x for x in numbers]
 
 
-def test_columns_are_numbers_by_their_names(tmp_path: Path) -> None:
-    """Expected: what was written, of integers, floats, singles and texts, in CSV and Parquet."""
-    columns = {
-        "whole": [3, -4, 5],
-        "real": [0.1, 2.5e-7, -3e9],
-        "single": polars.Series([0.5, 0.25, -8], dtype=polars.Float32),
-        "text": ["1.5", "-2e3", "7"],
-    }
-    table = polars.DataFrame(columns)
-    table.write_parquet(tmp_path / "t.parquet")
-    table.write_csv(tmp_path / "t.csv")
-    for name in ("t.parquet", "t.csv"):
-        read = read_table(tmp_path / name, "log")
-        for column, values in (("whole", [3, -4, 5]), ("real", [0.1, 2.5e-7, -3e9]), ("single", [0.5, 0.25, -8])):
-            assert numbers_of(read, column).tolist() == values
-        assert numbers_of(read, "text").tolist() == [1.5, -2000, 7]
-
-
 @pytest.mark.parametrize(
     ("values", "says"),
     [

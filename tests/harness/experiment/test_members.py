@@ -9,126 +9,66 @@ import gough_stewart as gs
 from tests.support.small_ensemble import small
 
 NORMAL = {"normal": [1, 1]}
-
-
-WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "unknown parameter": (
-        {"platform_mas": {"normal": [1, 1]}},
-        "ensemble.platform_mas: no such parameter; did you mean 'platform_mass'?",
+COMMON = (
+    *("loop.duration", "loop.sample_time", "loop.plant_step", "sensors.seed", "sensors.sample_time", "sensors.side"),
+    *("plant.kind", "plant.fmu", "plant.file", "plant.tolerance", "plant.fixed_step_size", "platform.preset"),
+    *("platform.file", "limits.stroke", "limits.condition_number", "controller.type", "controller.space"),
+    *("reference.type", "sensors", "ensemble.members"),
+)
+PAIR = ["platform_mass", "leg_viscous_friction"]
+# A key with how it varies, or a whole table, and the message after its name.
+WRONG: list[tuple[str, Any, str]] = [
+    *((key, NORMAL, "is common to all members; expected a parameter of the machine, or a number of") for key in COMMON),
+    ("platform_mas", NORMAL, "no such parameter; did you mean 'platform_mass'?"),
+    ("plant.parameters.platform_mss", NORMAL, "no such parameter; did you mean 'platform_mass'?"),
+    ("platform.parameters.x", NORMAL, "no such parameter"),
+    ("plant.platform_com.x", NORMAL, "no such parameter; expected"),
+    ("sensor.noise", NORMAL, "no such parameter; did you mean 'sensors'?"),
+    ("controller.bandwith", NORMAL, "no such key of [controller]; did you mean"),
+    ("sensors.noise.leg_lenth", NORMAL, "no signal 'leg_lenth'; did you mean"),
+    ("sensors.noise.leg_length.x", NORMAL, "expected one name after noise"),
+    ("sensors.noise", NORMAL, "expected one name after noise"),
+    *(
+        (f"disturbance.{inner}", NORMAL, "expected disturbance.1 to disturbance.1 and a key of it")
+        for inner in ("0.force", "2.force", "x.force", "1")
     ),
-    "unknown key": (
-        {"controller": {"bandwith": {"normal": [1, 1]}}},
-        "controller.bandwith: no such key of [controller]; did you mean",
+    ("change.1.factors.platform_mass", NORMAL, "no [[change]]"),
+    ("injection.amplitude", NORMAL, "the experiment has no [injection]"),
+    ("loop.delay.x", {"choice": [1, 2]}, "loop.delay is not a table"),
+    ("loop.delay", {"uniform": [0, 2]}, "uniform applies to numbers only; expected choice or grid"),
+    ("controller.feedforward", {"uniform": [1, 2]}, "uniform applies to numbers only"),
+    ("actuators.force_limit", {"factor": NORMAL}, "has no value to vary about"),
+    ("actuators.rate_limit", {"normal": 3}, "has no value to vary about"),
+    ("plant.parameters.platform_mass", {"uniform": [1, 2]}, "varies twice"),
+    (
+        "correlation",
+        [{"of": ["platform_mass", "gravity"], "matrix": [[1, 0], [0, 1]]}],
+        "is correlated but does not va",
     ),
-    "unknown section": ({"sensor": {"noise": {"uniform": [1, 2]}}}, "no such parameter; did you mean 'sensors'?"),
-    "unknown signal": (
-        {"sensors": {"noise": {"leg_lenth": {"uniform": [0, 1]}}}},
-        "no signal 'leg_lenth'; did you mean",
+    (
+        "correlation",
+        [{"of": ["platform_mass", "base_points"], "matrix": [[1, 0], [0, 1]]}],
+        "have 19 elements; their m",
     ),
-    "no spread": (
-        {"platform_mass": {"normal": ["120 kg", "0 kg"]}},
-        "platform_mass: is ['120 kg', '0 kg'], without a spread",
-    ),
-    "wrong unit": ({"controller": {"bandwidth": {"uniform": ["2 m", "3 Hz"]}}}, "found the unit 'm'"),
-    "empty grid": ({"platform_mass": {"grid": []}}, "platform_mass: grid has no values"),
-    "a clock": ({"loop": {"sample_time": {"uniform": [1e-3, 2e-3]}}}, "loop.sample_time: is common to all members"),
-    "a whole number": (
-        {"loop": {"delay": {"uniform": [0, 2]}}},
-        "loop.delay: uniform applies to numbers only; expected choice or grid",
-    ),
-    "twice": ({"plant": {"platform_mass": {"uniform": [1, 2]}}}, "varies twice"),
-    "no disturbance": ({"disturbance": {"3": {"force": {"normal": "2 N"}}}}, "expected disturbance.1 to disturbance.1"),
-    **{
-        f"disturbance {'.'.join(inner)}": (
-            {"disturbance": {inner[0]: dict.fromkeys(inner[1:], NORMAL) or NORMAL}},
-            f"ensemble.disturbance.{'.'.join(inner)}: expected disturbance.1 to disturbance.1 and a key of it",
-        )
-        for inner in (["0", "force"], ["2", "force"], ["x", "force"], ["1"])
-    },
-    "no list": ({"change": {"1": {"factors": {"platform_mass": NORMAL}}}}, "platform_mass: no [[change]]"),
-    "no table": ({"injection": {"amplitude": NORMAL}}, "amplitude: the experiment has no [injection]"),
-    "a key of a number": ({"loop": {"delay": {"x": {"choice": [1, 2]}}}}, "delay.x: loop.delay is not a table"),
-    "a key of a parameter": ({"plant": {"platform_com": {"x": NORMAL}}}, "platform_com.x: no such parameter; expected"),
-    "unknown parameter of the machine": (
-        {"plant": {"parameters": {"platform_mss": NORMAL}}},
-        "plant.parameters.platform_mss: no such parameter; did you mean 'platform_mass'?",
-    ),
-    "unknown parameter of the belief": ({"platform": {"parameters": {"x": NORMAL}}}, "parameters.x: no such parameter"),
-    "a key of a signal": ({"sensors": {"noise": {"leg_length": {"x": NORMAL}}}}, "x: expected one name after noise"),
-    "no signal": ({"sensors": {"noise": NORMAL}}, "sensors.noise: expected one name after noise"),
-    "a whole table": ({"sensors": NORMAL}, "ensemble.sensors: is common to all members"),
-    "itself": ({"ensemble": {"members": NORMAL}}, "ensemble.members: is common to all members"),
-    "another number of elements": ({"platform_com": {"normal": [[1, 2], [1]]}}, "is [1, 2]; expected 3 elements"),
-    "a word": ({"controller": {"feedforward": {"uniform": [1, 2]}}}, "feedforward: uniform applies to numbers only"),
-    "a factor of a word": (
-        {"actuators": {"force_limit": {"factor": NORMAL}}},
-        "force_limit: has no value to vary about",
-    ),
-    "nothing there": (
-        {
-            "plant": {
-                "leg_length_max": {"factor": {"uniform": [1, 2]}},
-            },
-            "actuators": {"rate_limit": {"normal": 3}},
-        },
-        "actuators.rate_limit: has no value to vary about",
-    ),
-    "not correlated with what varies": (
-        {"correlation": [{"of": ["platform_mass", "gravity"], "matrix": [[1, 0], [0, 1]]}]},
-        "gravity: is correlated but does not vary",
-    ),
-    "too few rows": (
-        {"correlation": [{"of": ["platform_mass", "base_points"], "matrix": [[1, 0], [0, 1]]}]},
-        "have 19 elements; their matrix has 2 rows",
-    ),
-    "no correlation": (
-        {"correlation": [{"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[2, 0], [0, 1]]}]},
-        "with 1 on the diagonal",
-    ),
-    "two matrices": (
-        {
-            "correlation": [
-                {"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[1, 0.5], [0.5, 1]]},
-                {"of": ["leg_viscous_friction", "platform_mass"], "matrix": [[1, 0.1], [0.1, 1]]},
-            ]
-        },
+    ("correlation", [{"of": PAIR, "matrix": [[2, 0], [0, 1]]}], "expected a matrix with 1 on the diagonal"),
+    (
+        "correlation",
+        [{"of": PAIR, "matrix": [[1, 0.5], [0.5, 1]]}, {"of": PAIR[::-1], "matrix": [[1, 0.1], [0.1, 1]]}],
         "is in two matrices",
     ),
-    "both": ({"covariance": [{"of": ["platform_mass"], "matrix": [[2]]}]}, "has a distribution and a covariance"),
-}
+    ("covariance", [{"of": ["platform_mass"], "matrix": [[2]]}], "has a distribution and a covariance"),
+]
 
 
-@pytest.mark.parametrize("what", WRONG)
-def test_what_cannot_vary_is_named(what: str) -> None:
-    table, message = WRONG[what]
+@pytest.mark.parametrize(("key", "how", "says"), WRONG)
+def test_what_cannot_vary_is_named(key: str, how: Any, says: str) -> None:
+    for name in reversed(key.split(".")):
+        how = {name: how}
     with pytest.raises(gs.GoughStewartError) as caught:
-        gs.run(small(**table), member=0)
-    assert str(caught.value).startswith("experiment: ensemble.")
-    assert message in str(caught.value)
-
-
-SCHEMA: dict[str, tuple[dict[str, Any], str]] = {
-    "two distributions": (
-        {"platform_mass": {"normal": [1, 1], "uniform": [1, 2]}},
-        "platform_mass: expected one of normal,",
-    ),
-    "an unknown one": ({"platform_mass": {"normal": [1, 1], "gauss": [1, 1]}}, "gauss: unknown key"),
-    "not a table": ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
-    "negative": ({"members": -3}, "members: is -3"),
-    "not positive": (
-        {"covariance": [{"of": ["a", "b"], "matrix": [[1, 2], [2, 1]]}]},
-        "not positive definite (smallest eigenvalue -1",
-    ),
-    "sampling": ({"sampling": "sobel"}, "sampling: is 'sobel'"),
-}
-
-
-@pytest.mark.parametrize("what", SCHEMA)
-def test_what_is_no_ensemble_is_refused_as_the_file_is_read(what: str) -> None:
-    table, message = SCHEMA[what]
-    with pytest.raises(gs.GoughStewartError) as caught:
-        small(**table)
-    assert message in str(caught.value)
+        gs.run(small(**how), member=0)
+    place, _, message = str(caught.value).removeprefix("experiment: ensemble.").partition(": ")
+    assert place == key or says == "varies twice" or isinstance(how[name], list)
+    assert message.startswith(says)
 
 
 def test_numbers_of_saltellis_design_count_what_varies() -> None:

@@ -108,46 +108,22 @@ def test_the_same_run_gives_the_same_bytes() -> None:
     assert other.to_csv() != one.to_csv()
 
 
-def test_ones_own_python_control_system_drops_in() -> None:
-    """Expected: kp on the errors alone, as a static gain: force = feedforward + kp · error."""
+def test_ones_own_system_or_function_drops_in() -> None:
+    """Expected: kp on the errors alone, as a static gain: force = feedforward + kp · error; the same as a function."""
     experiment = gs.load_experiment("heave_step", ["loop.duration=0.3", "loop.delay=0", "sensors.quantisation={}"])
-    record = gs.run(experiment, plant="fmu3", controller=control.ss([], [], [], 1e4 * np.eye(6), 1e-3))
-    error = record["reference.leg_length"] - record["measured.leg_length"]
-    assert record["controller.force"] == pytest.approx(record["controller.feedforward"] + 1e4 * error, abs=1e-6)
-    assert (record["actuator_force"][:-1] == record["controller.force"][:-1]).all()
-
-
-def test_ones_own_function_drops_in() -> None:
-    """Expected: the same law as a function of the sample."""
-    experiment = gs.load_experiment("heave_step", ["loop.duration=0.3", "loop.delay=0"])
 
     def law(sample: gs.Sample) -> Any:
         return 1e4 * (sample.reference["leg_length"] - sample.measured["leg_length"])
 
-    mine = gs.run(experiment, plant="fmu3", controller=law)
-    system = gs.run(experiment, plant="fmu3", controller=control.ss([], [], [], 1e4 * np.eye(6), 1e-3))
-    assert np.abs(pose(mine) - pose(system)).max() < 1e-12
+    record, mine = (
+        gs.run(experiment, plant="fmu3", controller=controller)
+        for controller in (control.ss([], [], [], 1e4 * np.eye(6), 1e-3), law)
+    )
+    error = record["reference.leg_length"] - record["measured.leg_length"]
+    assert record["controller.force"] == pytest.approx(record["controller.feedforward"] + 1e4 * error, abs=1e-6)
+    assert (record["actuator_force"][:-1] == record["controller.force"][:-1]).all()
+    assert np.abs(pose(mine) - pose(record)).max() < 1e-12
     assert "measured.angular_velocity" in mine
-
-
-def test_a_controller_from_a_python_file(tmp_path: Path) -> None:
-    """Expected: the object of that name, whether system or function; what is not one is refused."""
-    (tmp_path / "mine.py").write_text("controller = lambda sample: [sample.time] * 6\nnothing = 3\n")
-    values: dict[str, Any] = {
-        "title": "mine",
-        "reference": {"type": "hold"},
-        "controller": {"type": "python", "file": "mine.py"},
-        "loop": {"duration": 0.02, "sample_time": 0.005},
-    }
-    record = gs.run(gs.Experiment(**values).from_file("mine", tmp_path))
-    assert record["controller.force[1]"].tolist() == pytest.approx([0, 0.005, 0.01, 0.015, 0.015])
-
-
-def test_a_controller_of_another_sample_time_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"sample time is 0.01 s, the loop's 0.001 s"):
-        gs.run(
-            gs.load_experiment("heave_step"), controller=gs.LinearController(control.ss([], [], [], np.eye(6), 0.01))
-        )
 
 
 def test_the_record_holds_everything() -> None:

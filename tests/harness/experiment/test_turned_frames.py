@@ -39,6 +39,8 @@ SHIPPED = {
 }
 # Those whose poses are those of a path, with its timing.
 PATHS = {"circle": 1.0, "excitation": 1.5, "fastest_path": "fastest", "pitch_sine": 1.0, "recorded_ride": 1.0}
+# Those that are quick; the others are evidence.
+ALWAYS = ("circle", "heave_step", "pitch_sine", "recorded_ride")
 # Roll, pitch and yaw themselves, of which the step response is one by one, and the pitch has a limit of its own.
 OF_FRAME = ("orientation", "reference orientation", "limits.pitch", "pitch", "step_response.")
 
@@ -117,7 +119,12 @@ def gaps(ours: Mapping[str, FloatArray], theirs: Mapping[str, FloatArray]) -> di
 
 
 @pytest.mark.parametrize(
-    ("name", "how"), [*((name, as_recorded) for name in SHIPPED), *((name, as_path) for name in PATHS)]
+    ("name", "how"),
+    [
+        pytest.param(name, how, marks=() if name in ALWAYS else pytest.mark.evidence)
+        for how, names in ((as_recorded, SHIPPED), (as_path, PATHS))
+        for name in names
+    ],
 )
 def test_checks_runs_metrics_and_pages_are_those_of_the_unturned_machine(
     name: str, how: Callable[[str, Frame, Path], dict[str, Any]], tmp_path: Path
@@ -141,7 +148,7 @@ def test_checks_runs_metrics_and_pages_are_those_of_the_unturned_machine(
         assert max(curves.values()) < (2e-6 if is_other_spline else 1e-8), (frame, curves)
 
 
-@pytest.mark.parametrize("timing", [4.0, "fastest"])
+@pytest.mark.parametrize("timing", [4.0, pytest.param("fastest", marks=pytest.mark.evidence)])
 def test_a_path_through_half_a_turn_is_that_through_zero(timing: Any) -> None:
     """Expected: the check of the machine as shipped, from a yaw of −5° to 6° around home, 0 between knots."""
     poses = [[0, 0, 0, 0, 0, np.radians(yaw)] for yaw in (-5, 6)]

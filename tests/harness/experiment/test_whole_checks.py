@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from tests.support.interpreter import Interpreter
+from gough_stewart.harness.report.table import Table
+from tests.support.commands import invoke
 from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.uneven import UNEVEN
 
@@ -150,30 +151,25 @@ class Motion:
 class Said:
     """What the command made."""
 
-    def __init__(self, folder: Path, interpreter: Interpreter) -> None:
+    def __init__(self, folder: Path) -> None:
         gs.save_platform(UNEVEN, folder / "uneven.toml")
         self.experiment = folder / "sway.toml"
         self.experiment.write_text(FILE)
-        wide = {"COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
-        done = interpreter.command("check", str(self.experiment), "--out", "out", cwd=folder, env=wide)
-        assert done.returncode == 3, done.stderr  # a limit is missed
+        done = invoke("check", str(self.experiment), "--out", str(folder / "out"))
+        assert done.exit_code == 3  # a limit is missed
         self.output = done.stdout
         self.values: dict[str, Any] = json.loads((folder / "out" / "check.json").read_text("utf-8"))
         with (folder / "out" / "needs.csv").open(encoding="utf-8") as file:
             self.rows = list(csv.reader(file))
         self.found = gs.check(self.experiment)
-
-    def table(self, title: str) -> list[list[str]]:
-        """The cells of a table in the terminal, without rules."""
-        text = self.output[self.output.index(title) :]
-        text = text[: text.index("└")]
-        return [[cell.strip() for cell in line[1:-1].split(line[0])] for line in text.splitlines() if line[0] in "┃│"]
+        self.report = self.found.report()
+        self.tables = {part.title: part for part in self.report.parts() if isinstance(part, Table)}
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory, interpreter: Interpreter) -> Said:
+def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
     """Of the command, for all tests."""
-    return Said(tmp_path_factory.mktemp("check"), interpreter)
+    return Said(tmp_path_factory.mktemp("check"))
 
 
 @pytest.fixture(scope="module")
@@ -258,40 +254,33 @@ RMS deg: platform_joint_angle_rms
 """
 
 
+def numbers(row: Any) -> list[float | None]:
+    return [cell.value for cell in row[1:]]
+
+
 def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
-    """Expected: the numbers of the file, converted by the units written in the table, to three or four digits."""
-    values = said.values
-    head, *rows = said.table("Largest share of each limit, by leg")
-    assert head == ["leg", *"123456"]
-    assert [row[0] for row in rows] == [each for name in NAMES.values() for each in (f"{name} %", "at s")]
+    """Expected: the numbers of the file; the units of data sheets."""
+    limits, needs = said.values["limits"], said.values["needs"]
+    by_leg = said.tables["Largest share of each limit, by leg"]
+    assert [row[0] for row in by_leg.rows] == [label for name in NAMES.values() for label in (name, "  at")]
     for k, name in enumerate(NAMES):
-        shares, times = ([float(cell) for cell in row[1:]] for row in rows[2 * k : 2 * k + 2])
-        np.testing.assert_allclose(shares, 100 * np.array(values["limits"][name]["share"]), rtol=6e-4)
-        np.testing.assert_allclose(times, values["limits"][name]["time"], rtol=6e-4)
-    head, *rows = said.table("Largest share of each limit")
-    assert head == ["limit", "share [%]", "leg", "at [s]"]
+        shares, times = by_leg.rows[2 * k : 2 * k + 2]
+        assert (numbers(shares), numbers(times)) == (limits[name]["share"], limits[name]["time"])
+    rows = said.tables["Largest share of each limit"].rows
     names = {"pitch": "pitch", "condition number": "condition_number", "singular pose": "side"}
-    for label, share, leg, at in rows:
-        found = values["limits"][{**names, **{text: name for name, text in NAMES.items()}}[label]]
-        by_leg, at_times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
-        worst = int(by_leg.argmax())
-        assert leg == ("" if label in names else str(worst + 1))
-        assert [float(share), float(at)] == pytest.approx([100 * by_leg[worst], at_times[worst]], rel=6e-4)
-    assert len(rows) == len(names) + len(NAMES)
-    head, *rows = said.table("Needs of each leg")
-    assert head == ["leg", *"123456"]
+    assert {row[0] for row in rows} == {*names, *NAMES.values()}
+    for label, *cells in rows:
+        found = limits[{**names, **{text: name for name, text in NAMES.items()}}[str(label)]]
+        by_legs, times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
+        worst = int(by_legs.argmax())
+        assert cells == [by_legs[worst], "" if label in names else str(worst + 1), times[worst]]
     expected = [part.strip().split(": ") for line in SHOWN.strip().splitlines() for part in line.split(";")]
-    assert [row[0] for row in rows] == [label for label, _ in expected]
-    factors = {"mm": 1e3, "mm/s": 1e3, "deg": 180 / np.pi}
-    for row, (label, name) in zip(rows, expected, strict=True):
-        factor = factors.get(label.split()[-1], 1.0)
-        np.testing.assert_allclose(
-            [float(cell.replace("−", "-")) for cell in row[1:]],
-            factor * np.array(values["needs"][name]["of_leg"]),
-            rtol=6e-3,
-            atol=1e-12,
-            err_msg=label,
-        )
+    shown = {"mm": "m", "mm/s": "m/s", "m/s²": "m/s2", "deg": "rad"}
+    for row, (label, name) in zip(said.tables["Needs of each leg"].rows, expected, strict=True):
+        words, _, unit = label.rpartition(" ")
+        assert (str(row[0]).strip(), row[1].quantity.unit_text) == (words, unit)  # type: ignore[union-attr]
+        assert needs[name]["unit"] == shown.get(unit, unit)
+        assert numbers(row) == needs[name]["of_leg"]
 
 
 def test_the_text_names_the_largest_of_everything(said: Said) -> None:
@@ -323,12 +312,11 @@ def test_the_text_names_the_largest_of_everything(said: Said) -> None:
     )
     assert lines[1].strip() == verdict
     assert said.output.startswith(f"{verdict}\n")
-    number = said.found.report().verdict.numbers[0]
+    number = said.report.verdict.numbers[0]
     assert (number.path, number.value) == (f"limits.{largest['limit']}", largest["share"])
     assert number.margin == pytest.approx(1 - largest["share"])
-    (chart,) = said.found.report().charts
-    assert chart.series[0].name == NAMES[largest["limit"]]
-    assert chart.series[0].values.max() == largest["share"]
+    (chart,) = said.report.charts
+    assert (chart.series[0].name, chart.series[0].values.max()) == (NAMES[largest["limit"]], largest["share"])
     assert f"Needs: {'; '.join(values['needs_notes'])}." in " ".join(said.output.split())
     assert 1 < slow < 4
     assert 0.1 < small < 1

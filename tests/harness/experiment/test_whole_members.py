@@ -144,47 +144,6 @@ def test_a_member_is_the_run_of_an_experiment_with_its_values(many: gs.Ensemble,
     assert row["rows"] == len(own["time"])
 
 
-def test_what_varies_varies_about_the_experiments_own_values(many: gs.Ensemble) -> None:
-    """Expected: bounds of uniform ones; centres of normal ones within six standard errors; choices among the values."""
-    table = many.members
-
-    def columns(name: str) -> np.ndarray[Any, Any]:
-        return np.array([table[each].to_list() for each in table.columns if each.startswith(f"varied.{name}[")]).T
-
-    for name, low, high in (
-        ("platform_mass", 9, 14),
-        ("controller.bandwidth", 1.5, 2.5),
-        ("controller.damping_ratio", 0.6, 1.1),
-        ("actuators.lag", 0.002, 0.009),
-        ("actuators.rate_limit", 400, 900),
-        ("reference.frequency", 2, 3),
-        ("change.1.factors.platform_mass", 1.1, 1.3),
-        ("platform_inertia.factor", 0.7, 1.4),
-    ):
-        values = table[f"varied.{name}"].to_numpy()
-        assert low < values.min() < values.max() < high
-        assert np.ptp(values) > 0.35 * (high - low)  # of 11 values: less once in 10⁴
-    for name, middle, deviation in (
-        ("base_points", np.ravel(UNEVEN.base_points + 0.003), 0.002),
-        ("platform.platform_com", UNEVEN.platform_com, 0.02),
-        ("start.position", START, 0.003),
-        ("disturbance.2.force", np.array([20, -30, 40]), 5),
-        ("reference.position_amplitude", np.array([0.03, -0.02, 0.025]), np.array([0.01, 0.02, 0.03])),
-    ):
-        z = (columns(name) - middle) / deviation
-        assert np.abs(z.mean(axis=0)).max() < 6 / np.sqrt(MEMBERS)
-        assert 0.2 < z.std() < 2
-        assert len(np.unique(z)) == z.size
-    assert np.abs(columns("gravity") - UNEVEN.gravity).max() < 0.3
-    z = np.log(table["varied.leg_viscous_friction"].to_numpy() / 9) / 0.3
-    assert abs(z.mean()) < 6 / np.sqrt(MEMBERS)
-    assert set(table["varied.loop.delay"]) == {0, 1, 3}
-    assert set(table["varied.disturbance.2.at"]) == {0.02, 0.03}
-    steps = table["varied.sensors.quantisation.leg_length"].unique().to_numpy()
-    assert len(steps) > 1
-    assert np.isclose(steps[:, None], [1e-4, 2e-4, 3e-4], rtol=1e-12).any(axis=1).all()
-
-
 def test_members_with_noise_have_streams_of_their_own(folder: Path) -> None:
     """Expected: the same again for a member, whatever their number; other noise for each, of its own size.
 
@@ -218,32 +177,6 @@ def test_impossible_members_are_named_with_their_reason_and_the_others_run(folde
     for member in (-1, 9):
         with pytest.raises(gs.GoughStewartError, match=rf"member: is {member}; expected 0 to 8"):
             gs.run(experiment(folder, ensemble), member=member)
-    alone = gs.run(experiment(folder, None), {"plant.parameters.platform_mass": 12.0})
-    beside = gs.run(experiment(folder, ensemble), member=5)
-    assert np.abs(alone["position"] - beside["position"]).max() < 1e-6
-
-
-COMMON: dict[str, dict[str, Any]] = {
-    f"{table}.{key}": {table: {key: {"choice": [1, 2]}}}
-    for table, keys in {
-        "loop": ("duration", "sample_time", "plant_step"),
-        "sensors": ("seed", "sample_time"),
-        "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
-        "platform": ("preset", "file"),
-        "limits": ("stroke", "condition_number"),
-        "controller": ("type", "space"),
-        "reference": ("type",),
-    }.items()
-    for key in keys
-}
-
-
-@pytest.mark.parametrize("key", COMMON)
-def test_what_is_common_to_all_members_does_not_vary(key: str, folder: Path) -> None:
-    with pytest.raises(
-        gs.GoughStewartError, match=rf"ensemble\.{key}: is common to all members; expected a parameter of the"
-    ):
-        gs.run(experiment(folder, COMMON[key]), member=0)
 
 
 def test_a_member_has_the_injection_of_its_experiment(folder: Path) -> None:

@@ -246,106 +246,81 @@ def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
     assert np.abs(np.corrcoef(u[1:, 0], u[:-1, 0])[0, 1]) < 4.4 / np.sqrt(400)
 
 
-WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "no spread": ({"platform_mass": {"normal": [120, 0]}}, "without a spread; expected a standard deviation > 0"),
-    "one value": ({"platform_mass": {"choice": [4, "4 kg"]}}, "expected at least two values that differ"),
-    "another unit": ({"platform_mass": {"normal": ["120 kg", "10 mm"]}}, "found the unit 'mm'"),
-    "no median": ({"platform_mass": {"lognormal": [-3, 1]}}, "has the median -3.0; expected a median > 0"),
-    "nested factors": ({"platform_mass": {"factor": {"factor": {"uniform": [1, 2]}}}}, "factor of a factor"),
-    **{
-        f"a matrix that is {name}": (
-            {
-                "correlation": [
-                    {"of": ["platform_mass", "leg_armature", "leg_lower_mass"][: len(matrix)], "matrix": matrix}
-                ]
-            },
-            message,
-        )
-        for name, matrix, message in (
-            ("indefinite", [[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "the matrix is not positive definite"),
-            ("singular", [[1, 1], [1, 1]], "the matrix is not positive definite"),
-            ("negative", [[-1, 0], [0, 1]], "the matrix is not positive definite"),
-            ("lopsided", [[1, 0.5], [0.4, 1]], "the matrix is not symmetric"),
-        )
-    },
-    "a name twice": (
-        {"correlation": [{"of": ["gravity", "gravity"], "matrix": [[1, 0], [0, 1]]}]},
-        "expected different names",
+ABOUT = "about the present value"
+# How the mass varies, and what is said of it.
+OF_MASS: list[tuple[dict[str, Any], str]] = [
+    ({"normal": [120, 0]}, "without a spread; expected a standard deviation > 0"),
+    ({"truncated_normal": [0, 1]}, "without a spread; expected a standard deviation > 0"),
+    ({"truncated_normal": [1, 0]}, "without a spread; expected a bound > 0"),
+    ({"truncated_normal": [5, 1, 6, 4]}, "expected the lower bound below the upper one"),
+    ({"uniform": 0}, "without a spread; expected a half width > 0"),
+    ({"lognormal": [1, 0]}, "without a spread; expected a deviation of the logarithm > 0"),
+    ({"lognormal": [-3, 1]}, "has the median -3.0; expected a median > 0"),
+    ({"choice": [4, "4 kg"]}, "expected at least two values that differ"),
+    ({"grid": []}, "platform_mass: grid has no values"),
+    ({"normal": ["120 kg", "10 mm"]}, "found the unit 'mm'"),
+    (
+        {"normal": [1, 2, 3]},
+        f"normal is [1, 2, 3]; expected [mean, standard deviation], or a standard deviation {ABOUT}",
     ),
-    "two kinds": (
-        {"platform_mass": {"normal": [1, 1], "grid": [1, 2]}},
+    ({"uniform": [1, 2, 3]}, f"uniform is [1, 2, 3]; expected [low, high], or half the width {ABOUT}"),
+    (
+        {"truncated_normal": [1, 2, 3]},
+        "truncated_normal is [1, 2, 3]; expected [mean, standard deviation, low, high], or [standard deviation, bound] "
+        f"{ABOUT}",
+    ),
+    (
+        {"lognormal": [1, 2, 3]},
+        "lognormal is [1, 2, 3]; expected [median, standard deviation of the logarithm], or that deviation about the p",
+    ),
+    ({"offset": {"offset": {"normal": 1}}}, "offset of a offset; expected a distribution in it"),
+    ({"offset": {"factor": {"normal": 1}}}, "offset of a factor; expected a distribution in it"),
+    (
+        {"normal": [1, 1], "grid": [1, 2]},
         "ensemble: platform_mass: expected one of normal, uniform, truncated_normal, lognormal, choice, grid, factor, "
         "offset; found normal and grid",
     ),
-    "an empty table": (
-        {"controller": {"bandwidth": 3}},
-        "controller.bandwidth: is 3; expected a setting of the ensemble",
+    ({"normal": [1, 1], "gauss": [1, 1]}, "gauss: unknown key"),
+]
+WRONG: list[tuple[dict[str, Any], str]] = [
+    *(({"platform_mass": how}, says) for how, says in OF_MASS),
+    ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
+    ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
+    ({"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}}, "expected the lower bound below the upper one"),
+    ({"members": -3}, "members: is -3"),
+    ({"sampling": "sobel"}, "sampling: is 'sobel'"),
+    ({"correlation": [{"of": [], "matrix": []}]}, "of is []; expected different names"),
+    ({"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]}, "the matrix has shape (1, 2)"),
+    ({"controller": {"bandwidth": 3}}, "controller.bandwidth: is 3; expected a setting of the ensemble"),
+    ({"correlation": [{"of": ["gravity", "gravity"], "matrix": [[1, 0], [0, 1]]}]}, "expected different names"),
+    *(
+        ({"correlation": [{"of": ["a", "b", "c"][: len(matrix)], "matrix": matrix}]}, f"the matrix is not {what}")
+        for matrix, what in (
+            ([[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "positive definite"),
+            ([[1, 1], [1, 1]], "positive definite"),
+            ([[-1, 0], [0, 1]], "positive definite"),
+            ([[1, 0.5], [0.4, 1]], "symmetric"),
+        )
     ),
-    "too many bounds": (
-        {"platform_mass": {"uniform": [1, 2, 3]}},
-        "ensemble.platform_mass: uniform is [1, 2, 3]; expected [low, high], or half the width about the present value",
-    ),
-    "one bound": (
-        {"platform_mass": {"truncated_normal": [1, 2, 3]}},
-        "truncated_normal is [1, 2, 3]; expected [mean, standard deviation, low, high], or [standard deviation, bound] "
-        "about the present value",
-    ),
-    "two medians": (
-        {"platform_mass": {"lognormal": [1, 2, 3]}},
-        "lognormal is [1, 2, 3]; expected [median, standard deviation of the logarithm], or that deviation about the "
-        "present value",
-    ),
-    "a bound of zero": ({"platform_mass": {"truncated_normal": [1, 0]}}, "without a spread; expected a bound > 0"),
-    "no deviation": (
-        {"platform_mass": {"truncated_normal": [0, 1]}},
-        "without a spread; expected a standard deviation > 0",
-    ),
-    "bounds the wrong way round": (
-        {"platform_mass": {"truncated_normal": [5, 1, 6, 4]}},
-        "expected the lower bound below the upper one",
-    ),
-    "half a width of zero": ({"platform_mass": {"uniform": 0}}, "without a spread; expected a half width > 0"),
-    "a logarithm's deviation": (
-        {"platform_mass": {"lognormal": [1, 0]}},
-        "without a spread; expected a deviation of the logarithm > 0",
-    ),
-    "too few elements": ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
-    "one element without a spread": (
-        {"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}},
-        "expected the lower bound below the upper one",
-    ),
-    "an offset of an offset": (
-        {"platform_mass": {"offset": {"offset": {"normal": 1}}}},
-        "offset of a offset; expected a distribution in it",
-    ),
-    "an offset of a factor": (
-        {"platform_mass": {"offset": {"factor": {"normal": 1}}}},
-        "offset of a factor; expected a distribution in it",
-    ),
-    "no names": ({"correlation": [{"of": [], "matrix": []}]}, "of is []; expected different names"),
-    "not square": (
-        {"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]},
-        "the matrix has shape (1, 2)",
-    ),
-    "too many for a hypercube": (
+    ({"covariance": [{"of": ["a", "b"], "matrix": [[1, 2], [2, 1]]}]}, "not positive definite (smallest eigenvalue -1"),
+    (
         {"members": 10_000_000, "sampling": "latin_hypercube", "gravity": {"normal": 1}},
         "a Latin hypercube of 10000000 members with 3 numbers each can only be drawn as a whole; expected at most "
         "20000000 numbers; use sampling = 'sobol' or 'random'",
     ),
-    "not a multiple": (
+    (
         {"members": 13, "sampling": "saltelli", "gravity": {"normal": 1}, "platform_mass": {"normal": 1}},
         "members is 13; Saltelli's design needs 4 per point (2 inputs plus 2), expected a multiple, for instance 12",
     ),
-}
+]
 
 
-@pytest.mark.parametrize("what", WRONG)
-def test_what_is_no_variation_says_what_is_expected(what: str) -> None:
+@pytest.mark.parametrize(("table", "says"), WRONG)
+def test_what_is_no_variation_says_what_is_expected(table: dict[str, Any], says: str) -> None:
     """Expected: found, expected, remedy, written out here."""
-    table, message = WRONG[what]
     with pytest.raises(gs.GoughStewartError) as caught:
         gs.run("heave_step", {"ensemble": table}, member=0)
-    assert message in str(caught.value)
+    assert says in str(caught.value)
 
 
 class Modal:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.experiment.file import shipped_experiment
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.motion.recorded.columns import columns_of
@@ -360,7 +360,7 @@ def test_the_mean_over_time_comes_home(tmp_path: Path) -> None:
 
 def test_a_record_of_a_run_is_a_reference_as_it_is(tmp_path: Path) -> None:
     """Expected: the pose that the platform had; by a prefix the one that was wanted."""
-    record = run(shipped_experiment("pitch_sine", ["loop.duration=0.1"]))
+    record = run(load_experiment("pitch_sine", ["loop.duration=0.1"]))
     (tmp_path / "record.csv").write_bytes(record.to_csv())
     (tmp_path / "record.parquet").write_bytes(record.to_parquet())
     for columns, prefix in (("", ""), ("reference", "reference.")):
@@ -386,7 +386,7 @@ def ride(time: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def test_the_ride_that_ships_is_its_closed_form_about_home() -> None:
     """Expected: to the rounding of the file, 1 µm and 0.0001°, of which splines make a little more."""
-    prepared = prepare(shipped_experiment("recorded_ride"))
+    prepared = prepare(load_experiment("recorded_ride"))
     assert prepared.motion is not None
     displacement, angles = ride(prepared.loop.timing.times)
     assert prepared.motion.position == pytest.approx(PLATFORM.home_position + displacement, abs=2e-6)
