@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import error_between
-from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Strip, strip_of, time_axis
+from gough_stewart.harness.report.chart import Axis, Chart, Flag, Mark, Scene, Series, Strip, strip_of, time_axis
 from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, fineness_of, of_unit
-from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.harness.report.words import listed
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData, column_of_drives, nearness_to_limits, shares_of_limits

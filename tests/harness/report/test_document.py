@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.report import chart, document
-from gough_stewart.harness.report.chart import Axis, Chart, Map, Mark, Series, Span, Strip, time_axis
+from gough_stewart.harness.report.chart import (
+    Axis,
+    Chart,
+    Flag,
+    Map,
+    Mark,
+    Scene,
+    Series,
+    Span,
+    Strip,
+    Surface,
+    time_axis,
+)
 from gough_stewart.harness.report.codec import from_json, schema, to_data, to_json
 from gough_stewart.harness.report.data import Data
 from gough_stewart.harness.report.document import File, Note, Number, Report, Requirement, Section, Setting, Verdict
@@ -27,7 +39,6 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
     of_unit,
 )
-from gough_stewart.harness.report.scene import Flag, Scene, Surface
 from gough_stewart.harness.report.table import Column, Table, Value
 
 _TIME: Any = [7.3, 7.4, 7.6]

@@ -4,7 +4,7 @@ import html
 import re
 from pathlib import Path
 
-from gough_stewart.harness.report.glossary import GLOSSARY, explained, with_terms
+from gough_stewart.harness.report.words import GLOSSARY, explained, with_terms
 
 DOCS = Path(__file__).parents[3] / "docs"
 

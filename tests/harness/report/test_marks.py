@@ -11,7 +11,7 @@ from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, 
 from gough_stewart.harness.report.codec import from_json, to_json
 from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.packing import Arrays
-from gough_stewart.harness.report.page_data import chart_data
+from gough_stewart.harness.report.page import chart_data
 from gough_stewart.harness.report.palette import colour_of
 from gough_stewart.harness.report.quantities import ANGLE, FREQUENCY, LENGTH
 from tests.support.drawn_figures import drawn

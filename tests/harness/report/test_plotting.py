@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gough_stewart.harness.report.plotting import entitle, label, panel, pictures, png, two_panels
+from gough_stewart.harness.report.plotting import entitle, files_of, label, panels, png
 
 drawn: list[Figure] = []
 
@@ -19,7 +19,7 @@ drawn: list[Figure] = []
 def draw(figure: Figure) -> None:
     """Two axes with a title that TeX would not like."""
     drawn.append(figure)
-    left, right = two_panels(figure, "a $\\frac{c$ 台")
+    left, right = panels(figure, "a $\\frac{c$ 台", 2)
     left.plot([1.0, 2.0, 4.0], [3.0, 1.0, 2.0], label="one")
     left.legend()
     label(left, "left one", "mm")
@@ -33,16 +33,16 @@ def test_sizes_formats_and_bytes() -> None:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        files, again = (pictures("name", draw, 6.0, 2.0) for _ in range(2))
-    assert list(files) == ["name.png", "name.svg"]
+        files, again = (files_of(draw, 6.0, 2.0, ("png", "svg")) for _ in range(2))
+    assert list(files) == ["png", "svg"]
     assert files == again
-    with Image.open(BytesIO(files["name.png"])) as picture:
+    with Image.open(BytesIO(files["png"])) as picture:
         assert (picture.format, picture.size) == ("PNG", (900, 300))
-    root: Any = etree.fromstring(files["name.svg"])
+    root: Any = etree.fromstring(files["svg"])
     assert (root.tag.rpartition("}")[2], root.get("width"), root.get("height")) == ("svg", "432pt", "144pt")
-    assert b"dc:date" not in files["name.svg"]
-    assert png(draw, 6.0, 2.0) == files["name.png"]
-    with Image.open(BytesIO(png(lambda figure: label(panel(figure, "a"), "b", "m"), 4.0))) as picture:
+    assert b"dc:date" not in files["svg"]
+    assert png(draw, 6.0, 2.0) == files["png"]
+    with Image.open(BytesIO(png(lambda figure: label(*panels(figure, "a"), "b", "m"), 4.0))) as picture:
         assert picture.size == (600, 540)
 
 
@@ -84,7 +84,7 @@ def test_ctrl_c_while_matplotlib_writes_comes_at_the_end_of_the_file(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
-            pictures("a", draw, 3.0, 2.0)
+            files_of(draw, 3.0, 2.0, ("png", "svg"))
     finally:
         signal.signal(signal.SIGINT, before)
     assert ended == (["png"] if name == "savefig" else ["layout"])

@@ -4,11 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.report.chart import Axis, Chart, Samples, Series, time_axis
+from gough_stewart.harness.report.chart import Axis, Chart, Flag, Samples, Scene, Series, time_axis
 from gough_stewart.harness.report.codec import FRAMES, thinned
 from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.quantities import COUNT, LENGTH
-from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.model.vectors import FloatArray
 
 
