@@ -346,10 +346,10 @@ def _draw_lines(axes: Axes, panel: Panel) -> None:
     axes.margins(x=0.03 if chart.kind == "points" else 0)
     if chart.y is None or chart.y.scale != "log":
         # at least the resolution of display, so that rounding does not fill the axis
-        (low, high), quantity = axes.get_ylim(), panel.series[0].quantity
-        least = max(panel.least, least_span(quantity.unit, max(abs(low), abs(high)), quantity.least))
-        if high - low < least:
-            middle = (low + high) / 2
+        (bottom, top), quantity = axes.get_ylim(), panel.series[0].quantity
+        least = max(panel.least, least_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least))
+        if top - bottom < least:
+            middle = (bottom + top) / 2
             axes.set_ylim(middle - least / 2, middle + least / 2)
 
 

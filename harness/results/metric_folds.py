@@ -441,11 +441,12 @@ def metric_folds(
     stated = {name: value for name, value in limits.items() if value is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
     steps: list[Any] = []
-    for axis in range(len(AXES)) if reference is not None else ():
-        # (n, N), or (n, 1) if common to all members
-        pose = np.atleast_2d(reference[..., axis].T).T
-        if (step := step_in(pose)).exists.any():
-            steps.append(StepResponse(axis, time, pose, step))
+    if reference is not None:
+        for axis in range(len(AXES)):
+            # (n, N), or (n, 1) if common to all members
+            pose = np.atleast_2d(reference[..., axis].T).T
+            if (step := step_in(pose)).exists.any():
+                steps.append(StepResponse(axis, time, pose, step))
     folds = [
         Tracking("position", "position error", 3, LENGTH, has_norm=True, rows=rows),
         Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True, rows=rows),

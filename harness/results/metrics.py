@@ -175,8 +175,8 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
         rows.append((f"|{name}|", *(Value(value, quantity) for value in norms)))
         ends.append(len(rows) - 1)
     if tracking:
-        columns = (Column(""), Column("RMS"), Column("peak"), Column("at the end", None, "largest in the last tenth"))
-        tables.append(Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1])))
+        heads = (Column(""), Column("RMS"), Column("peak"), Column("at the end", None, "largest in the last tenth"))
+        tables.append(Table("Tracking error", heads, tuple(rows), group_ends=tuple(ends[:-1])))
     rows = []
     for step in metrics["step_response"] or ():
         pose, error = (POSITION, LENGTH) if step["axis"] in "xyz" else (ANGLE, ANGLE)
@@ -216,5 +216,5 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
     for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}.items():
         if share and share["any"]:  # rows of zeros say nothing
             add(name.replace("_", " "), SHARE, share["legs"], Value(share["any"], SHARE))
-    columns = (Column(""), *(Column(f"{leg}") for leg in range(1, 7)), Column("all"))
-    return [*tables, Table("Legs", columns, tuple(rows))]
+    names = ("", *(f"{leg}" for leg in range(1, 7)), "all")
+    return [*tables, Table("Legs", tuple(map(Column, names)), tuple(rows))]

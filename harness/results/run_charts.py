@@ -341,7 +341,9 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
         series = []
         for k, run in enumerate(runs):
             columns, targets = signal.values[k], None if reference is None else reference.values[k]
-            for j, component in enumerate(signal.components if columns is not None else ()):
+            if columns is None:
+                continue
+            for j, component in enumerate(signal.components):
                 options: dict[str, Any] = {"leg": j + 1 if signal.components == LEGS else None, "component": component}
                 options |= {"run": k, "x": times[k]} if several else {}
                 title = f"{run.name}: {component}" if several else component

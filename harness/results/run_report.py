@@ -39,8 +39,10 @@ _NEAR, _FRAIL = 0.9, 0.4
 _JUMP, _SMALL = 0.5, 0.1
 _LIMITED = {"leg_velocity_max": "speed", "actuator_force_max": "force", "actuator_power_max": "power"}
 # Tables of an experiment, in the order of the table of a run.
-_SECTIONS = ("reference", "controller", "loop", "sensors", "actuators", "limits", "start", "change", "disturbance")
-_SECTIONS += ("fault", "injection")
+_SECTIONS = (
+    *("reference", "controller", "loop", "sensors", "actuators", "limits", "start", "change", "disturbance"),
+    *("fault", "injection"),
+)
 
 
 class Robustness(NamedTuple):
@@ -147,11 +149,8 @@ def _drives(record: RecordData, measured: Mapping[str, Any], length: Quantity) -
     """The limit of which the legs use most; the forces if no limit is stated; what was saturated or left its stroke."""
     if not measured["force"]:
         return
-    saturation, limits, force_limit = (
-        measured["saturation"] or {},
-        measured["limits"] or {},
-        record.metadata.get("force_limit"),
-    )
+    saturation, limits = measured["saturation"] or {}, measured["limits"] or {}
+    force_limit = record.metadata.get("force_limit")
     shares = {
         limit: [share or 0.0 for share in limits[limit.name]["used"]] for limit in DRIVE_LIMITS if limit.name in limits
     }
@@ -172,8 +171,8 @@ def _drives(record: RecordData, measured: Mapping[str, Any], length: Quantity) -
         text = f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known"
         yield _VerdictPart(text, number=Number("force.peak", "peak force", peak, FORCE))
     for name, text in (("force_limited", "limit"), ("rate_limited", "rate limit")):
-        if limited[name]:
-            yield _VerdictPart(f"forces at the drives' {text} for {percent(limited[name])} of the time", True)
+        if share_of_time := limited[name]:
+            yield _VerdictPart(f"forces at the drives' {text} for {percent(share_of_time)} of the time", True)
     margin = (measured["stroke"] or {}).get("margin")
     if margin is not None and margin < 0:
         number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)

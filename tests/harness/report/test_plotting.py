@@ -42,7 +42,7 @@ def test_sizes_formats_and_bytes() -> None:
     assert (root.tag.rpartition("}")[2], root.get("width"), root.get("height")) == ("svg", "432pt", "144pt")
     assert b"dc:date" not in files["svg"]
     assert png(draw, 6.0, 2.0) == files["png"]
-    with Image.open(BytesIO(png(lambda figure: label(*panels(figure, "a"), "b", "m"), 4.0))) as picture:
+    with Image.open(BytesIO(png(lambda figure: label(panels(figure, "a")[0], "b", "m"), 4.0))) as picture:
         assert picture.size == (600, 540)
 
 
