@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from saving import save_svg
 
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.report.plotting import COLOURS, pictures
+from gough_stewart.harness.report.plotting import COLOURS, files_of
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import load_preset
 
@@ -73,7 +73,7 @@ def main() -> None:
         over_time(left, found[-1])
         over_spread(right, found)
 
-    save_svg("ensemble.svg", pictures("ensemble", draw, 9.0, 3.4)["ensemble.svg"])
+    save_svg("ensemble.svg", files_of(draw, 9.0, 3.4, ("svg",))["svg"])
 
 
 if __name__ == "__main__":

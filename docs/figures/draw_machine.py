@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import gough_stewart as gs
 from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.harness.control.state_space import StateSpace
-from gough_stewart.harness.report.plotting import COLOURS, pictures
+from gough_stewart.harness.report.plotting import COLOURS, files_of
 from gough_stewart.model.friction import Bristles, bristle_friction, law_of_bristles
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform
@@ -175,8 +175,8 @@ def main() -> None:
         answers(left)
         convergence(right)
 
-    save_svg("friction.svg", pictures("friction", friction, 10.5, 3.4)["friction.svg"])
-    save_svg("springs.svg", pictures("springs", springs, 9.0, 3.4)["springs.svg"])
+    save_svg("friction.svg", files_of(friction, 10.5, 3.4, ("svg",))["svg"])
+    save_svg("springs.svg", files_of(springs, 9.0, 3.4, ("svg",))["svg"])
 
 
 if __name__ == "__main__":

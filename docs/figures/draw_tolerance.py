@@ -9,7 +9,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.harness.report.plotting import COLOURS, pictures
+from gough_stewart.harness.report.plotting import COLOURS, files_of
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.model.vectors import FloatArray
 
@@ -65,7 +65,7 @@ def main() -> None:
         axes.minorticks_off()
         axes.legend(loc="upper right", fontsize=8)
 
-    save_svg("tolerance.svg", pictures("tolerance", draw, 7.0, 4.0)["tolerance.svg"])
+    save_svg("tolerance.svg", files_of(draw, 7.0, 4.0, ("svg",))["svg"])
 
 
 if __name__ == "__main__":

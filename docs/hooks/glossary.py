@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gough_stewart.harness.report.glossary import GLOSSARY
+from gough_stewart.harness.report.words import GLOSSARY
 
 MARK = "<!-- glossary -->"
 

@@ -1,6 +1,5 @@
 """The commands `build` and `export`: the platform and the controller for other tools."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -31,7 +30,6 @@ from gough_stewart.harness.errors import ExportError
 if TYPE_CHECKING:
     from gough_stewart.harness.export.stability import LoopStability
     from gough_stewart.harness.plants.unit_check import UnitCheck
-    from gough_stewart.harness.report.document import Report
 
 
 @study(numbers=("files", "checks"))
@@ -79,6 +77,7 @@ def build_command(
     from gough_stewart.fmu_build.cache import BuildError
     from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
     from gough_stewart.fmu_build.toolchain import native
+    from gough_stewart.harness.plants.unit_report import unit_report
 
     loaded = chosen_platform(preset, platform)
     versions, targets = [version.value for version in fmi] if fmi else VERSIONS, chosen_targets(target)
@@ -112,54 +111,9 @@ def build_command(
         checks = list(check_units([file for file in files if file.suffix == ".fmu"]))
     running.command.written.append(out)
     names = [str(file.relative_to(out)) for file in files]
-    running.present(_report(loaded.name, versions if "fmu" in chosen_as else (), targets, names, checks), names)
+    running.present(unit_report(loaded, versions if "fmu" in chosen_as else (), targets, names, checks), names)
     if not all(outcome.passed for outcome in checks or ()):
         raise typer.Exit(ExitCode.MISSED)
-
-
-def _report(
-    platform: str,
-    versions: Sequence[str],
-    targets: Sequence[str],
-    files: Sequence[str],
-    checks: "Sequence[UnitCheck] | None",
-) -> "Report":
-    """What was built: of which platform, for what, and how it passed its checks, or that it has not been run."""
-    from gough_stewart.harness.report.document import Number, Report, Section, Verdict
-    from gough_stewart.harness.report.quantities import COUNT, NUMBER
-    from gough_stewart.harness.report.table import Column, Table
-    from gough_stewart.harness.report.words import listed, sentence
-
-    systems = "this machine" if list(targets) == ["native"] else listed([*targets])
-    built = [f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"] if versions else []
-    built += [f"model of the platform {platform} for MuJoCo in {name}" for name in files if name.endswith(".xml")]
-    built.append("six actuator forces in, pose and leg lengths out")
-    title, written = (
-        f"FMU of {platform}" if versions else f"Model of {platform} for MuJoCo",
-        Number("files", "files written", float(len(files)), COUNT),
-    )
-    if checks is None:
-        unchecked = ["not yet run: `--check` runs and compares them"] if versions else []
-        verdict = Verdict(sentence([*built, *unchecked]), "good")
-        return Report(title, verdict, study="build", numbers=(written,))
-    from gough_stewart.harness.plants.unit_check import EXPLANATION
-
-    failed = [f"{check.name} of {check.file}" for check in checks if not check.passed]
-    outcome = f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"
-    worst = max((check.deviation for check in checks if check.deviation is not None), default=None)
-    numbers = (
-        Number("checks.failed", "failed checks", float(len(failed)), COUNT),
-        Number("checks.deviation", "largest deviation from reference results", worst, NUMBER),
-    )
-    table = Table(
-        "",
-        (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),
-        tuple((check.file, check.name, "passed" if check.passed else "FAILED", check.result) for check in checks),
-        note=EXPLANATION,
-    )
-    text = sentence([*built, outcome if failed else f"all {len(checks)} checks passed"])
-    verdict = Verdict(text, "bad" if failed else "good", numbers)
-    return Report(title, verdict, (Section("Checks", (table,)),), study="build", numbers=(written, *numbers))
 
 
 SafeForce = Literal["feedforward", "zero"]

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gough_stewart.harness.paper.open_loop import Trajectory
-from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panel, png, two_panels
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panels, png
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.vectors import FloatArray
@@ -18,23 +18,23 @@ def open_loop_figures(case: OpenLoopCase, run: Trajectory) -> dict[str, bytes]:
     platform = case.platform.name
 
     def pose(figure: Figure) -> None:
-        left, right = two_panels(figure, f"Fig. 4 — Position and orientation of the platform ({platform})")
+        left, right = panels(figure, f"Fig. 4 — Position and orientation of the platform ({platform})", 2)
         _lines(left, t, run["position"], ("x", "y", "z"), "position of Op", "m")
         _lines(right, t, run["orientation"], ("roll α", "pitch β", "yaw γ"), "roll, pitch, yaw", "rad")
 
     def velocity(figure: Figure) -> None:
-        left, right = two_panels(figure, f"Fig. 5 — Linear and angular velocities of the platform ({platform})")
+        left, right = panels(figure, f"Fig. 5 — Linear and angular velocities of the platform ({platform})", 2)
         _lines(left, t, run["velocity"], ("v_x", "v_y", "v_z"), "velocity of Op", "m/s")
         _lines(right, t, run["angular_velocity"], ("ω_x", "ω_y", "ω_z"), "angular velocity, world", "rad/s")
 
     legs = tuple(f"leg {i}" for i in range(1, 7))
 
     def lengths(figure: Figure) -> None:
-        axes = panel(figure, f"Fig. 6 — The length of legs ({platform})")
+        (axes,) = panels(figure, f"Fig. 6 — The length of legs ({platform})")
         _lines(axes, t, run["leg_length"], legs, "leg length", "m")
 
     def sliding(figure: Figure) -> None:
-        axes = panel(figure, f"Fig. 7 — Sliding velocities between two parts of legs ({platform})")
+        (axes,) = panels(figure, f"Fig. 7 — Sliding velocities between two parts of legs ({platform})")
         _lines(axes, t, run["leg_velocity"], legs, "sliding velocity", "m/s")
 
     return {
@@ -49,7 +49,7 @@ def drift_figure(runs: dict[str, KaneTrajectory]) -> bytes:
     """PNG of the constraint violation of Kane's DAE at the integrator's steps; `runs` by legend label."""
 
     def draw(figure: Figure) -> None:
-        left, right = two_panels(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45")
+        left, right = panels(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45", 2)
         for k, (name, run) in enumerate(runs.items()):
             style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": name}
             style.update(marker="o", markersize=3)

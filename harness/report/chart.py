@@ -1,4 +1,4 @@
-"""Charts of a report: axes, series with their roles and bands, maps, and what is marked in them."""
+"""What a report draws: charts with series, maps and marks; in three dimensions a platform in motion, and a surface."""
 
 from dataclasses import field
 from typing import Annotated, Literal
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from gough_stewart.harness.report.data import CONFIG, Array, Data, Numbers, Vector, check_shapes
+from gough_stewart.harness.report.data import CONFIG, Array, Data, Layers, Rows, Vector, check_shapes
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, TIME, Quantity
 from gough_stewart.model.vectors import FloatArray
@@ -18,6 +18,10 @@ Scale = Literal["linear", "log"]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 # More intervals are joined over the shortest gaps; a screen has some 2,000 pixels.
 _MOST_INTERVALS = 1000
+_THREE = Field(min_length=3, max_length=3)
+# Arrays of a scene with a row for each frame, and their columns.
+COLUMNS = {"pose": 7, "reference": 7, "orientation": 3, "leg_length": 6}
+COLUMNS |= {"actuator_force": 6, "external_force": 3, "nearness": 6}
 
 
 @dataclass(frozen=True, eq=False, config=CONFIG)
@@ -101,7 +105,7 @@ class Samples(Data):
 
     members: Vector  # (M,): their numbers
     x: Vector  # (T,)
-    values: Annotated[FloatArray, Numbers(2)]  # (M, T), NaN after a member has ended
+    values: Rows  # (M, T), NaN after a member has ended
     of: int  # members of the ensemble
 
     def __post_init__(self) -> None:
@@ -113,7 +117,7 @@ class Map(Data):
     """What a heat map has besides its values."""
 
     # Positive where the values hold, of their shape; colours end at 0, and values beyond are told at the pointer only.
-    inside: Annotated[FloatArray, Numbers(2, 3)] | None = None
+    inside: Layers | None = None
     scale: Scale = "linear"  # of the colours; logarithmic ones span three decades at most
     classes: tuple[str, ...] = ()  # what the values 0, 1, … mean, if they are kinds
     slices: Axis | None = None  # the third coordinate
@@ -198,3 +202,66 @@ def strip_of(name: str, at: FloatArray, holds: ArrayLike, role: Role = "limit") 
         kept = np.sort(np.argsort(gaps, kind="stable")[-(_MOST_INTERVALS - 1) :])
         starts, ends = np.concatenate([starts[:1], starts[kept + 1]]), np.concatenate([ends[kept], ends[-1:]])
     return Strip(name, tuple(zip(starts.tolist(), ends.tolist(), strict=True)), role, share)
+
+
+@dataclass(frozen=True, config=CONFIG)
+class Flag(Data):
+    """Something that is on or off over time: `values` has a character "0" or "1" per frame but the last."""
+
+    name: str
+    values: str
+
+
+@dataclass(frozen=True, eq=False, config=CONFIG)
+class Scene(Data):
+    """A platform in motion: points of both bodies, and n frames."""
+
+    name: str
+    base_points: Rows  # (6, 3), world [m]
+    platform_points: Rows  # (6, 3), platform axes [m]
+    lower: float  # drawn lengths of the parts of a leg [m]
+    upper: float
+    time: Vector  # (n,) [s]
+    pose: Rows  # (n, 7): position [m] and quaternion (x, y, z, w)
+    leg_length: Rows  # (n, 6) [m]
+    home: Vector = field(default_factory=lambda: np.array([0.0, 0, 0, 0, 0, 0, 1]))  # (7,)
+    orientation: Rows | None = None  # (n, 3): roll, pitch, yaw [rad]
+    reference: Rows | None = None  # (n, 7)
+    actuator_force: Rows | None = None  # (n, 6) [N]
+    external_force: Rows | None = None  # (n, 3), world [N]
+    nearness: Rows | None = None  # (n, 6): to the nearest limit, which is at 1
+    nearness_of: tuple[str, ...] = ()
+    flags: tuple[Flag, ...] = ()
+    rows: int = 0  # of the record; frames may be fewer
+    run: int | None = None  # index in `Report.runs`
+    decimals: int = 4  # of poses and lengths in m; angles in degrees have two less
+
+    def __post_init__(self) -> None:
+        shapes = {name: (len(self.time), width) for name, width in COLUMNS.items()}
+        fixed = {"base_points": (6, 3), "platform_points": (6, 3), "home": (7,)}
+        check_shapes(self, f"the scene {self.name}", {**fixed, **shapes})
+
+
+@dataclass(frozen=True, eq=False, config=CONFIG)
+class Surface(Data):
+    """Triangles in the box of three coordinates, with a value at every corner that sets its colour."""
+
+    title: str
+    names: Annotated[tuple[str, ...], _THREE]  # of the three coordinates
+    quantities: Annotated[tuple[Quantity, ...], _THREE]
+    low: Vector  # (3,): the box
+    high: Vector  # (3,)
+    vertices: Rows  # (n, 3), SI units
+    triangles: Rows  # (m, 3): indices of vertices, counter-clockwise seen from outside
+    values: Vector  # (n,)
+    name: str = ""  # of the values
+    quantity: Quantity = NUMBER
+    scale: Scale = "linear"  # of the colours
+    detail: bool = False
+
+    def __post_init__(self) -> None:
+        n, m = len(self.vertices), len(self.triangles)
+        shapes = {"low": (3,), "high": (3,), "vertices": (n, 3), "triangles": (m, 3), "values": (n,)}
+        check_shapes(self, f"the surface {self.title}", shapes)
+        if m and not (self.triangles.min() >= 0 and self.triangles.max() < n):
+            raise ValueError(f"a triangle of the surface '{self.title}' names a corner that is not there")

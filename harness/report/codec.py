@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from gough_stewart.harness.report.chart import Chart, Series
+from gough_stewart.harness.report.chart import COLUMNS, Chart, Scene, Series
 from gough_stewart.harness.report.document import Part, Report
 from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.quantities import Quantity
-from gough_stewart.harness.report.scene import COLUMNS, Scene
 
 VERSION = 1
 # Points of a line, and frames of a scene, that other programs are given.
@@ -42,19 +41,14 @@ def to_json(report: Report) -> str:
 
 
 def from_json(text: str | bytes) -> Report:
-    """The report of `to_json`.
-
-    Raises
-    ------
-    ValueError
-        Not such JSON; names the field.
-    """
+    """The report of `to_json`; a ValueError names the field of other JSON."""
     data = json.loads(text)
-    if not isinstance(data, dict) or data.get("version") != VERSION:
-        version = data.get("version") if isinstance(data, dict) else type(data).__name__
-        command = data.get("study") or "…" if isinstance(data, dict) else "…"
+    known = data if isinstance(data, dict) else {"version": type(data).__name__}
+    if known.get("version") != VERSION:
+        command = known.get("study") or "…"
         raise ValueError(
-            f"version: {version}; expected a report of version {VERSION}, as `gough-stewart {command} --report` writes"
+            f"version: {known.get('version')}; expected a report of version {VERSION}, as `gough-stewart {command} "
+            "--report` writes"
         )
     del data["version"]
     for note in data.get("notes", ()):
@@ -63,8 +57,7 @@ def from_json(text: str | bytes) -> Report:
         return _REPORT.validate_python(data, context=data.pop("quantities", {}))
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise ValueError(f"report.{place}: {first['msg']}") from error
+        raise ValueError(f"report.{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
 
 
 def schema() -> dict[str, Any]:
@@ -73,41 +66,40 @@ def schema() -> dict[str, Any]:
 
 
 def thinned(report: Report, points: int = POINTS) -> Report:
-    """The same report with at most so many points in each line, the smallest and the largest of each interval.
+    """The same report for other programs: of a line at most so many points, of each interval the smallest and largest.
 
-    It is for other programs: samples of members, of millions of numbers, are left out.
+    Samples of members, of millions of numbers, are left out.
     """
 
     def fewer(part: Part) -> Part:
         if isinstance(part, Scene):
-            return _frames(part)
+            return _few_frames(part)
         if not isinstance(part, Chart):
             return part
         part = part if part.samples is None else replace(part, samples=None)
         if part.kind not in ("line", "step") or all(len(series.values) <= points for series in part.series):
             return part
+        series = tuple(_few_points(part.x_of(series), series, points) for series in part.series)
         # every series has abscissae of its own now
-        series = tuple(_series(part, series, points) for series in part.series)
         return replace(part, x=replace(part.x, values=np.zeros(0)), series=series)
 
     sections = tuple(replace(section, parts=tuple(map(fewer, section.parts))) for section in report.sections)
     return replace(report, sections=sections)
 
 
-def _series(chart: Chart, series: Series, points: int) -> Series:
-    x = chart.x_of(series)
+def _few_points(x: Any, series: Series, points: int) -> Series:
     kept = decimated(np.arange(len(x), dtype=float), series.values, points)[0].astype(int)
-    arrays = {name: getattr(series, name) for name in ("low", "high", "members")}
-    some = {name: array[kept] for name, array in arrays.items() if array is not None}
-    return replace(series, x=x[kept], values=series.values[kept], of=len(x), **some)
+    arrays = {name: getattr(series, name) for name in ("values", "low", "high", "members")}
+    return replace(
+        series, x=x[kept], of=len(x), **{name: array[kept] for name, array in arrays.items() if array is not None}
+    )
 
 
-def _frames(scene: Scene) -> Scene:
-    """A scene with few frames; what was on or off between two of them is on if it was on in any part."""
-    n = len(scene.time)
-    if n <= FRAMES:
+def _few_frames(scene: Scene) -> Scene:
+    """What was on or off between two of the frames is on if it was on in any part."""
+    if len(scene.time) <= FRAMES:
         return scene
-    kept = np.unique(np.linspace(0, n - 1, FRAMES).astype(int))
+    kept = np.unique(np.linspace(0, len(scene.time) - 1, FRAMES).astype(int))
     arrays = {name: array[kept] for name in ("time", *COLUMNS) if (array := getattr(scene, name)) is not None}
     flags = tuple(
         replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept))) for flag in scene.flags

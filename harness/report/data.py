@@ -5,13 +5,12 @@ JSON has neither NaN nor infinity: NaN is null, and infinite numbers are the str
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, fields
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, model_serializer
+from pydantic import BeforeValidator, ConfigDict, PlainSerializer, PlainValidator, WithJsonSchema, model_serializer
 from pydantic.dataclasses import dataclass
-from pydantic_core import CoreSchema, core_schema
 
 from gough_stewart.model.vectors import FloatArray
 
@@ -24,67 +23,51 @@ class Data:
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, handler: Any) -> dict[str, Any]:
-        written = handler(self)
-        return {field.name: written[field.name] for field in fields(self) if not _is_default(field, self)}
+        written, kept = handler(self), {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            default = field.default if field.default_factory is MISSING else field.default_factory()
+            if isinstance(value, np.ndarray) or isinstance(default, np.ndarray):
+                is_default = isinstance(default, np.ndarray) and np.array_equal(value, default)
+            else:
+                is_default = default is not MISSING and type(value) is type(default) and bool(value == default)
+            if not is_default:
+                kept[field.name] = written[field.name]
+        return kept
 
 
-def _is_default(field: "Field[Any]", part: Data) -> bool:
-    value = getattr(part, field.name)
-    default = field.default if field.default_factory is MISSING else field.default_factory()
-    if isinstance(value, np.ndarray) or isinstance(default, np.ndarray):
-        return isinstance(default, np.ndarray) and np.array_equal(value, default)
-    return default is not MISSING and type(value) is type(default) and bool(value == default)
+def _array_of(*dimensions: int) -> PlainValidator:
+    """Reads what NumPy makes numbers of, None as NaN, with one of these numbers of dimensions, as a read-only copy."""
 
-
-class Numbers:
-    """Annotates an array of numbers, NaN where there is none, which becomes a read-only copy.
-
-    Parameters
-    ----------
-    dimensions
-        Numbers of dimensions that it may have.
-    """
-
-    def __init__(self, *dimensions: int) -> None:
-        self.dimensions = dimensions
-
-    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Read from anything that NumPy makes numbers of, written as nested lists."""
-        written = core_schema.plain_serializer_function_ser_schema(_listed)
-        return core_schema.no_info_plain_validator_function(self._read_only, serialization=written)
-
-    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Nested lists of numbers."""
-        return {"type": "array"}
-
-    def _read_only(self, values: Any) -> FloatArray:
+    def read(values: Any) -> FloatArray:
         try:
             array = np.array(values, dtype=float)
         except (TypeError, ValueError):
             raise ValueError(f"{type(values).__name__}; expected an array of numbers") from None
-        if array.ndim not in self.dimensions:
-            expected = " or ".join(map(str, self.dimensions))
+        if array.ndim not in dimensions:
+            expected = " or ".join(map(str, dimensions))
             raise ValueError(f"an array of {array.ndim} dimensions; expected {expected}")
         array.setflags(write=False)
         return array
+
+    return PlainValidator(read)
 
 
 def _listed(array: FloatArray) -> list[Any]:
     if np.isfinite(array).all():
         numbers: list[Any] = array.tolist()
         return numbers
-    return [_listed(part) if part.ndim else as_json(float(part)) for part in array]
+    if array.ndim > 1:
+        return [_listed(part) for part in array]
+    words = {math.inf: "Infinity", -math.inf: "-Infinity"}
+    return [None if math.isnan(number) else words.get(number, number) for number in array.tolist()]
 
 
-def as_json(number: float) -> float | str | None:
-    """A number as JSON has it."""
-    if math.isnan(number):
-        return None
-    return number if math.isfinite(number) else ("Infinity" if number > 0 else "-Infinity")
-
-
-Vector = Annotated[FloatArray, Numbers(1)]
-Array = Annotated[FloatArray, Numbers(1, 2, 3)]
+_LISTED, _SCHEMA = PlainSerializer(_listed), WithJsonSchema({"type": "array"})
+Vector = Annotated[FloatArray, _array_of(1), _LISTED, _SCHEMA]
+Rows = Annotated[FloatArray, _array_of(2), _LISTED, _SCHEMA]
+Layers = Annotated[FloatArray, _array_of(2, 3), _LISTED, _SCHEMA]
+Array = Annotated[FloatArray, _array_of(1, 2, 3), _LISTED, _SCHEMA]
 # A number, or None for one that is not defined, such as NaN.
 Defined = Annotated[
     float | None, BeforeValidator(lambda value: None if isinstance(value, float) and math.isnan(value) else value)

@@ -11,10 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass
 
-from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.chart import Chart, Scene, Surface
 from gough_stewart.harness.report.data import CONFIG, Data, Defined, Vector
 from gough_stewart.harness.report.quantities import NUMBER, Quantity
-from gough_stewart.harness.report.scene import Scene, Surface
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.words import plain_text
 
@@ -49,14 +48,11 @@ class Number(Data):
     @property
     def remark(self) -> str:
         """What stands behind it: its interval, its limit, the margin."""
-        quantity, parts = self.quantity, []
-        if self.low is not None or self.high is not None:
-            parts.append(quantity.range_text(self.low, self.high))
-        if self.limit is not None:
-            parts.append(f"limit {quantity.text(self.limit)}")
-        if self.margin is not None:
-            parts.append(margin_text(quantity, self.margin))
-        return ", ".join([*parts, *([self.doubt] if self.doubt else [])])
+        quantity = self.quantity
+        interval = None if self.low is self.high is None else quantity.range_text(self.low, self.high)
+        limit = None if self.limit is None else f"limit {quantity.text(self.limit)}"
+        margin = None if self.margin is None else margin_text(quantity, self.margin)
+        return ", ".join(filter(None, (interval, limit, margin, self.doubt)))
 
 
 @dataclass(frozen=True, config=CONFIG)
@@ -100,11 +96,11 @@ class Setting(Data):
 
 def settings_of(changed: Mapping[str, Mapping[str, Any]]) -> tuple[Setting, ...]:
     """The keys whose `value` is not that of the `file`, which is None if it has none."""
-    texts = (
-        (key, plain_text(values["value"]), "" if values["file"] is None else plain_text(values["file"]))
+    settings = (
+        Setting(key, (plain_text(values["value"]),), "" if values["file"] is None else plain_text(values["file"]))
         for key, values in changed.items()
     )
-    return tuple(Setting(key, (value,), of_file) for key, value, of_file in texts if value != of_file)
+    return tuple(setting for setting in settings if setting.values[0] != setting.default)
 
 
 @dataclass(frozen=True, config=CONFIG)
@@ -134,18 +130,14 @@ def margin_text(quantity: Quantity, margin: float) -> str:
     return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
 
 
-def _kind(part: Any) -> Any:
-    """What a part is: in JSON, a key says it, which is no field."""
-    return part.pop("part", None) if isinstance(part, dict) else type(part).__name__.lower()
-
-
 Part = Annotated[
     Annotated[Table, Tag("table")]
     | Annotated[Chart, Tag("chart")]
     | Annotated[Scene, Tag("scene")]
     | Annotated[Surface, Tag("surface")]
     | Annotated[Note, Tag("note")],
-    Discriminator(_kind),
+    # in JSON, a key says what a part is, which is no field
+    Discriminator(lambda part: part.pop("part", None) if isinstance(part, dict) else type(part).__name__.lower()),
 ]
 
 
@@ -200,14 +192,5 @@ class Report(Data):
         return ", ".join(texts)
 
     def number(self, path: str) -> Number:
-        """The number of a path.
-
-        Raises
-        ------
-        KeyError
-            There is none.
-        """
-        for number in self.numbers:
-            if number.path == path:
-                return number
-        raise KeyError(path)
+        """The number of a path; a KeyError if there is none."""
+        return {number.path: number for number in self.numbers}[path]

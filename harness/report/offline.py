@@ -33,20 +33,8 @@ _BOKEH_FILES = ("bokeh.min.js", "bokeh-api.min.js")
 def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str], computes: bool = False) -> bytes:
     """A complete page.
 
-    Parameters
-    ----------
-    title
-        Plain text.
-    body
-        HTML; all texts from users must be escaped.
-    style
-        CSS.
-    data
-        Data for the scripts, as JSON in the element `data`.
-    scripts
-        JavaScript, in the order of execution.
-    computes
-        Its policy admits WebAssembly, and workers from the page itself.
+    The title is plain text; in the body, HTML, all texts from users must be escaped. `data` becomes JSON in the element
+    `data`; scripts run in their order. With `computes`, the policy admits WebAssembly, and workers from the page.
     """
     # browsers normalise line endings before they hash a script
     scripts = [script.replace("\r\n", "\n").replace("\r", "\n") for script in scripts]
@@ -83,13 +71,7 @@ def asset(name: str) -> str:
 
 @cache
 def three() -> str:
-    """three.js, from the mesh viewer page of trimesh; defines the name THREE. Its first lines name its holders.
-
-    Raises
-    ------
-    GoughStewartError
-        The package trimesh is missing, or has no three.js in the expected place.
-    """
+    """three.js, from the mesh viewer page of trimesh; defines the name THREE. Its first lines name its holders."""
     try:
         with ZipFile(_folder("trimesh") / _ARCHIVE) as archive:
             library = _LIBRARY.search(archive.read(_PAGE).decode())
@@ -102,13 +84,7 @@ def three() -> str:
 
 @cache
 def bokeh() -> str:
-    """BokehJS without its widgets and tables; defines the name Bokeh.
-
-    Raises
-    ------
-    GoughStewartError
-        The package bokeh is missing, or has no such scripts.
-    """
+    """BokehJS without its widgets and tables; defines the name Bokeh."""
     folder = _folder("bokeh") / _BOKEH
     try:
         return "\n".join((folder / name).read_text(encoding="utf-8") for name in _BOKEH_FILES)

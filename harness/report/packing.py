@@ -41,7 +41,10 @@ class Arrays:
         key = (array.tobytes(), least)
         if key not in self._known:
             self._known[key] = len(self.packed)
-            self.packed.append(_uniform(array) or (_exact(array) if least is None else _rounded(array, least)))
+            packed = _uniform(array)
+            if packed is None and least is None:
+                packed = {"k": "f8", "n": len(array), "d": _planes(array.astype("<f8"))}
+            self.packed.append(_rounded(array, least or 1.0) if packed is None else packed)
         return self._known[key]
 
 
@@ -56,16 +59,12 @@ def blocks(time: FloatArray, values: FloatArray, most: int = MOST_ROWS) -> tuple
     if n <= most:
         return time, values
     width = -(-2 * n // most)
-    count = -(-n // width)
-    padding = count * width - n
-    table = np.concatenate([values, np.repeat(values[-1], padding)]).reshape(count, width)
-    finite = np.isfinite(table)
-    low, high = np.where(finite, table, np.inf), np.where(finite, table, -np.inf)
+    starts = np.arange(0, n, width)
+    low, high = _buckets(np.concatenate([values, np.repeat(values[-1], -n % width)]), width)
     falls = low.argmin(axis=1) > high.argmax(axis=1)
-    least, most_ = low.min(axis=1), high.max(axis=1)
-    pairs = np.stack([np.where(falls, most_, least), np.where(falls, least, most_)], axis=1)
-    pairs[~finite.any(axis=1)] = np.nan
-    starts = width * np.arange(count)
+    least, largest = low.min(axis=1), high.max(axis=1)
+    pairs = np.stack([np.where(falls, largest, least), np.where(falls, least, largest)], axis=1)
+    pairs[~np.isfinite(least)] = np.nan
     times = np.stack([time[starts], time[np.minimum(starts + width // 2, n - 1)]], axis=1)
     return times.ravel(), pairs.ravel()
 
@@ -79,18 +78,18 @@ def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatA
     n = len(time)
     if n <= max(points, 4):
         return time, values
-    inner = values[1:-1]
-    buckets = max(1, (points - 2) // 2)
-    width = -(-len(inner) // buckets)
-    padding = (0, buckets * width - len(inner))
-    finite = np.isfinite(inner)
-    low = np.pad(np.where(finite, inner, np.inf), padding, constant_values=np.inf).reshape(buckets, width)
-    high = np.pad(np.where(finite, inner, -np.inf), padding, constant_values=-np.inf).reshape(buckets, width)
-    starts = 1 + width * np.arange(buckets)
-    rows = np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)])
-    # the last buckets may have only padding
-    rows = np.unique(np.minimum(rows, n - 1))
+    width = -(-(n - 2) // max(1, (points - 2) // 2))
+    starts = np.arange(1, n - 1, width)
+    low, high = _buckets(np.pad(values[1:-1], (0, (2 - n) % width), constant_values=np.nan), width)
+    rows = np.unique(np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)]))
     return time[rows], values[rows]
+
+
+def _buckets(values: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:
+    """The values in rows of this width, twice: what is not finite can be neither the smallest nor the largest."""
+    table = values.reshape(-1, width)
+    finite = np.isfinite(table)
+    return np.where(finite, table, np.inf), np.where(finite, table, -np.inf)
 
 
 def _step(array: FloatArray, quantity: Quantity, steps: float) -> float:
@@ -110,15 +109,9 @@ def _uniform(array: FloatArray) -> dict[str, Any] | None:
     if len(array) < 3 or not np.isfinite(array).all():
         return None
     even = np.linspace(array[0], array[-1], len(array))
-    step = abs(even[1] - even[0])
-    if np.abs(array - even).max() > _UNIFORM * step:
+    if np.abs(array - even).max() > _UNIFORM * abs(even[1] - even[0]):
         return None
     return {"k": "even", "n": len(array), "a": float(array[0]), "b": float(array[-1])}
-
-
-def _exact(array: FloatArray) -> dict[str, Any]:
-    planes = np.ascontiguousarray(array.astype("<f8").view(np.uint8).reshape(-1, 8).T)
-    return {"k": "f8", "n": len(array), "d": _squeezed(planes.tobytes())}
 
 
 def _rounded(array: FloatArray, step: float) -> dict[str, Any]:
@@ -130,22 +123,16 @@ def _rounded(array: FloatArray, step: float) -> dict[str, Any]:
     filled = np.where(np.isfinite(array[last]), array[last], low) if len(array) else array
     steps = np.rint((filled - low) / step).astype(np.int64)
     differences = [steps, np.diff(steps, prepend=0), np.diff(steps, n=2, prepend=[0, 0])]
-    order, chosen = min(enumerate(differences), key=lambda pair: _bits(pair[1]))
+    # the order whose differences need the fewest bits, about Σ log₂(1 + |d|)
+    order = int(np.argmin([np.log2(1.0 + np.abs(difference)).sum() for difference in differences]))
+    # zigzag, so that small ones of both signs have empty high bytes
+    zigzag = ((differences[order] << 1) ^ (differences[order] >> 63)).astype("<u4")
     edges = np.flatnonzero(np.diff(np.concatenate([[True], finite, [True]])))
     gaps = {"g": edges.tolist()} if len(edges) else {}
-    return {"k": "q", "n": len(array), "o": order, "a": low, "s": step, "d": _planes(chosen), **gaps}
+    return {"k": "q", "n": len(array), "o": order, "a": low, "s": step, "d": _planes(zigzag), **gaps}
 
 
-def _bits(differences: Array) -> float:
-    """About how many bits the differences need: Σ log₂(1 + |d|)."""
-    return float(np.log2(1.0 + np.abs(differences)).sum())
-
-
-def _planes(differences: Array) -> str:
-    """Their bytes, the lowest of all first (zigzag, so that small ones of both signs have empty high bytes)."""
-    zigzag = ((differences << 1) ^ (differences >> 63)).astype("<u4")
-    return _squeezed(np.ascontiguousarray(zigzag.view(np.uint8).reshape(-1, 4).T).tobytes())
-
-
-def _squeezed(data: bytes) -> str:
-    return base64.b64encode(zlib.compress(data, _LEVEL)).decode()
+def _planes(numbers: Array) -> str:
+    """Their bytes compressed, the lowest of all first."""
+    planes = np.ascontiguousarray(numbers.view(np.uint8).reshape(-1, numbers.itemsize).T)
+    return base64.b64encode(zlib.compress(planes.tobytes(), _LEVEL)).decode()

@@ -5,19 +5,20 @@ drawn by the scripts of `web/`.
 """
 
 import html
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from itertools import groupby
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
+import numpy as np
 from markupsafe import Markup
 
-from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Scene, Series, Surface
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section
-from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, bokeh_licence, document, three, three_licence
-from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
-from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data, surface_data
+from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.palette import (
     DASHES,
     GROUND,
@@ -30,19 +31,20 @@ from gough_stewart.harness.report.palette import (
     colour_of,
     colour_of_six,
 )
+from gough_stewart.harness.report.quantities import Quantity, least_span
 from gough_stewart.harness.report.requirements import OUTCOMES
-from gough_stewart.harness.report.scene import Scene, Surface
 from gough_stewart.harness.report.table import Cell, Column, Table, Value, is_at_right
-from gough_stewart.harness.report.words import with_minus
+from gough_stewart.harness.report.words import explained, percent, with_minus, with_terms
+from gough_stewart.model.vectors import FloatArray
 
 PAGE = "report.html"
+_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
+_MAP_SCRIPTS = ("heat.js",)
 _SCENE_SCRIPTS = (
     *("records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js", "viewer.js", "scene.js"),
     *("drawn.js", "moment.js"),
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
-_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
-_MAP_SCRIPTS = ("heat.js",)
 _CHART_SCRIPTS = ("lines.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
@@ -57,8 +59,10 @@ THEME_OPTIONS = "".join(
     f'<option value="{value}">{text}</option>'
     for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
 )
-# Largest number of values that stand beside the verdict.
-_MOST_NUMBERS = 6
+# Largest number of values that stand beside the verdict; letters of a vertical title that fit beside a chart.
+_MOST_NUMBERS, _LONGEST = 6, 28
+# Steps of the range of a signal in which those of single members are stored: a chart has some 200 pixels of height.
+_SAMPLE_STEPS = 1000.0
 
 
 def page_of(report: Report) -> bytes:
@@ -82,11 +86,23 @@ def page_of(report: Report) -> bytes:
         "sixDashes": SIX_DASHES,
         "nearness": NEARNESS,
         "charts": [chart_data(chart, arrays, has_time=has_time) for chart in charts],
-        "scenes": [scene_data(scene, arrays) for scene in scenes],
-        "surfaces": [surface_data(surface, arrays) for surface in surfaces],
-        "members": member_data(report, arrays),
+        "scenes": [_scene_data(scene, arrays) for scene in scenes],
+        "surfaces": [_surface_data(surface, arrays) for surface in surfaces],
+        "members": _member_data(report, arrays),
         "arrays": arrays.packed,
     }
+    differences = None
+    if report.settings and len(report.runs) > 1:  # of a single run, what was set is in the head
+        rows = tuple((setting.key, *setting.values) for setting in report.settings)
+        differences = Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
+    curves = [chart for chart in charts if chart.kind in ("line", "step")]
+    longest = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
+    kept = "Charts have all rows, rounded finer than a pixel. " if longest else ""
+    if longest > MOST_ROWS:
+        kept = (
+            f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
+            f"{-(-2 * longest // MOST_ROWS)} rows. "
+        )
     body = TEMPLATES.get_template("report.html").render(
         report=report,
         charts=charts,
@@ -96,12 +112,12 @@ def page_of(report: Report) -> bytes:
         number_of={id(chart): k for k, chart in enumerate(charts)},
         has_time=has_time,
         has_members=bool(data["members"]),
-        differences=_differences(report),
+        differences=differences,
         themes=Markup(THEME_OPTIONS),
         signs=_SIGNS,
         outcomes=OUTCOMES,
         most_numbers=_MOST_NUMBERS,
-        kept=_kept(charts),
+        kept=kept,
         inside=[*(["three.js"] if is_solid else []), *(["Bokeh"] if charts else [])],
         licences=[*([three_licence()] if is_solid else []), *([bokeh_licence()] if charts else [])],
     )
@@ -111,6 +127,21 @@ def page_of(report: Report) -> bytes:
     # the scene first, so that it appears while the library of the charts is still loading
     scripts = [*([three()] if is_solid else []), drawing, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
     return document(report.title, body, colours() + "".join(map(asset, _STYLES)), data, scripts)
+
+
+def to_html(report: Report) -> str:
+    """A report in a notebook: the verdict, the tables but those of details, and the notes; all texts escaped."""
+    macros: Any = TEMPLATES.get_template("notebook.html").module
+    return str(macros.whole(report, lambda part: type(part).__name__))
+
+
+def table_to_html(table: Table) -> str:
+    """A table in a notebook; a unit that all numbers of a row share stands beside its first cell."""
+    macros: Any = TEMPLATES.get_template("notebook.html").module
+    return str(macros.table(table))
+
+
+# --- colours ---------------------------------------------------------------------------------------------------------
 
 
 def palette_of(theme: Theme) -> dict[str, Any]:
@@ -126,46 +157,160 @@ def palette_of(theme: Theme) -> dict[str, Any]:
 
 def colours() -> str:
     """The colours of roles as custom properties, for light and dark, and for high contrast."""
-    themes = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
-    six = "".join(f"--six-{k}: light-dark({colour_of_six(k, 'light')}, {colour_of_six(k, 'dark')}); " for k in range(6))
-    strong = "".join(f"--{role}: {colour_of(role, 'contrast')}; " for role in ROLES)
-    strong += "".join(f"--six-{k}: {colour_of_six(k, 'contrast')}; " for k in range(6))
-    return f":root {{ {themes}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
+    light, dark, strong = (
+        palette["roles"] | {f"six-{k}": colour for k, colour in enumerate(palette["six"])}
+        for palette in map(palette_of, THEMES)
+    )
+    both = "".join(f"--{name}: light-dark({colour}, {dark[name]}); " for name, colour in light.items())
+    contrast = "".join(f"--{name}: {colour}; " for name, colour in strong.items())
+    return f":root {{ {both}}}\n:root[data-theme=contrast] {{ {contrast}}}\n"
 
 
-def to_html(report: Report) -> str:
-    """A report in a notebook: the verdict, the tables but those of details, and the notes; all texts escaped."""
-    macros: Any = TEMPLATES.get_template("notebook.html").module
-    return str(macros.whole(report, lambda part: type(part).__name__))
+# --- charts and scenes as data for the scripts -----------------------------------------------------------------------
 
 
-def table_to_html(table: Table) -> str:
-    """A table in a notebook; a unit that all numbers of a row share stands beside its first cell."""
-    macros: Any = TEMPLATES.get_template("notebook.html").module
-    return str(macros.table(table))
+def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[str, Any]:
+    """A chart as data; it shares the time of the page if that `has_time`."""
+    quantity, over = chart.series[0].quantity, chart.map
+    sizes = [np.abs(series.values[np.isfinite(series.values)]).max(initial=0.0) for series in chart.series]
+    # the title above the chart says the rest of a long one
+    title = re.split(", | of ", chart.title)[0][:_LONGEST] if len(chart.title) > _LONGEST else chart.title
+    data: dict[str, Any] = {
+        "title": chart.title,
+        "kind": chart.kind,
+        "isTime": has_time and chart.is_over_time,
+        "x": _axis(chart.x, arrays),
+        "y": {
+            **_written(quantity),
+            # the least span of an axis for these values [shown unit]
+            "least": least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least),
+            "title": chart.y_title if chart.y is not None or quantity.name else quantity.headed(title),
+            "scale": chart.y.scale if chart.y else "linear",
+        },
+        "series": [_series(series, chart, arrays) for series in chart.series],
+        "marks": [
+            {"value": mark.value, "text": mark.text, "vertical": mark.direction == "vertical", "role": mark.role}
+            | ({} if mark.tells else {"said": True})
+            for mark in chart.marks
+        ],
+        "spans": [asdict(span) for span in chart.spans],
+        "strips": [{**asdict(strip), "share": percent(strip.share)} for strip in chart.strips],
+    }
+    if chart.samples is not None:
+        data["samples"] = {
+            "members": arrays.add(chart.samples.members),
+            "x": arrays.add(chart.samples.x),
+            "values": arrays.add(chart.samples.values, quantity, _SAMPLE_STEPS),
+        }
+    if chart.kind == "heat" and chart.y is not None:
+        data["rows"] = _axis(chart.y, arrays)
+        data["map"] = over and {
+            "inside": None if over.inside is None else arrays.add(_single(over.inside)),
+            "scale": over.scale,
+            "classes": over.classes,
+            "slices": None if over.slices is None else _axis(over.slices, arrays),
+            "first": over.first,
+            "point": over.point,
+            "pointName": over.point_name,
+        }
+    elif chart.y is not None and chart.y.labels:
+        data["y"]["labels"] = chart.y.labels
+    return data
 
 
-def _differences(report: Report) -> Table | None:
-    """What differs between several runs; of a single one, what was set is in the head."""
-    if not report.settings or len(report.runs) < 2:
+def _written(quantity: Quantity) -> dict[str, Any]:
+    return {"unit": quantity.unit_text, "factor": quantity.factor, "digits": quantity.digits}
+
+
+def _single(values: FloatArray) -> FloatArray:
+    """Seven digits of each number, which compress to half; those of a map may be far apart, or infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32).astype(float)
+
+
+def _axis(axis: Axis, arrays: Arrays) -> dict[str, Any]:
+    words = {"title": axis.title, "name": axis.name, "scale": axis.scale, "labels": axis.labels}
+    return {**_written(axis.quantity), **words, "values": arrays.add(blocks(axis.values, axis.values)[0])}
+
+
+def _series(series: Series, chart: Chart, arrays: Arrays) -> dict[str, Any]:
+    x, is_curve = chart.x_of(series), chart.kind in ("line", "step")
+
+    def kept(values: FloatArray | None) -> int | None:
+        if values is None:
+            return None
+        if chart.map is not None:
+            return arrays.add(_single(values))
+        return arrays.add(blocks(x, values)[1] if is_curve else values, series.quantity)
+
+    data = {
+        "name": series.name,
+        "role": series.role,
+        "values": kept(series.values),
+        "leg": series.leg,
+        "run": series.run,
+        "component": series.component,
+        "low": kept(series.low),
+        "high": kept(series.high),
+        "x": None if series.x is None else arrays.add(blocks(x, x)[0]),
+        "members": None if series.members is None else arrays.add(series.members),
+    }
+    return {name: value for name, value in data.items() if value not in (None, "")}
+
+
+def _member_data(report: Report, arrays: Arrays) -> dict[str, Any] | None:
+    """The members of an ensemble, and their values of the metrics that have a chart; None without such."""
+    titles = [chart.title for chart in report.charts]
+    # the first chart is of the metric that the ensemble is judged by
+    known = sorted((n for n in report.numbers if n.name in titles), key=lambda number: titles.index(number.name))
+    numbers = [(number, number.members) for number in known if number.members is not None]
+    ids = (series.members for chart in report.charts for series in chart.series if series.members is not None)
+    members = next(ids, None)
+    if not numbers or members is None:
         return None
-    rows = tuple((setting.key, *setting.values) for setting in report.settings)
-    return Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
+    listed = [
+        {
+            "name": number.name,
+            **_written(number.quantity),
+            "smallIsWorse": number.small_is_worse,
+            "values": arrays.add(values, number.quantity),
+        }
+        for number, values in numbers
+    ]
+    return {"ids": arrays.add(members), "repeat": report.repeat, "numbers": listed}
 
 
-def _kept(charts: Sequence[Chart]) -> str:
-    curves = [chart for chart in charts if chart.kind in ("line", "step")]
-    rows = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
-    if rows > MOST_ROWS:
-        block = -(-2 * rows // MOST_ROWS)
-        return (
-            f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
-            f"{block} rows. "
-        )
-    return "Charts have all rows, rounded finer than a pixel. " if rows else ""
+def _surface_data(surface: Surface, arrays: Arrays) -> dict[str, Any]:
+    ends = zip(surface.names, surface.quantities, surface.low.tolist(), surface.high.tolist(), strict=True)
+    return {
+        "title": surface.title,
+        "axes": [{**_written(quantity), "name": name, "low": low, "high": high} for name, quantity, low, high in ends],
+        "vertices": arrays.add(_single(surface.vertices)),
+        "triangles": arrays.add(surface.triangles),
+        "values": arrays.add(_single(surface.values)),
+        "of": {**_written(surface.quantity), "name": surface.name, "scale": surface.scale},
+    }
 
 
-# Filters of the templates
+def _scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
+    in_frames = {name: getattr(scene, name) for name in ("time", *COLUMNS)}
+    return {
+        "name": scene.name,
+        "run": scene.run,
+        "base": scene.base_points.tolist(),
+        "platform": scene.platform_points.tolist(),
+        "lower": scene.lower,
+        "upper": scene.upper,
+        "home": scene.home.tolist(),
+        "rows": scene.rows,
+        "digits": scene.decimals,
+        "nearnessOf": scene.nearness_of,
+        "flags": {flag.name: flag.values for flag in scene.flags},
+        "arrays": {name: arrays.add(values) for name, values in in_frames.items() if values is not None},
+    }
+
+
+# --- filters of the templates ----------------------------------------------------------------------------------------
 
 
 class _Drawn(NamedTuple):
@@ -193,6 +338,7 @@ def _titles(hidden: Sequence[_Drawn]) -> str:
 
 
 def _sides(table: Table) -> list[bool]:
+    """Which columns are right-aligned."""
     texts = [table.texts(k) for k in range(len(table.rows))]
     columns = range(len(table.columns))
     return [k > 0 and is_at_right([row[k] for row in table.rows], [row[k] for row in texts]) for k in columns]

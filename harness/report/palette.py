@@ -7,21 +7,9 @@ Series differ by lightness or dashes too, so that they can be told apart without
 from typing import Literal, get_args
 
 Role = Literal[
-    "reference",
-    "actual",
-    "measured",
-    "error",
-    "limit",
-    "band",
-    "median",
-    "nominal",
-    "published",
-    "command",
-    "neutral",
-    "good",
-    "marginal",
-    "bad",
-]
+    "reference", "actual", "measured", "error", "limit", "band", "median", "nominal", "published", "command", "neutral",
+    "good", "marginal", "bad",
+]  # fmt: skip
 ROLES: tuple[Role, ...] = get_args(Role)
 Theme = Literal["light", "dark", "contrast"]
 THEMES: tuple[Theme, ...] = get_args(Theme)

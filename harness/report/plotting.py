@@ -44,28 +44,32 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }
 
 
+def files_of(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
+    """Draw a figure of this size [inch] with `draw`, in these formats: "png", "svg", "pdf"."""
+    files = {}
+    with mpl_style.context(STYLE, after_reset=True), warnings.catch_warnings():
+        # a platform's name may be in any script; missing glyphs are not worth a warning in the terminal
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure = Figure(figsize=(width, height))
+        draw(figure)
+        # once for all formats; otherwise each would draw the figure just for the layout
+        layout = figure.get_layout_engine()
+        if layout is not None:
+            with interrupts_held_back():
+                layout.execute(figure)
+            figure.set_layout_engine("none")
+        for kind in kinds:
+            buffer = BytesIO()
+            # Matplotlib's C++ turns an interrupt in the conversion of its arguments into an error of its own
+            with interrupts_held_back():
+                figure.savefig(buffer, format=kind, **_OPTIONS[kind])
+            files[kind] = buffer.getvalue()
+    return files
+
+
 def png(draw: Draw, width: float, height: float = 3.6) -> bytes:
     """Draw a figure of this size [inch] with `draw`, as PNG."""
     return files_of(draw, width, height, ("png",))["png"]
-
-
-def pictures(name: str, draw: Draw, width: float, height: float = 3.6) -> dict[str, bytes]:
-    """Draw a figure as `name.png` and `name.svg`."""
-    return {f"{name}.{kind}": file for kind, file in files_of(draw, width, height, ("png", "svg")).items()}
-
-
-def two_panels(figure: Figure, title: str) -> tuple[Axes, Axes]:
-    """Create two axes side by side under a title."""
-    entitle(figure, title)
-    left, right = figure.subplots(1, 2)
-    return left, right
-
-
-def panel(figure: Figure, title: str) -> Axes:
-    """Create one axes under a title."""
-    entitle(figure, title)
-    axes: Axes = figure.subplots()
-    return axes
 
 
 def entitle(figure: Figure, title: str) -> None:
@@ -76,33 +80,15 @@ def entitle(figure: Figure, title: str) -> None:
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=size, fontweight="bold", parse_math=False)
 
 
+def panels(figure: Figure, title: str, number: int = 1) -> list[Axes]:
+    """Create axes side by side under a title."""
+    entitle(figure, title)
+    return list(figure.subplots(1, number, squeeze=False).flat)
+
+
 def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> None:
     """Set the title and units of axes; the abscissa is time by default."""
     axes.set_title(title)
     axes.set_ylabel(f"[{unit}]")
     axes.set_xlabel(horizontal)
     axes.margins(x=0)
-
-
-def files_of(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) -> dict[str, bytes]:
-    """Draw a figure of this size [inch] with `draw`, in these formats: "png", "svg", "pdf"."""
-    files = {}
-    with mpl_style.context(STYLE, after_reset=True), warnings.catch_warnings():
-        # a platform's name may be in any script; missing glyphs are not worth a warning in the terminal
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure = Figure(figsize=(width, height))
-        draw(figure)
-        # once for both formats; otherwise each would draw the figure just for the layout
-        layout = figure.get_layout_engine()
-        if layout is not None:
-            with interrupts_held_back():
-                layout.execute(figure)
-            figure.set_layout_engine("none")
-        for kind in kinds:
-            buffer = BytesIO()
-            options = _OPTIONS[kind]
-            # Matplotlib's C++ turns an interrupt in the conversion of its arguments into an error of its own
-            with interrupts_held_back():
-                figure.savefig(buffer, format=kind, **options)
-            files[kind] = buffer.getvalue()
-    return files

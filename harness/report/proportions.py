@@ -30,18 +30,11 @@ def share_interval(successes: float, members: float, confidence: float = CONFIDE
 
     low: I⁻¹(α/2; x, n − x + 1), 0 for x = 0; high: I⁻¹(1 − α/2; x + 1, n − x), 1 for x = n; of x successes among n
     independent members or blocks, of which both may be fractions.
-
-    Raises
-    ------
-    ValueError
-        No members, or more successes than members.
     """
     from scipy.special import betaincinv
 
     if not 0 <= successes <= members or not members:
-        raise ValueError(
-            f"{successes} of {members} members; expected at least one member, and no more than all of them"
-        )
+        raise ValueError(f"{successes} of {members} members; expected at least one, and no more than all of them")
     tail = (1 - confidence) / 2
     low = 0.0 if successes == 0 else float(betaincinv(successes, members - successes + 1, tail))
     high = 1.0 if successes == members else float(betaincinv(successes + 1, members - successes, 1 - tail))

@@ -21,10 +21,8 @@ from gough_stewart.model.units import UNITS, unit_typed
 _DEGREES = 180 / math.pi
 # What a small machine has less of, and the units in which it is shown instead.
 _MECHANICAL = ("m", "rad", "m/s", "rad/s", "m/s2", "N", "N.m", "W", "J", "kg", "kg.m2")
-_FINER = {
-    **{"m": "mm", "mm": "µm", "µm": "nm", "deg": "µrad", "m/s": "mm/s", "mm/s": "µm/s", "deg/s": "µrad/s"},
-    **{"W": "mW", "mW": "µW", "J": "µJ"},
-}
+_FINER = {"m": "mm", "mm": "µm", "µm": "nm", "deg": "µrad", "m/s": "mm/s", "mm/s": "µm/s", "deg/s": "µrad/s"}
+_FINER |= {"W": "mW", "mW": "µW", "J": "µJ"}
 # Digits of a coordinate, of which pages have little more; the smallest share of a number that is told.
 _OF_COORDINATES, _OF_ITSELF = 6, 1e-3
 # A value that is not defined.
@@ -36,16 +34,14 @@ LEAST_SPANS: dict[str, float] = {
     **{"rad/s": 1e-5, "deg/s": 1e-3, "m/s2": 1e-3, "rad/s2": 1e-3, "N": 1e-3, "N/s": 1e-1, "N.m": 1e-3},
     **{"W": 1e-3, "J": 1e-3, "kg": 1e-6, "kg.m2": 1e-6, "s": 1e-9, "Hz": 1e-6, "%": 1e-3, "1": 1e-3},
 }
-# The same for numbers without a unit, such as the states of a controller.
-_LEAST_OF_OTHERS = 1e-6
-# The same as a share of the values; single precision, in which curves are stored, has little more.
-_LEAST_SHARE = 1e-6
+# The same for numbers without a unit, such as the states of a controller; and as a share of the values: single
+# precision, in which curves are stored, has little more.
+_LEAST_OF_OTHERS, _LEAST_SHARE = 1e-6, 1e-6
 # Axes show this share of it: an error of 1e-5 degrees has a shape, one of 1e-7 degrees is rounding.
 _OF_AXES = 0.1
-# From this stroke on, micrometres are told [m]; of a smaller one, a millionth.
-_SMALL = 0.01
-# The stroke of a machine that does not state one, as a share of its legs.
-_SHARE_OF_LEGS = 0.01
+# From this stroke on, micrometres are told [m]; of a smaller one, a millionth. The stroke of a machine that does not
+# state one, as a share of its legs.
+_SMALL, _SHARE_OF_LEGS = 0.01, 0.01
 _Part = TypeVar("_Part")
 
 
@@ -83,8 +79,8 @@ class Quantity:
             return self.changed
         if self not in keys:
             stem, taken = self.name or self.unit or "number", set(keys.values())
-            numbered = (f"{stem} {k}" for k in range(2, len(taken) + 3))
-            keys[self] = stem if stem not in taken else next(key for key in numbered if key not in taken)
+            names = (stem, *(f"{stem} {k}" for k in range(2, len(taken) + 3)))
+            keys[self] = next(name for name in names if name not in taken)
         return keys[self]
 
     @property
@@ -150,13 +146,7 @@ class Quantity:
         return f"{words} [{self.unit_text}]" if self.unit else words
 
     def stored(self, number: float, unit: str) -> float:
-        """A number in any unit of this kind as it is stored: 1 mm of a length is 0.001.
-
-        Raises
-        ------
-        ValueError
-            A unit of another kind; names those that are known.
-        """
+        """A number in any unit of this kind as it is stored: 1 mm of a length is 0.001; others are a ValueError."""
         known, unit = UNITS.get(self.si, {self.unit: 1.0}), unit_typed(unit)
         if unit not in known:
             expected = ", ".join(filter(None, known)) or "no unit"

@@ -31,6 +31,7 @@ _REQUIREMENT = re.compile(
 _EXPECTED = "expected PATH <= NUMBER UNIT, as in 'tracking.position.norm_peak <= 1 mm' or '… for 95 % of members'"
 # How each came out, in words.
 OUTCOMES: dict[Verdicts, str] = {"met": "met", "missed": "missed", "open": "cannot be told"}
+_WORST_FIRST: tuple[Verdicts, ...] = ("missed", "open", "met")
 # So many members are not proposed to anyone.
 _MOST = 10_000_000
 
@@ -49,13 +50,7 @@ class Required:
     confidence: float = CONFIDENCE
 
     def bound_of(self, quantity: Quantity) -> float:
-        """The bound as a stored number of this quantity.
-
-        Raises
-        ------
-        RequirementError
-            A unit of another kind.
-        """
+        """The bound as a stored number of this quantity; a RequirementError for a unit of another kind."""
         if not self.unit:
             return self.bound
         try:
@@ -76,13 +71,7 @@ class Required:
 
 
 def required(text: str) -> Required:
-    """Parse a requirement.
-
-    Raises
-    ------
-    RequirementError
-        Not a requirement; states what was expected.
-    """
+    """Parse a requirement; a RequirementError states what was expected."""
     parts = _REQUIREMENT.fullmatch(text)
     if parts is None:
         raise RequirementError(f"the requirement '{text}' cannot be read; {_EXPECTED}")
@@ -116,19 +105,12 @@ class Known(Protocol):
 
     @property
     def path(self) -> str: ...
-
     @property
     def quantity(self) -> Quantity: ...
 
 
 def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> None:
-    """Refuse a number that the study does not have, and a unit of another kind; for use before it begins.
-
-    Raises
-    ------
-    RequirementError
-        An unknown path, with the nearest; or such a unit.
-    """
+    """Refuse a number that the study does not have, and a unit of another kind; for use before it begins."""
     quantities = {number.path: number.quantity for number in known if number.path}
     for wanted in requirements:
         if wanted.path not in quantities:
@@ -140,94 +122,87 @@ def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> Non
 def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
     """The report with requirements and how they came out, which its verdict says first.
 
-    It is bad if one is missed, and marginal at best if one cannot be told.
-
-    Raises
-    ------
-    RequirementError
-        As `required`, an unknown number, a unit of another kind, or a share of members of a single run.
+    It is bad if one is missed, and marginal at best if one cannot be told. A RequirementError is as of `required`, for
+    an unknown number, a unit of another kind, or a share of members of a single run.
     """
     wanted = [required(text) if isinstance(text, str) else text for text in texts]
     check_known(wanted, report.numbers)
     judged = tuple(judge(requirement, report.number(requirement.path)) for requirement in wanted)
-    states = {outcome.status for outcome in judged}
-    verdict = report.verdict
+    if not judged:
+        return report
+    states, status = {outcome.status for outcome in judged}, report.verdict.status
     if "missed" in states:  # whatever else is good
-        verdict = replace(verdict, status="bad")
-    elif "open" in states and verdict.status != "bad":
-        verdict = replace(verdict, status="marginal")
-    if judged:
-        verdict = replace(verdict, text=f"{_first(judged)}. {verdict.text}")
+        status = "bad"
+    elif "open" in states and status != "bad":
+        status = "marginal"
+    # those that are not met with what was found, or that all are met; a single one always with what was found
+    parts = []
+    for kind in _WORST_FIRST if len(judged) == 1 else _WORST_FIRST[:2]:
+        told = [f"{outcome.text} ({outcome.found})" for outcome in judged if outcome.status == kind]
+        parts += [f"{OUTCOMES[kind]}: {', '.join(told)}"] if told else []
+    first = sentence(parts) if parts else f"All {len(judged)} requirements met"
+    verdict = replace(report.verdict, status=status, text=f"{first}. {report.verdict.text}")
     return replace(report, verdict=verdict, requirements=(*report.requirements, *judged))
 
 
-def _first(judged: Sequence[Requirement]) -> str:
-    """Those that are not met with what was found, or that all are met; a single one always with what was found."""
-    if len(judged) > 1 and all(outcome.status == "met" for outcome in judged):
-        return f"All {len(judged)} requirements met"
-    statuses: tuple[Verdicts, ...] = ("missed", "open", "met") if len(judged) == 1 else ("missed", "open")
-    parts = []
-    for status in statuses:
-        told = [f"{outcome.text} ({outcome.found})" for outcome in judged if outcome.status == status]
-        if told:
-            parts.append(f"{OUTCOMES[status]}: {', '.join(told)}")
-    return sentence(parts)
-
-
 def judge(wanted: Required, number: Number) -> Requirement:
-    """How a requirement on a number came out.
-
-    Raises
-    ------
-    RequirementError
-        A unit of another kind, or a share of members of a single run.
-    """
-    bound = wanted.bound_of(number.quantity)
-    if number.members is not None:
-        return _judge_members(wanted, number, number.members, bound)
-    if wanted.share is not None:
+    """How a requirement on a number came out; for errors see `with_requirements`."""
+    bound, members = wanted.bound_of(number.quantity), number.members
+    if members is None and wanted.share is not None:
         raise RequirementError(
             f"the requirement '{wanted.text}' is on a share of members, and this study has none; leave out 'for … of "
             "members', or use `gough-stewart ensemble`"
         )
-    if number.value is None or number.doubt:
-        return _result(wanted, number, "open", number.value, bound, number.doubt or "not defined in this study")
-    status: Verdicts = "met" if bool(wanted.holds(np.array(number.value), bound)) else "missed"
-    return _result(wanted, number, status, number.value, bound, "")
+    status: Verdicts = "open"
+    value, note = number.value, ""
+    if members is None:
+        if value is None or number.doubt:
+            note = number.doubt or "not defined in this study"
+        else:
+            status = "met" if bool(wanted.holds(np.array(value), bound)) else "missed"
+    elif not len(members):
+        value, note = None, "no members"
+    else:
+        total, holding = len(members), int(np.count_nonzero(wanted.holds(members, bound)))
+        undefined = int(np.count_nonzero(np.isnan(members)))
+        note = f"{holding:,} of {total:,} members hold it"
+        note += f"; {undefined} of them without this number, as if they did not" if undefined else ""
+        # the value that the share of the members holds; none if some of those have none
+        worst = np.where(np.isnan(members), math.inf, members if wanted.is_upper else -members)
+        # 95 % of 200 is 190, not 191 by rounding
+        place = math.ceil((1.0 if wanted.share is None else wanted.share) * total - 1e-9)
+        worst_held = float(np.sort(worst)[max(place, 1) - 1])
+        value = None if math.isinf(worst_held) else worst_held if wanted.is_upper else -worst_held
+        if wanted.share is None:
+            status = "met" if holding == total else "missed"
+        else:
+            status, more = _share_of_all(wanted, wanted.share, holding, total, number.block)
+            note += more
+    # the bound says how finely to tell
+    quantity, margin = number.quantity.telling(bound), wanted.margin(value, bound)
+    return Requirement(wanted.text, wanted.path, number.name, status, value, bound, quantity, margin, note)
 
 
-def _judge_members(wanted: Required, number: Number, members: FloatArray, bound: float) -> Requirement:
-    total, holding = len(members), int(np.count_nonzero(wanted.holds(members, bound)))
-    undefined = int(np.count_nonzero(np.isnan(members)))
-    if not total:
-        return _result(wanted, number, "open", None, bound, "no members")
-    lost = f"; {undefined} of them without this number, as if they did not" if undefined else ""
-    if wanted.share is None:
-        value = _of_share(wanted, members, 1.0)
-        note = f"{holding:,} of {total:,} members hold it{lost}"
-        return _result(wanted, number, "met" if holding == total else "missed", value, bound, note)
-    interval = share_interval(holding / number.block, total / number.block, wanted.confidence)
-    low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
-    blocks = f", {total / number.block:g} independent blocks of {number.block}" if number.block > 1 else ""
+def _share_of_all(wanted: Required, share: float, holding: int, total: int, block: int) -> tuple[Verdicts, str]:
+    """Whether all machines hold it by the share that members do, and how sure that is."""
+    low, high = _interval(holding, total, block, wanted.confidence)
+    blocks = f", {total / block:g} independent blocks of {block}" if block > 1 else ""
     note = (
-        f"{holding:,} of {total:,} members hold it{lost}; of all, {100 * low:.3g} to {100 * high:.3g} % with "
-        f"{100 * wanted.confidence:g} % confidence (Clopper–Pearson{blocks})"
+        f"; of all, {100 * low:.3g} to {100 * high:.3g} % with {100 * wanted.confidence:g} % confidence "
+        f"(Clopper–Pearson{blocks})"
     )
-    status: Verdicts = "met" if low >= wanted.share else "missed" if high < wanted.share else "open"
-    if status == "open":
-        needed = members_to_tell(holding, total, wanted.share, wanted.confidence, number.block)
-        so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
-        near = "the share is too near to the wanted one for any number of members to tell"
-        note = f"{note}; {near if needed is None else f'{needed:,} members would tell, if {so_many} of them hold it'}"
-    return _result(wanted, number, status, _of_share(wanted, members, wanted.share), bound, note)
+    if low >= share or high < share:
+        return "met" if low >= share else "missed", note
+    needed = members_to_tell(holding, total, share, wanted.confidence, block)
+    if needed is None:
+        return "open", f"{note}; the share is too near to the wanted one for any number of members to tell"
+    so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
+    return "open", f"{note}; {needed:,} members would tell, if {so_many} of them hold it"
 
 
-def _of_share(wanted: Required, members: FloatArray, share: float) -> float | None:
-    """The value that this share of the members holds; None if some of those have none."""
-    worst = np.where(np.isnan(members), math.inf, members if wanted.is_upper else -members)
-    # 95 % of 200 is 190, not 191 by rounding
-    value = float(np.sort(worst)[max(math.ceil(share * len(worst) - 1e-9), 1) - 1])
-    return None if math.isinf(value) else value if wanted.is_upper else -value
+def _interval(holding: float, total: int, block: int, confidence: float) -> tuple[float, float]:
+    interval = share_interval(holding / block, total / block, confidence)
+    return interval.low or 0.0, 1.0 if interval.high is None else interval.high
 
 
 def members_to_tell(
@@ -241,8 +216,7 @@ def members_to_tell(
     towards = math.floor if share > wanted else math.ceil
 
     def tells(blocks: int) -> bool:
-        interval = share_interval(towards(round(share * blocks * block, 6)) / block, blocks, confidence)
-        low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
+        low, high = _interval(towards(round(share * blocks * block, 6)), blocks * block, block, confidence)
         return low >= wanted or high < wanted
 
     low = high = math.ceil(total / block)

@@ -31,8 +31,7 @@ class Value(Data):
 
 
 def _cell(value: Any) -> Any:
-    """NaN is not defined; JSON has infinite numbers as texts."""
-    if isinstance(value, str) and value in ("Infinity", "-Infinity"):
+    if isinstance(value, str) and value in ("Infinity", "-Infinity"):  # as JSON has them
         return float(value)
     return None if isinstance(value, float) and math.isnan(value) else value
 
@@ -69,9 +68,9 @@ class Table(Data):
     links: tuple[str, ...] = ()  # a page for each row, relative to the report's; "" for none
 
     def __post_init__(self) -> None:
-        if self.links and len(self.links) != len(self.rows):
-            rows = len(self.rows)
-            raise ValueError(f"{len(self.links)} links of '{self.title}'; expected one for each of {rows} rows")
+        links, rows = len(self.links), len(self.rows)
+        if links not in (0, rows):
+            raise ValueError(f"{links} links of '{self.title}'; expected one for each of {rows} rows")
         for k, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
@@ -87,18 +86,17 @@ class Table(Data):
 
     def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
         """The cells of a row as shown; units only where the column does not state it, or never."""
-        cells = zip(self.rows[row], self.columns, strict=True)
-        return tuple(_cell_text(cell, column.quantity, units=units) for cell, column in cells)
 
+        def text(cell: Cell, quantity: Quantity | None) -> str:
+            if isinstance(cell, Value):
+                return cell.quantity.text(cell.value, unit=units)
+            if isinstance(cell, bool):
+                return "yes" if cell else "no"
+            if isinstance(cell, str) or (isinstance(cell, int) and quantity is None):
+                return str(cell)
+            return (quantity or NUMBER).number(cell)
 
-def _cell_text(cell: Cell, quantity: Quantity | None, *, units: bool) -> str:
-    if isinstance(cell, Value):
-        return cell.quantity.text(cell.value, unit=units)
-    if isinstance(cell, bool):
-        return "yes" if cell else "no"
-    if isinstance(cell, str):
-        return cell
-    return (quantity or NUMBER).number(cell) if quantity or not isinstance(cell, int) else str(cell)
+        return tuple(text(cell, column.quantity) for cell, column in zip(self.rows[row], self.columns, strict=True))
 
 
 def is_prose(cells: Sequence[str]) -> bool:
@@ -108,8 +106,8 @@ def is_prose(cells: Sequence[str]) -> bool:
 
 def is_at_right(cells: Sequence[Cell], texts: Sequence[str]) -> bool:
     """Whether a column is right-aligned: its cells are numbers or blank, or its texts numbers and no sentences."""
-    numbers = [isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells]
-    if any(numbers) and all(is_one or cell in (None, "") for is_one, cell in zip(numbers, cells, strict=True)):
+    filled = [cell for cell in cells if cell not in (None, "")]
+    if filled and all(isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in filled):
         return True
     numbers = [_NUMBER.match(text) is not None for text in texts]
     return any(numbers) and (all(numbers) or not is_prose(texts))

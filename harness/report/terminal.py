@@ -3,10 +3,10 @@
 Charts, scenes and details are for the page. Without a terminal there are no colours, and the verdict is one line.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from io import StringIO
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from rich.cells import cell_len
 from rich.console import Console, Group
@@ -14,7 +14,7 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.report.document import Note, Number, Report, Requirement
+from gough_stewart.harness.report.document import Note, Report, Requirement
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.table import PROSE, Table, is_at_right, is_prose
 
@@ -57,8 +57,18 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
         yield Text(about, "dim")
     if report.changed:
         yield Text(f"set: {report.changed}", "dim")
-    if report.verdict.numbers:
-        yield Padding(_numbers(report.verdict.numbers), (0, 0, 0, 2), expand=False)
+    numbers = report.verdict.numbers
+    if numbers:
+        # words, value, then interval and margin to the limit; an empty column would take room from the words
+        rows, has_remarks = Rows.grid(padding=(0, 2, 0, 0)), any(number.remark for number in numbers)
+        rows.add_column(overflow="fold")
+        rows.add_column(justify="right", no_wrap=True)
+        if has_remarks:
+            rows.add_column(overflow="fold")
+        for number in numbers:
+            remark = [Text(number.remark, "dim")] if has_remarks else []
+            rows.add_row(Text(number.name), Text(number.text, "bold"), *remark)
+        yield Padding(rows, (0, 0, 0, 2), expand=False)
     if report.requirements:
         yield Text("")
         yield requirements_of(report.requirements)
@@ -72,21 +82,6 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
     for note in report.notes:
         if note.kind == "note":
             yield Text(note.text, "dim")
-
-
-def _numbers(numbers: Sequence[Number]) -> Rows:
-    """A line for each number: words, value, interval, margin to its limit."""
-    rows = Rows.grid(padding=(0, 2, 0, 0))
-    rows.add_column(overflow="fold")
-    rows.add_column(justify="right", no_wrap=True)
-    # an empty column would take room from the words
-    has_remarks = any(number.remark for number in numbers)
-    if has_remarks:
-        rows.add_column(overflow="fold")
-    for number in numbers:
-        remark = [Text(number.remark, "dim")] if has_remarks else []
-        rows.add_row(Text(number.name), Text(number.text, "bold"), *remark)
-    return rows
 
 
 def requirements_of(requirements: Sequence[Requirement]) -> Rows:
@@ -122,8 +117,7 @@ class TerminalTable:
         for part in stacked_columns(columns, options.max_width):
             rows = Rows()
             for k, width in part:
-                cells = [row[k] for row in table.rows]
-                is_number = k > 0 and heads[k] != "" and is_at_right(cells, columns[k][1:])
+                is_number = k > 0 and heads[k] != "" and is_at_right([row[k] for row in table.rows], columns[k][1:])
                 rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
             for number, row in enumerate(texts):
                 rows.add_row(*(row[k] for k, _ in part), end_section=number in table.group_ends)
@@ -141,13 +135,6 @@ def row_texts(table: Table, index: int) -> list[Text]:
     return [Text.assemble(texts[0], " ", (unit, "dim")), *texts[1:]] if unit else texts
 
 
-class _Need(NamedTuple):
-    """The least width of a column, and the width at which nothing in it wraps."""
-
-    least: int
-    natural: int
-
-
 def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[tuple[int, int]]]:
     """Tables, one above the other, that show all columns within a width; each starts with the first column.
 
@@ -155,52 +142,43 @@ def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[t
     wrap first. If the numbers alone are too wide, the columns are divided among as few tables as possible: legs 1 to 3,
     then legs 4 to 6 and all.
     """
-    needs = [_need(column, k == 0) for k, column in enumerate(columns)]
-    most = max(len(needs) - 1, 1)
-    for number in range(1, most + 1):
-        tables = list(_shared_out(len(needs), number))
-        if all(_framed(needs[k].least for k in table) <= width for table in tables):
+    # the width at which nothing in a column wraps, and its least one
+    natural = [max(map(cell_len, column)) for column in columns]
+    least = []
+    for k, (head, *cells) in enumerate(columns):
+        if k == 0 or is_prose(cells):
+            word = max((cell_len(word) for cell in (head, *cells) for word in cell.split()), default=0)
+            least.append(min(natural[k], max(PROSE, min(word, _LONGEST_WORD))))
+        else:
+            least.append(max(map(cell_len, (*head.split(), *cells)), default=0))
+
+    def framed(widths: Iterable[int]) -> int:
+        # a space on both sides of each column, and lines between and around them
+        return sum(width + 3 for width in widths) + 1
+
+    others = len(columns) - 1
+    for number in range(1, max(others, 1) + 1):
+        # the last tables take one more
+        share, more = divmod(others, number)
+        ends = [share * k + max(0, k - number + more) for k in range(number + 1)]
+        tables = [[0, *range(ends[k] + 1, ends[k + 1] + 1)] for k in range(number)]
+        if all(framed(least[k] for k in table) <= width for table in tables):
             break
     else:
         # even one column beside the names is too wide: narrow the names
-        widest = max((need.least for need in needs[1:]), default=0)
-        needs[0] = _Need(max(1, min(needs[0].least, width - _framed([widest, 0]))), needs[0].natural)
-    widths = [_widened(table, needs, width) for table in tables]
+        least[0] = max(1, min(least[0], width - framed([max(least[1:], default=0), 0])))
+    widths = []
+    for table in tables:
+        # what is left goes to the columns that wrap, first to the one that lacks most
+        of_table = {k: least[k] for k in table}
+        for _ in range(width - framed(of_table.values())):
+            k = max(table, key=lambda k: natural[k] - of_table[k])
+            if of_table[k] == natural[k]:
+                break
+            of_table[k] += 1
+        widths.append(of_table)
     # names are as wide in all tables
-    names = min(table[0] for table in widths)
-    return [[(0, names), *((k, table[k]) for k in list(table)[1:])] for table in widths]
-
-
-def _need(column: Sequence[str], is_first: bool) -> _Need:
-    head, *cells = column
-    natural = max(map(cell_len, column))
-    if is_first or is_prose(cells):
-        word = max((cell_len(word) for cell in column for word in cell.split()), default=0)
-        return _Need(min(natural, max(PROSE, min(word, _LONGEST_WORD))), natural)
-    return _Need(max(map(cell_len, (*head.split(), *cells)), default=0), natural)
-
-
-def _framed(widths: Iterable[int]) -> int:
-    """Total width, with a space on both sides of each column, and lines between and around them."""
-    return sum(width + 3 for width in widths) + 1
-
-
-def _shared_out(columns: int, tables: int) -> Iterator[list[int]]:
-    """The first column and a share of the others, for each table; the last tables take one more."""
-    share, more = divmod(columns - 1, tables)
-    start = 1
-    for k in range(tables):
-        end = start + share + (k >= tables - more)
-        yield [0, *range(start, end)]
-        start = end
-
-
-def _widened(table: Sequence[int], needs: Sequence[_Need], width: int) -> dict[int, int]:
-    """Give the remaining width to the columns that wrap, first to the one that lacks most."""
-    widths = {k: needs[k].least for k in table}
-    for _ in range(width - _framed(widths.values())):
-        k = max(table, key=lambda k: needs[k].natural - widths[k])
-        if widths[k] == needs[k].natural:
-            break
-        widths[k] += 1
-    return widths
+    names = min(of_table[0] for of_table in widths)
+    return [
+        [(0, names), *((k, of_table[k]) for k in table[1:])] for table, of_table in zip(tables, widths, strict=True)
+    ]

@@ -23,13 +23,7 @@ MOST_KEPT, TIMES_KEPT = 1000, 101
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 QUANTILES = tuple(f"q{round(100 * level):02d}" for level in LEVELS)
 DEFAULT = ("position", "orientation", "error.position.norm", "error.orientation.norm", "actuator_force")
-NAMES = (
-    *signals.NAMES,
-    "actuator_force",
-    *ERRORS,
-    "error.position.norm",
-    "error.orientation.norm",
-)
+NAMES = (*signals.NAMES, "actuator_force", *ERRORS, "error.position.norm", "error.orientation.norm")
 
 
 class BandSamples(NamedTuple):
@@ -44,23 +38,10 @@ class BandSamples(NamedTuple):
 
 
 class Bands(KeptRows):
-    """A fold that samples signals of all members at some times.
+    """A fold that samples signals of all members at some times, from the first row to the last.
 
-    Parameters
-    ----------
-    names
-        Names out of `NAMES`: signals, forces, and errors (reference − actual); `.norm` is the Euclidean norm.
-    members
-        Number of members: the first ones of those that run.
-    first
-        Number of the first member; quantiles use only members below `MOST_MEMBERS`.
-    times
-        Largest number of sample times, from the first row to the last.
-
-    Raises
-    ------
-    RecordError
-        A name is not in `NAMES`.
+    Names are out of `NAMES`: signals, forces, and errors (reference − actual); `.norm` is the Euclidean norm. The first
+    `members` of those that run are sampled, and numbered from `first` on: quantiles use those below `MOST_MEMBERS`.
     """
 
     def __init__(

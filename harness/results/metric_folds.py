@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache import state_of_files
-from gough_stewart.fmu_build.libraries import FoldKernel, Library, folds_sources, machine_code, vector_library
+from gough_stewart.fmu_build.libraries import Library, folds_sources, machine_code, vector_library
 from gough_stewart.harness.loop.folding import FoldKernels
 from gough_stewart.harness.loop.folds import (
     FORCES,
@@ -53,19 +53,14 @@ STROKE_EXCEEDED = "flag.stroke_exceeded"
 _COUNTED = {"legs": 6, "any": 1}
 # Axes of the pose: name, signal, and place in it.
 AXES = (
-    ("x", "position", 0),
-    ("y", "position", 1),
-    ("z", "position", 2),
-    ("roll", "orientation", 0),
-    ("pitch", "orientation", 1),
-    ("yaw", "orientation", 2),
+    *((name, "position", place) for place, name in enumerate(("x", "y", "z"))),
+    *((name, "orientation", place) for place, name in enumerate(("roll", "pitch", "yaw"))),
 )
 # The rise is from `LOW` to `HIGH`; a response has settled when it stays within `BAND` of its final value.
 LOW, HIGH, BAND = 0.1, 0.9, 0.02
-# References closer than this [m, rad], or this share of the largest, count as equal.
-_ROUNDING = 1e-9
-# The reference of a step has to be constant over this share of the rows at the end.
-_REST = 0.1
+# References closer than this [m, rad], or this share of the largest, count as equal. That of a step has to be constant
+# over this share of the rows at the end.
+_ROUNDING, _REST = 1e-9, 0.1
 # Sources of the machine code, besides those of the plant's.
 _SOURCES = (("gough_stewart.harness.loop", "folds.py"), (str(__package__), "metric_folds.py"))
 
@@ -97,20 +92,15 @@ class CoveredRows(Fold):
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""
-        return _named(
-            self.metrics, (rows.astype(float), np.where(rows > 0, self._time[rows - 1] - self._time[0], np.nan))
-        )
+        duration = np.where(rows > 0, self._time[rows - 1] - self._time[0], np.nan)
+        return _named(self.metrics, (rows.astype(float), duration))
 
 
 class Tracking(TermFold):
     """RMS and peak of an error, reference − actual, and of its Euclidean norm, and what is left of that at the end.
 
-    The end is the last tenth of the rows, in which a reference that steps is at rest.
-
-    Parameters
-    ----------
-    rows
-        How many the run has if it comes to its end; None if it has ended early.
+    The end is the last tenth of the rows, in which a reference that steps is at rest; `rows` are those of a run that
+    comes to its end, None of one that has ended early.
     """
 
     def __init__(self, name: str, text: str, size: int, quantity: Quantity, has_norm: bool, rows: int | None) -> None:
@@ -196,16 +186,12 @@ class DriveLoads(TermFold):
         self._limits = {k: limits[limit.name] for k, limit in enumerate(DRIVE_LIMITS) if limit.name in limits}
         metrics = [*self.without_limits]
         for name, text, quantity in (DRIVE_LIMITS[k] for k in self._limits):
-            path, used = f"limits.{name}", "largest share of the limit, by leg"
-            first = "when the limit was first exceeded, by leg"
+            path, limit = f"limits.{name}", f"the platform's limit of the {text}"
+            used, first = "largest share of the limit, by leg", "when the limit was first exceeded, by leg"
             metrics += [
-                Metric(
-                    f"{path}.limit", f"limit of {text}", quantity, f"the platform's limit of the {text}", None, False
-                ),
+                Metric(f"{path}.limit", f"limit of {text}", quantity, limit, None, False),
                 Metric(f"{path}.used", f"{text}, of its limit", SHARE, used, "smaller"),
-                Metric(
-                    f"{path}.first_exceeded", f"{text}, first beyond", TIME, first, is_compared=False, is_least=True
-                ),
+                Metric(f"{path}.first_exceeded", f"{text}, first beyond", TIME, first, None, False, is_least=True),
             ]
         self.metrics = tuple(metrics)
         self.parameters = {
@@ -290,7 +276,7 @@ class StrokeUse(TermFold):
             "stroke.exceeded.legs",
             "beyond stroke, a leg",
             SHARE,
-            "share of the rows beyond the stroke, by leg",
+            "share of the rows, by leg",
             "smaller",
             False,
         ),
@@ -304,11 +290,8 @@ class StrokeUse(TermFold):
         self.needs = ("leg_length", *((STROKE_EXCEEDED,) if has_flags else ()))
         self.sizes = {"length": 6, **({"flag": 6} if has_flags else {})}
         self.term_sizes = {"length": 6, **_COUNTED}
-        self.reductions = {
-            "shortest": Smallest("length"),
-            "longest": Largest("length"),
-            **{term: Sum(term) for term in _COUNTED},
-        }
+        self.reductions = {"shortest": Smallest("length"), "longest": Largest("length")}
+        self.reductions |= {term: Sum(term) for term in _COUNTED}
         low, high = map(of_legs, stroke_of(self._low, self._high))
         self.parameters = {} if has_flags else {"least": low, "most": high}
 
@@ -366,18 +349,8 @@ def step_in(reference: FloatArray) -> ReferenceStep:
 class StepResponse(TermFold):
     """The response (y − from)/(to − from) of an axis to the step of its reference, as in python-control's `step_info`.
 
-    A member that ended early has one if its reference steps in its part of the run as in the whole.
-
-    Parameters
-    ----------
-    axis
-        Its place in `AXES`.
-    time
-        Times of all rows (n,) [s].
-    reference
-        Reference of the axis, at all rows (n, N) or (n, 1).
-    step
-        Its steps (N,) or (1,).
+    A member that ended early has one if its reference steps in its part of the run as in the whole. An axis is given by
+    its place in `AXES`, with times of all rows (n,) [s], its reference at them (n, N) or (n, 1), and its steps.
     """
 
     kernel, sizes = "step_response", {"pose": 1}
@@ -394,10 +367,8 @@ class StepResponse(TermFold):
         name, signal, place = AXES[axis]
         self.needs, self.begins = (signal,), {"pose": place}
         path, pose = f"step_response.{name}", LENGTH if signal == "position" else ANGLE
-        settled, overshoot = (
-            "until it stays within 2 % of the step",
-            "overshoot in percent of the step; 0 if it did not rise",
-        )
+        settled = "until it stays within 2 % of the step"
+        overshoot = "overshoot in percent of the step; 0 if it did not rise"
         metrics = (
             Metric(f"{path}.from", f"{name}: from", pose, "the reference before the step", None, False),
             Metric(f"{path}.to", f"{name}: to", pose, "the reference after the step", None, False),
@@ -418,10 +389,8 @@ class StepResponse(TermFold):
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """The response (y − from)/(to − from), none before the start, and its distance from the end."""
-        pose = row["pose"]
-        response = where(
-            less(row.index, row.parameters["start"]), -np.inf, (pose - row.parameters["from"]) / row.parameters["span"]
-        )
+        pose, is_before = row["pose"], less(row.index, row.parameters["start"])
+        response = where(is_before, -np.inf, (pose - row.parameters["from"]) / row.parameters["span"])
         yield "pose", pose
         yield "response", response
         yield "distance", np.abs(response - 1.0)
@@ -464,37 +433,23 @@ def metric_folds(
     wanted: Collection[str] | None = None,
     is_whole: bool = True,
 ) -> list[Fold]:
-    """The folds that compute metrics of runs.
+    """The folds that compute metrics of runs whose rows have these times (n,) [s].
 
-    Parameters
-    ----------
-    time
-        Times of all rows (n,) [s].
-    reference
-        Reference poses, first of the reference signals, at all rows: (n, 6 or more), or (n, N, 6 or more) for members
-        whose references differ; None without a reference.
-    limits
-        Limits of the nominal platform by name: a number, or one per member (N,); a list of six numbers, or an array
-        (N, 6), of legs that differ; None or left out for no limit.
-    known
-        Whether the rows have a column; by default they have all, errors only with a reference.
-    wanted
-        Paths of metrics; others may be left out.
-    is_whole
-        Whether the last of these times is the end of the run, which may have ended before.
+    Reference poses, first of the reference signals, are (n, 6 or more), or (n, N, 6 or more) for members whose
+    references differ. A limit of the nominal platform is a number, one per member (N,), or None; of legs that differ a
+    list of six numbers, or an array (N, 6). `known` says whether the rows have a column; by default they have all, errors
+    only with a reference. Metrics that are not `wanted` may be left out. Unless the rows are whole, the run has ended before the last time that was planned.
     """
     rows = len(time) if is_whole else None
     stated = {name: np.array([v]) if isinstance(v, list) else v for name, v in limits.items() if v is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
     steps: list[Any] = []
     if reference is not None:
-        # (n, N), or (n, 1) if common to all members
-        poses = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
-        steps = [
-            StepResponse(axis, time, pose, step)
-            for axis, pose in enumerate(poses)
-            if (step := step_in(pose)).exists.any()
-        ]
+        for axis in range(len(AXES)):
+            # (n, N), or (n, 1) if common to all members
+            pose = np.atleast_2d(reference[..., axis].T).T
+            if (step := step_in(pose)).exists.any():
+                steps.append(StepResponse(axis, time, pose, step))
     folds = [
         Tracking("position", "position error", 3, LENGTH, has_norm=True, rows=rows),
         Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True, rows=rows),
@@ -536,13 +491,11 @@ def folds_of_loop(loop: Loop, limits: Mapping[str, Any], wanted: Collection[str]
 
 def columns_of(results: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Metrics with one number per member (N,), from those by leg or axis: the largest, or the least."""
-
-    def one(path: str, values: FloatArray) -> FloatArray:
-        if values.ndim < 2:
-            return values
-        return np.asarray(np.fmin.reduce(values) if metric_of(path).is_least else values.max(axis=0))
-
-    return {path: one(path, values) for path, values in results.items()}
+    columns = dict(results)
+    for path, values in results.items():
+        if values.ndim > 1:
+            columns[path] = np.asarray(np.fmin.reduce(values) if metric_of(path).is_least else values.max(axis=0))
+    return columns
 
 
 def metric_of(path: str) -> Metric:
@@ -568,23 +521,17 @@ def _named(
 
 @cache
 def metric_kernels() -> FoldKernels:
-    """The machine code of all metrics for this processor.
-
-    Raises
-    ------
-    BuildError, OSError
-        There is no machine code for this processor, and it cannot be built.
-    """
+    """The machine code of all metrics for this processor; a BuildError or OSError if it cannot be built."""
     return FoldKernels(machine_code(folds_code()).path)
 
 
 def folds_code() -> Library:
     """Name, sources and their state."""
 
-    def kernels() -> list[FoldKernel]:
+    def sources() -> Any:
         # of a run, and of a record, which has flags of the stroke
         all_folds = [*_of_any_run(), StrokeUse({}, has_flags=True)]
         folds = {fold.kernel: fold for fold in all_folds if isinstance(fold, TermFold)}
-        return [fold.traced() for fold in folds.values()]
+        return folds_sources([fold.traced() for fold in folds.values()])
 
-    return vector_library("folds", lambda: folds_sources(kernels()), state_of_files(*_SOURCES))
+    return vector_library("folds", sources, state_of_files(*_SOURCES))

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from html import escape
 from typing import Any
 
@@ -11,23 +12,12 @@ from numpy.typing import NDArray
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.loop.folding import Folding
 from gough_stewart.harness.loop.folds import ERRORS
-from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
+from gough_stewart.harness.report.quantities import ANGLE, ENERGY, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
 from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData, column_of_drives
 
-_LEGS = tuple(Column(f"{leg}") for leg in range(1, 7))
-_STEP_COLUMNS = (
-    Column(""),
-    Column("from"),
-    Column("to"),
-    Column("at", TIME),
-    Column("overshoot", PERCENT),
-    Column("rise", TIME, "from 10 to 90 % of the step"),
-    Column("settling", TIME, "until it stays within 2 % of the step"),
-    Column("final error"),
-)
 _POSE = (("position", ("x", "y", "z"), LENGTH), ("orientation", ("roll", "pitch", "yaw"), ANGLE))
 
 
@@ -110,10 +100,9 @@ def metrics(record: RecordData) -> Metrics:
             rows = finite[column_of_drives(finite, name)][:, :, None]
             rows = rows.astype(bool) if name.startswith("flag.") else rows
             columns[name] = np.concatenate([rows[:1], rows])  # any row stands for the one before the first
-        try:
+        kernels = None
+        with suppress(BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
             kernels = metric_kernels()
-        except (BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
-            kernels = None
         folding = Folding(folds, 1, kernels)
         folding.add(0, columns)
         results = folding.results()
@@ -172,57 +161,60 @@ def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     return dict(leaves("", {**parts, "step_response": steps}))
 
 
-def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 - one section for each part
+def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 - a section for each table
     """Tables of tracking, step response and legs, where the record has their columns."""
-    tables = []
-    if metrics["tracking"]:
-        rows: list[tuple[Cell, ...]] = []
-        ends = []
-        for name, axes, quantity in _POSE:
-            if name not in metrics["tracking"]:
-                continue
-            part = metrics["tracking"][name]
-            for title, *values in zip(axes, part["rms"], part["peak"], strict=True):
-                rows.append((title, *(Value(value, quantity) for value in values), ""))
-            norms = (part[f"norm_{kind}"] for kind in ("rms", "peak", "final"))
-            rows.append((f"|{name}|", *(Value(value, quantity) for value in norms)))
-            ends.append(len(rows) - 1)
-        columns = (Column(""), Column("RMS"), Column("peak"), Column("at the end", None, "largest in the last tenth"))
-        tables.append(Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1])))
-    if metrics["step_response"]:
-        rows = []
-        for step in metrics["step_response"]:
-            is_length = step["axis"] in "xyz"
-            pose, error = (POSITION, LENGTH) if is_length else (ANGLE, ANGLE)
-            times = (step[key] for key in ("at", "overshoot_percent", "rise_time", "settling_time"))
-            from_to = Value(step["from"], pose), Value(step["to"], pose)
-            rows.append((step["axis"], *from_to, *times, Value(step["final_error"], error)))
-        tables.append(Table("Step response", _STEP_COLUMNS, tuple(rows)))
+    tables, tracking, rows = list[Table](), metrics["tracking"] or {}, list[tuple[Cell, ...]]()
+    ends = []
+    for name, axes, quantity in _POSE:
+        if name not in tracking:
+            continue
+        part = tracking[name]
+        for title, *values in zip(axes, part["rms"], part["peak"], strict=True):
+            rows.append((title, *(Value(value, quantity) for value in values), ""))
+        norms = (part[f"norm_{kind}"] for kind in ("rms", "peak", "final"))
+        rows.append((f"|{name}|", *(Value(value, quantity) for value in norms)))
+        ends.append(len(rows) - 1)
+    if tracking:
+        heads = (Column(""), Column("RMS"), Column("peak"), Column("at the end", None, "largest in the last tenth"))
+        tables.append(Table("Tracking error", heads, tuple(rows), group_ends=tuple(ends[:-1])))
+    rows = []
+    for step in metrics["step_response"] or ():
+        pose, error = (POSITION, LENGTH) if step["axis"] in "xyz" else (ANGLE, ANGLE)
+        times = (step[key] for key in ("at", "overshoot_percent", "rise_time", "settling_time"))
+        from_to = Value(step["from"], pose), Value(step["to"], pose)
+        rows.append((step["axis"], *from_to, *times, Value(step["final_error"], error)))
+    if rows:
+        columns = (
+            *(Column(""), Column("from"), Column("to"), Column("at", TIME), Column("overshoot", PERCENT)),
+            Column("rise", TIME, "from 10 to 90 % of the step"),
+            Column("settling", TIME, "until it stays within 2 % of the step"),
+            Column("final error"),
+        )
+        tables.append(Table("Step response", columns, tuple(rows)))
     if not metrics["force"]:
         return tables
-    # by leg: title, quantity, values, and what stands under "all"
-    energy, stroke = metrics["energy"], metrics["stroke"]
-    legs: list[tuple[str, Quantity, Sequence[float | None], float | str | None]] = []
-    if "leg_length" in (metrics["tracking"] or {}):
-        errors = metrics["tracking"]["leg_length"]
-        legs += [("RMS error", LENGTH, errors["rms"], ""), ("peak error", LENGTH, errors["peak"], "")]
-    legs += [("shortest", POSITION, stroke["shortest"], ""), ("longest", POSITION, stroke["longest"], "")]
-    for group, name in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("power", "mean")):
-        metric = metric_of(f"{group}.{name}")
-        legs.append((metric.text, metric.quantity, metrics[group][name], ""))
+    # by leg: what stands under "all", if anything
+    rows, energy, stroke = [], metrics["energy"], metrics["stroke"]
+
+    def add(title: str, quantity: Quantity, values: Sequence[float | None], total: Cell = "") -> None:
+        rows.append((title, *(Value(value, quantity) for value in values), total))
+
+    for kind, title in (("rms", "RMS error"), ("peak", "peak error")) if "leg_length" in tracking else ():
+        add(title, LENGTH, tracking["leg_length"][kind])
+    for title in ("shortest", "longest"):
+        add(title, POSITION, stroke[title])
+    for path in ("force.peak", "force.rms", "power.peak", "power.mean"):
+        metric, (group, name) = metric_of(path), path.split(".")
+        add(metric.text, metric.quantity, metrics[group][name])
     for name, title in (("net", "net work"), ("absolute", "work, absolute")):
-        legs.append((title, metric_of(f"energy.{name}").quantity, energy[name], energy[f"{name}_total"]))
+        add(title, ENERGY, energy[name], Value(energy[f"{name}_total"], ENERGY))
     for name, part in (metrics["limits"] or {}).items():
-        used, first = (metric_of(f"limits.{name}.{number}") for number in ("used", "first_exceeded"))
-        legs.append((used.text, used.quantity, part["used"], ""))
-        if any(time is not None for time in part["first_exceeded"]):
-            legs.append((first.text, first.quantity, part["first_exceeded"], ""))
+        for number in ("used", "first_exceeded"):
+            if number == "used" or any(time is not None for time in part[number]):
+                metric = metric_of(f"limits.{name}.{number}")
+                add(metric.text, metric.quantity, part[number])
     for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}.items():
-        # rows of zeros say nothing
-        if share and share["any"]:
-            legs.append((name.replace("_", " "), SHARE, share["legs"], share["any"]))
-    rows = [
-        (title, *(Value(value, unit) for value in values), total if isinstance(total, str) else Value(total, unit))
-        for title, unit, values, total in legs
-    ]
-    return [*tables, Table("Legs", (Column(""), *_LEGS, Column("all")), tuple(rows))]
+        if share and share["any"]:  # rows of zeros say nothing
+            add(name.replace("_", " "), SHARE, share["legs"], Value(share["any"], SHARE))
+    names = ("", *(f"{leg}" for leg in range(1, 7)), "all")
+    return [*tables, Table("Legs", tuple(map(Column, names)), tuple(rows))]

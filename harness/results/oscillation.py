@@ -39,7 +39,6 @@ _CYCLES, _CYCLES_MOVING = 3, 8
 _ABOVE, _POWER = 10.0, 0.999
 # Least amplitude: in standard deviations of the noise, in steps of the quantisation, and of the mean leg length.
 _NOISES, _STEPS, _RELATIVE = 6.0, 3.0, 1e-6
-
 # Larger lengths are no platform's, and their spectra and accelerations may overflow [m].
 _LARGEST = 1e9
 
@@ -95,16 +94,8 @@ class SelfExcitation:
 
     The error is growing if, after the last change of what acts on the loop, it comes to twice the step of the reference
     or twice the largest value of its first half cycle, or rises ever faster. It oscillates if one line of its spectrum
-    has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain.
-
-    Parameters
-    ----------
-    time
-        Times of the rows (n,) [s].
-    reference
-        Leg lengths (6, n) [m].
-    begin
-        The row from which nothing acts on the loops, see `rest_begins`.
+    has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain. Loops
+    share the times of the rows (n,) [s], the reference's leg lengths (6, n) [m], and the row from which nothing acts.
     """
 
     def __init__(self, time: FloatArray, reference: FloatArray, begin: int) -> None:
@@ -129,14 +120,9 @@ class SelfExcitation:
     def __call__(
         self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
     ) -> list[Oscillation | None]:
-        """The oscillation or growth of each of N loops; None for a sound one.
+        """The oscillation or growth of each of N loops by the errors of its leg lengths (n, 6, N) [m]; None if sound.
 
-        Parameters
-        ----------
-        errors
-            Errors of their leg lengths (n, 6, N) [m].
-        least_of
-            Gives for the k-th loop the amplitude [m] that sensors do not explain, by frequency [Hz].
+        `least_of` gives for the k-th loop the amplitude [m] that sensors do not explain, by frequency [Hz].
         """
         motions: list[Oscillation | None] = [None] * errors.shape[2]
         if self._bases:
@@ -198,8 +184,8 @@ class SelfExcitation:
     ) -> Iterator[tuple[int, Oscillation | None]]:
         time = self._time[self._window :]
         for k in range(errors.shape[2]):
-            window = np.ascontiguousarray(errors[self._window :, :, k].T)
-            unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
+            legs = np.ascontiguousarray(errors[self._window :, :, k].T)
+            unexplained = np.stack([_without(leg, basis) for leg, basis in zip(legs, self._bases, strict=True)])
             line, ratio = _line(unexplained, time, least_of(k), self._lowest, _CYCLES_MOVING)
             if line is not None and ratio >= _STEADY:
                 line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
@@ -211,14 +197,8 @@ def least_amplitude(
 ) -> Callable[[float], float]:
     """The amplitude of a leg's error [m] at a frequency [Hz] that noise and quantisation of the sensors do not explain.
 
-    Parameters
-    ----------
-    length
-        Mean leg length [m].
-    platform_points
-        Joints (6, 3) [m], whose largest distance from Op turns angles into lengths.
-    noise, quantisation
-        Standard deviations and steps of the sensors, by signal, in SI units.
+    These are standard deviations and steps by signal; the largest distance of the joints (6, 3) from Op turns angles
+    into lengths, and a share of the mean leg length is never told.
     """
     radius = float(np.linalg.norm(np.asarray(platform_points), axis=1).max())
 
@@ -226,13 +206,10 @@ def least_amplitude(
         turns = 2 * math.pi * frequency
         lengths = {"leg_length": 1.0, "position": 1.0, "orientation": radius}
         lengths |= {"leg_velocity": 1 / turns, "velocity": 1 / turns, "angular_velocity": radius / turns}
-        explained = [
-            factor * value * lengths[name]
-            for factor, kind in ((_NOISES, noise), (_STEPS, quantisation))
-            for name, value in kind.items()
-            if name in lengths
-        ]
-        return float(max(_RELATIVE * length, *explained, 0.0))
+        largest = _RELATIVE * length
+        for factor, kind in ((_NOISES, noise), (_STEPS, quantisation)):
+            largest = max(largest, *(factor * size * lengths.get(name, 0.0) for name, size in kind.items()), 0.0)
+        return float(largest)
 
     return least
 

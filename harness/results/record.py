@@ -45,8 +45,8 @@ _KINDS: tuple[tuple[str, str, str], ...] = (
     ("report.html", "a page", "open report.html in a browser"),
 )
 _ENDINGS = ((".fmu", "FMUs"), (".ssp", "an exported loop"), (".c", "an exported controller"), (".toml", "TOML files"))
+# Names of files that are told at most.
 _MOST = 5
-_ERRORS = {"position": LENGTH, "orientation": ANGLE, "leg_length": LENGTH}
 # What metrics and picture in a notebook need.
 _MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
 _Table = dict[str, Any]
@@ -257,24 +257,17 @@ def plain(platform: Platform) -> dict[str, Any]:
 
 
 def machine_of(record: Record) -> Platform:
-    """The platform that was simulated; the nominal one if the metadata have only that, see `platform_of`."""
+    """The platform that was simulated; the nominal one if the metadata have only that."""
     return platform_of(record, "machine" if "machine" in record.metadata else "platform")
 
 
 def platform_of(record: Record, key: str = "platform") -> Platform:
-    """The nominal platform of a run, which its controller was designed for, or another one of the metadata.
-
-    Raises
-    ------
-    RecordError
-        The metadata have no platform.
-    """
+    """The nominal platform of a run, which its controller was designed for, or another one of the metadata."""
     try:
         return Platform(**record.metadata[key])
     except (KeyError, TypeError) as error:
-        raise RecordError(
-            f"the metadata have no platform ({error}); expected what `gough-stewart run` writes"
-        ) from error
+        missing = f"the metadata have no platform ({error})"
+        raise RecordError(f"{missing}; expected what `gough-stewart run` writes") from error
 
 
 def _json(data: dict[str, Any], indent: int | None = None) -> str:
@@ -283,52 +276,37 @@ def _json(data: dict[str, Any], indent: int | None = None) -> str:
 
 def contents(folder: Path) -> str:
     """What a folder has, as far as it is known, and a remedy."""
+
+    def some(names: list[str]) -> str:
+        return ", ".join(names[:_MOST]) + (f" and {len(names) - _MOST} more" if len(names) > _MOST else "")
+
     for name, kind, remedy in _KINDS:
         if (folder / name).is_file():
             return f"it has {kind}; {remedy}"
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     for ending, kind in _ENDINGS:
         if any(name.endswith(ending) for name in names):
-            return f"it has {kind}: {_some([name for name in names if name.endswith(ending)])}"
+            return f"it has {kind}: {some([name for name in names if name.endswith(ending)])}"
     inside = [path.parent.name for path in sorted(folder.glob("*/record.parquet"))]
     if inside:
-        return f"it has folders of records: {_some(inside)}; view one of them"
-    return f"it has {_some(names)}" if names else "it is empty"
-
-
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
-    return ", ".join(names[:_MOST]) + more
+        return f"it has folders of records: {some(inside)}; view one of them"
+    return f"it has {some(names)}" if names else "it is empty"
 
 
 def _check_metadata(metadata: Any) -> None:
-    """Refuse metadata with a value of another type than `gough-stewart run` writes.
-
-    Raises
-    ------
-    RecordError
-        Names the key and the expected type.
-    """
+    """Refuse metadata with a value of another type than `gough-stewart run` writes."""
     if not isinstance(metadata, dict):
         raise RecordError("has no metadata of a run")
     try:
         _Metadata.model_validate(metadata)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(step) for step in first["loc"])
-        raise RecordError(
-            f"metadata: {where} is {first['input']!r:.60}; {first['msg'][:1].lower()}{first['msg'][1:]}"
-        ) from None
+        where, message = ".".join(map(str, first["loc"])), first["msg"]
+        raise RecordError(f"metadata: {where} is {first['input']!r:.60}; {message[:1].lower()}{message[1:]}") from None
 
 
 def _check_table(table: polars.DataFrame, rows: int | None) -> None:
-    """Refuse a table that cannot be a whole run with this number of rows (None: unknown).
-
-    Raises
-    ------
-    RecordError
-        A column or row is missing or wrong; the message names it.
-    """
+    """Refuse a table that cannot be a whole run with this number of rows (None: unknown)."""
     if "time" not in table.columns:
         raise RecordError("has no column 'time'; expected one with the times of the rows")
     if not table.height:
@@ -372,11 +350,10 @@ def _circumstances(record: Record) -> Table:
     if height and "time" in record:
         first, last = (replace(TIME, digits=6).text(float(record["time"][k]), unit=k < 0) for k in (0, -1))
         rows.append(("time", f"{first} to {last}"))
-    for name, quantity in _ERRORS.items():
+    for name, quantity in (("position", LENGTH), ("orientation", ANGLE), ("leg_length", LENGTH)):
         error = np.abs(record[f"error.{name}"]) if f"error.{name}" in record else np.zeros(0)
         finite = error[np.isfinite(error)]
         if finite.size:
-            rows.append(
-                (f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), fine(quantity, fineness)))
-            )
+            peak = Value(float(finite.max()), fine(quantity, fineness))
+            rows.append((f"peak error of {name.replace('_', ' ')}", peak))
     return Table(f"Record: {metadata.get('title', 'untitled')}", (Column(""), Column("")), tuple(rows))

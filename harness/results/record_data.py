@@ -28,10 +28,7 @@ class RecordData:
     def __getitem__(self, name: str) -> FloatArray:
         """A column (n,), or all columns of a variable (n, size): `record["position"]`, `record["error.leg_length"]`.
 
-        Raises
-        ------
-        RecordError
-            There is no such column; suggests the nearest name.
+        A RecordError for another name suggests the nearest one.
         """
         columns = self._columns.get(name)
         if columns is None:

@@ -1,20 +1,19 @@
 """Scene and charts of runs for a report: bodies in motion, and all signals over time."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import error_between
-from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Strip, strip_of, time_axis
+from gough_stewart.harness.report.chart import Axis, Chart, Flag, Mark, Scene, Series, Strip, strip_of, time_axis
 from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, fineness_of, of_unit
-from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.harness.report.words import listed
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData, column_of_drives, nearness_to_limits, shares_of_limits
@@ -30,110 +29,32 @@ FRAMES = 2001
 FLAGS = ("force_limited", "rate_limited", "stroke_exceeded")
 # Shares by which the two parts of a leg overlap at its longest, and keep clear of the other's joint at its shortest.
 _OVERLAP, _SHORTEST = 0.06, 0.97
-
-
-def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
-    """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
-    stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
-    frames_at = np.arange(0, rows, stride)
-    return frames_at if frames_at[-1] == rows - 1 else np.append(frames_at, rows - 1)
-
-
-def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FRAMES, run: int | None = None) -> Scene:
-    """Geometry and frames of a record whose rows are finite.
-
-    Frames have the values of their rows: time, pose, leg lengths, forces, reference, neither interpolated nor rounded.
-    Flags cover the time from each frame to the next, and are set if they are set in any row of it.
-    """
-    rows = frame_rows(record.table.height, frames)
-    few = RecordData(record.table[rows], record.metadata)
-    lower, upper = leg_parts(record["leg_length"], platform)
-    nearness, flags = nearness_to_limits(few, platform), list[Flag]()
-    for flag in FLAGS:
-        if f"flag.{flag}" in record:
-            is_set = np.asarray(record[f"flag.{flag}"].astype(bool).any(axis=1))
-            flags.append(Flag(flag, "".join("01"[int(is_set[a:b].any())] for a, b in pairwise(rows))))
-    return Scene(
-        name,
-        platform.base_points,
-        platform.platform_points,
-        lower,
-        upper,
-        few["time"],
-        _poses(few["position"], few["orientation"]),
-        few["leg_length"],
-        home=_poses(platform.home_position, platform.home_orientation),
-        orientation=few["orientation"],
-        reference=_poses(few["reference.position"], few["reference.orientation"])
-        if "reference.position" in few
-        else None,
-        actuator_force=few["actuator_force"],
-        external_force=few["external_force"] if few["external_force"].any() else None,
-        nearness=np.max(list(nearness.values()), axis=0) if nearness else None,
-        nearness_of=tuple(nearness),
-        flags=tuple(flags),
-        rows=record.table.height,
-        run=run,
-        decimals=max(4, 3 + round(-math.log10(fineness_of(platform)))),
-    )
-
-
-def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
-    """Drawn lengths of the lower and upper part [m], which overlap at all leg lengths that occur or are allowed.
-
-    No parameter sets the shape of the parts, only their centres of mass.
-    """
-    low = min(float(length.min()), float(of_legs(platform, "leg_length_min", math.inf).min()))
-    high = max(float(length.max()), float(of_legs(platform, "leg_length_max", 0.0).max()))
-    longest = _SHORTEST * low
-    lower = min(longest, (0.5 + _OVERLAP / 2) * high)
-    return lower, min(longest, high - lower + _OVERLAP * high)
-
-
-def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
-    """Position and quaternion (x, y, z, w) of platforms (…, 7)."""
-    from scipy.spatial.transform import Rotation  # needed only for pages, and slow to import (0.2 s)
-
-    rotation = matrix_from_orientation(orientation)
-    return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=-1)
-
-
-AXES = ("x", "y", "z")
-_ANGLES = ("roll", "pitch", "yaw")
+AXES, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 LEGS = tuple(f"leg {i}" for i in range(1, 7))
-# The charts shown when a page opens; a report has the `FIRST` ones before all others.
-SHOWN = (
-    "position from home",
-    "orientation from home",
-    "error.position",
-    "error.orientation",
-    "actuator_force",
+# The charts that a report has before all others.
+FIRST = (
+    *("error.position", "error.orientation", "position from home", "orientation from home", "actuator_force"),
     "leg_length",
-    "leg_velocity",
-    "actuator power",
-    "condition number",
 )
-FIRST = (*SHOWN[2:4], *SHOWN[:2], *SHOWN[4:6])
+# Those that follow first among the others.
+_SECOND = ("leg_velocity", "actuator power", "condition number")
 # Groups of signals, in the order of the list of charts, with the prefix or the variables of a record.
-_GROUPED: Mapping[str, str | tuple[str, ...]] = {
+_GROUPED: Mapping[str, tuple[str, ...]] = {
     "pose": ("position", "orientation"),
     "velocities": ("velocity", "angular_velocity", "acceleration", "angular_acceleration"),
     "legs": ("leg_length", "leg_velocity", "joint_force", "leg_force", "leg_bristle"),
     "actuators": ("actuator_force", "motor_position", "motor_velocity"),
-    "errors": "error",
-    "reference": "reference",
+    "errors": ("error",),
+    "reference": ("reference",),
     "disturbance": ("external_force", "external_torque"),
-    "controller": "controller",
-    "sensors": "measured",
-    "flags": "flag",
+    "controller": ("controller",),
+    "sensors": ("measured",),
+    "flags": ("flag",),
     "energy": ("kinetic_energy", "potential_energy"),
     "parameters": (),
     "other": (),
 }
-GROUPS = tuple(_GROUPED)
-_GROUP_OF = {
-    name: group for group, names in _GROUPED.items() for name in ((names,) if isinstance(names, str) else names)
-}
+_GROUP_OF = {name: group for group, names in _GROUPED.items() for name in names}
 # Those of a controller [N]; its states have no common unit.
 _CONTROLLER_FORCES = ("force", "feedforward", "injection")
 _TITLES = {
@@ -145,6 +66,14 @@ _TITLES = {
     "flag.force_limited": "force limit active",
     "flag.rate_limited": "force rate limit active",
     "flag.stroke_exceeded": "beyond the stroke",
+}
+# Strips for what acts or is exceeded.
+_REACHED: Mapping[str, tuple[str, Role]] = {
+    "force_limited": ("force at its limit", "bad"),
+    "rate_limited": ("force rate at its limit", "neutral"),
+    "stroke_exceeded": ("beyond the stroke", "marginal"),
+    "leg_velocity_max": ("leg speed beyond its limit", "published"),
+    "actuator_power_max": ("power beyond its limit", "measured"),
 }
 # Larger values overflow the arithmetic of axes, and no platform has them.
 _LARGEST = 1e9
@@ -170,26 +99,96 @@ def shown(record: RecordData, machine: Platform, name: str) -> DrawnRun | None:
     return DrawnRun(RecordData(finite.table.head(rows), record.metadata), machine, name) if rows else None
 
 
-@dataclass(frozen=True)
-class Signal:
+# --- the scene -------------------------------------------------------------------------------------------------------
+
+
+def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
+    """The platforms in motion; they share the frames.
+
+    Frames have the values of their rows: time, pose, leg lengths, forces, reference, neither interpolated nor rounded.
+    Flags cover the time from each frame to the next, and are set if they are set in any row of it.
+    """
+    made, of_run = [], max(frames // len(runs), 101)
+    for k, run in enumerate(runs):
+        record, platform = run.record, run.machine
+        rows = frame_rows(record.table.height, of_run)
+        few = RecordData(record.table[rows], record.metadata)
+        lower, upper = leg_parts(record["leg_length"], platform)
+        nearness, flags = nearness_to_limits(few, platform), list[Flag]()
+        for flag in FLAGS:
+            if f"flag.{flag}" in record:
+                is_set = np.asarray(record[f"flag.{flag}"].astype(bool).any(axis=1))
+                flags.append(Flag(flag, "".join("01"[int(is_set[a:b].any())] for a, b in pairwise(rows))))
+        has_reference = "reference.position" in few
+        scene = Scene(
+            run.name,
+            platform.base_points,
+            platform.platform_points,
+            lower,
+            upper,
+            few["time"],
+            _poses(few["position"], few["orientation"]),
+            few["leg_length"],
+            home=_poses(platform.home_position, platform.home_orientation),
+            orientation=few["orientation"],
+            reference=_poses(few["reference.position"], few["reference.orientation"]) if has_reference else None,
+            actuator_force=few["actuator_force"],
+            external_force=few["external_force"] if few["external_force"].any() else None,
+            nearness=np.max(list(nearness.values()), axis=0) if nearness else None,
+            nearness_of=tuple(nearness),
+            flags=tuple(flags),
+            rows=record.table.height,
+            run=k if len(runs) > 1 else None,
+            decimals=max(4, 3 + round(-math.log10(fineness_of(platform)))),
+        )
+        made.append(scene)
+    return made
+
+
+def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
+    """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
+    stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
+    return np.unique(np.append(np.arange(0, rows, stride), rows - 1))
+
+
+def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
+    """Drawn lengths of the lower and upper part [m], which overlap at all leg lengths that occur or are allowed.
+
+    No parameter sets the shape of the parts, only their centres of mass.
+    """
+    low = min(float(length.min()), float(of_legs(platform, "leg_length_min", math.inf).min()))
+    high = max(float(length.max()), float(of_legs(platform, "leg_length_max", 0.0).max()))
+    longest = _SHORTEST * low
+    lower = min(longest, (0.5 + _OVERLAP / 2) * high)
+    return lower, min(longest, high - lower + _OVERLAP * high)
+
+
+def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
+    """Position and quaternion (x, y, z, w) of platforms (…, 7)."""
+    from scipy.spatial.transform import Rotation  # needed only for pages, and slow to import (0.2 s)
+
+    rotation = matrix_from_orientation(orientation)
+    return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=-1)
+
+
+# --- signals ---------------------------------------------------------------------------------------------------------
+
+
+class Signal(NamedTuple):
     """A variable of runs over time, as displayed."""
 
     name: str
     title: str
     group: str
     quantity: Quantity
-    # A name for each column; legs and axes can be selected.
-    components: tuple[str, ...]
-    kind: Literal["axes", "legs", "other"]
-    # Columns (n, size) in SI units, by run; None where a record has no such variable.
-    values: tuple[FloatArray | None, ...]
-    # Name of the signal drawn with it as its reference.
-    reference: str | None = None
+    components: tuple[str, ...]  # a name for each column; those of `LEGS` can be selected
+    values: tuple[FloatArray | None, ...]  # columns (n, size) in SI units, by run; None where a record has none
+    reference: str = ""  # name of the signal drawn with it as its reference
 
 
-def signals_of(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
-    """All numeric columns of runs as variables, and signals computed by kinematics, by name; `SHOWN` first."""
-    signals = list[Signal]()
+def _signals(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
+    """All numeric columns of runs as variables, and signals computed by kinematics, by name, in order."""
+    signals, records = list[Signal](), [run.record for run in runs]
     # the pose from home, its rotation as a vector about the world's axes, and the same of its reference
     for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
         for prefix, group in (("", "pose"), ("reference.", "reference")):
@@ -200,29 +199,26 @@ def signals_of(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
                 for run in runs
             )
             from_home = f"{prefix}{name} from home"
-            title, reference = from_home.replace(".", " "), None if prefix else f"reference.{from_home}"
-            signals.append(Signal(from_home, title, group, of_unit(unit), components, "axes", poses, reference))
-    variables = dict.fromkeys(column.partition("[")[0] for run in runs for column in run.record.table.columns)
-    for name in variables:
+            title, reference = from_home.replace(".", " "), "" if prefix else f"reference.{from_home}"
+            signals.append(Signal(from_home, title, group, of_unit(unit), components, poses, reference))
+    for name in dict.fromkeys(column.partition("[")[0] for record in records for column in record.table.columns):
         if name != "time":
-            signals += _variable(name, [run.record for run in runs])
-    powers = tuple(
-        run.record["actuator_force"] * run.record[column_of_drives(run.record, "motor_velocity")] for run in runs
-    )
-    signals.append(Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, "legs", powers))
+            signals += _of_variable(name, records)
+    powers = tuple(record["actuator_force"] * record[column_of_drives(record, "motor_velocity")] for record in records)
+    signals.append(Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, powers))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         numbers = tuple(
             conditioning(run.machine, run.record["position"], run.record["orientation"]).condition_number[:, None]
             for run in runs
         )
     name = "condition number"
-    signals.append(Signal(name, f"{name} of the leg Jacobian", "legs", of_unit("1"), (name,), "other", numbers))
-    order = {name: k for k, name in enumerate(SHOWN)}
-    signals.sort(key=lambda signal: (order.get(signal.name, len(SHOWN)), GROUPS.index(signal.group)))
+    signals.append(Signal(name, f"{name} of the leg Jacobian", "legs", of_unit("1"), (name,), numbers))
+    groups, order = list(_GROUPED), [*FIRST, *_SECOND]
+    signals.sort(key=lambda s: (order.index(s.name) if s.name in order else len(order), groups.index(s.group)))
     return {signal.name: signal for signal in signals if any(values is not None for values in signal.values)}
 
 
-def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
+def _of_variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
     """The signal of a variable; for forces at the joints, one signal per axis."""
     prefix, _, rest = name.rpartition(".")
     unit, shape = "", tuple[int, ...]()
@@ -241,43 +237,24 @@ def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
     )
     title = _TITLES.get(name, f"{prefix} {rest}".strip().replace("_", " "))
     sizes = {values.shape[1] for values in columns if values is not None}
-    signal = Signal(name, title, group, quantity, LEGS, "legs", columns, f"reference.{name}")
+    signal = Signal(name, title, group, quantity, LEGS, columns, f"reference.{name}")
     if shape == (6, 3) and sizes == {18}:
-        return [
-            replace(
-                signal,
-                name=f"{name} {axis}",
-                title=f"{title}, {axis}",
-                values=tuple(None if values is None else values[:, k::3] for values in columns),
-            )
-            for k, axis in enumerate(AXES)
-        ]
+        parts = []
+        for k, axis in enumerate(AXES):
+            values = tuple(None if values is None else values[:, k::3] for values in columns)
+            parts.append(signal._replace(name=f"{name} {axis}", title=f"{title}, {axis}", values=values))
+        return parts
     if shape == (6,) and sizes == {6}:
         return [signal]
     if shape == (3,) and sizes == {3}:
-        return [replace(signal, components=_ANGLES if rest == "orientation" else AXES, kind="axes")]
+        return [signal._replace(components=_ANGLES if rest == "orientation" else AXES)]
     size = max(sizes)
     components = (title,) if size == 1 else tuple(str(k + 1) for k in range(size))
     complete = tuple(None if values is None or values.shape[1] < size else values for values in columns)
-    return [replace(signal, components=components, kind="other", values=complete, reference=None)]
+    return [signal._replace(components=components, values=complete, reference="")]
 
 
-def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
-    """Limits of signals that are the same in all runs, in SI units."""
-
-    def common(*factors: float, limit: Callable[[DrawnRun], Any]) -> tuple[float, ...]:
-        different = {tuple(np.ravel(limit(run)).tolist()) for run in runs}
-        values = different.pop()
-        return () if different or None in values else tuple(factor * value for value in values for factor in factors)
-
-    velocity = "motor_velocity" if any("motor_velocity" in run.record for run in runs) else "leg_velocity"
-    shortest = common(1, limit=lambda run: run.machine.leg_length_min)
-    return {
-        "leg_length": shortest + common(1, limit=lambda run: run.machine.leg_length_max),
-        velocity: common(1, -1, limit=lambda run: run.machine.leg_velocity_max),
-        "actuator_force": common(1, -1, limit=lambda run: run.record.metadata.get("force_limit")),
-        "actuator power": common(1, -1, limit=lambda run: run.machine.actuator_power_max),
-    }
+# --- what acts, and limits -------------------------------------------------------------------------------------------
 
 
 class FaultSpan(NamedTuple):
@@ -322,18 +299,52 @@ def _fault_marks(run: DrawnRun) -> list[Mark]:
     return marks
 
 
+def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
+    """Limits of signals that are the same in all runs, in SI units."""
+
+    def common(limits: Iterable[Any], *signs: int) -> tuple[float, ...]:
+        different = {tuple(np.ravel(limit).tolist()) for limit in limits}  # one number, or one of each leg
+        values = different.pop()
+        return () if different or None in values else tuple(sign * value for value in values for sign in signs)
+
+    machines = [run.machine for run in runs]
+    velocity = "motor_velocity" if any("motor_velocity" in run.record for run in runs) else "leg_velocity"
+    shortest = common((machine.leg_length_min for machine in machines), 1)
+    return {
+        "leg_length": shortest + common((machine.leg_length_max for machine in machines), 1),
+        velocity: common((machine.leg_velocity_max for machine in machines), 1, -1),
+        "actuator_force": common((run.record.metadata.get("force_limit") for run in runs), 1, -1),
+        "actuator power": common((machine.actuator_power_max for machine in machines), 1, -1),
+    }
+
+
+def _limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
+    """When a limit of the drives acts on any leg, or a leg exceeds what the machine allows."""
+    is_beyond = {name: share > 1 for name, share in shares_of_limits(record, machine.as_dict()).items()}
+    is_beyond |= {name: record[f"flag.{name}"].astype(bool) for name in FLAGS if f"flag.{name}" in record}
+    strips = (
+        strip_of(text, record["time"], is_beyond[name].any(axis=1), role)
+        for name, (text, role) in _REACHED.items()
+        if name in is_beyond
+    )
+    return tuple(strip for strip in strips if strip is not None)
+
+
+# --- charts ----------------------------------------------------------------------------------------------------------
+
+
 def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     """The charts of runs over time, one series per run and component; and all other signals, which open if needed."""
     several, times, limits = len(runs) > 1, [run.record["time"] for run in runs], _limits(runs)
-    signals = signals_of(runs)
+    signals = _signals(runs)
     references = {signal.reference for signal in signals.values()}
-    strips = () if several else limits_reached(runs[0].record, runs[0].machine)
+    strips = () if several else _limits_reached(runs[0].record, runs[0].machine)
     faults = [mark for mark in _fault_marks(runs[0]) if all(mark in _fault_marks(run) for run in runs[1:])]
     charts: dict[str, Chart] = {}
     for name, signal in signals.items():
         if name in references:
             continue
-        reference = signals.get(signal.reference or "")
+        reference, quantity = signals.get(signal.reference), signal.quantity
         role: Role = "error" if signal.group == "errors" else "reference" if signal.group == "reference" else "actual"
         series = []
         for k, run in enumerate(runs):
@@ -341,17 +352,13 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
             if columns is None:
                 continue
             for j, component in enumerate(signal.components):
-                options: dict[str, Any] = {
-                    "leg": j + 1 if signal.kind == "legs" else None,
-                    "run": k if several else None,
-                    "component": component,
-                    "x": times[k] if several else None,
-                }
+                options: dict[str, Any] = {"leg": j + 1 if signal.components == LEGS else None, "component": component}
+                options |= {"run": k, "x": times[k]} if several else {}
                 title = f"{run.name}: {component}" if several else component
-                series.append(Series(title, signal.quantity, _finite(columns[:, j]), role, **options))
+                series.append(Series(title, quantity, _finite(columns[:, j]), role, **options))
                 if targets is not None:
-                    values = _finite(targets[:, j])
-                    series.append(Series(f"{title}, reference", signal.quantity, values, "reference", **options))
+                    title = f"{title}, reference"
+                    series.append(Series(title, quantity, _finite(targets[:, j]), "reference", **options))
         charts[name] = Chart(
             signal.title,
             time_axis(times[0]),
@@ -366,34 +373,6 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     first = [charts[name] for name in FIRST if name in charts]
     rest = [chart for name, chart in charts.items() if name not in FIRST]
     return Section("Over time", tuple(first)), Section("All other signals", tuple(rest), detail=True)
-
-
-def limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
-    """When a limit of the drives acts on any leg, or a leg exceeds what the machine allows."""
-    time = record["time"]
-    is_beyond = {name: share > 1 for name, share in shares_of_limits(record, machine.as_dict()).items()}
-    is_beyond |= {name: record[f"flag.{name}"].astype(bool) for name in FLAGS if f"flag.{name}" in record}
-    shown_limits: dict[str, tuple[str, Role]] = {
-        "force_limited": ("force at its limit", "bad"),
-        "rate_limited": ("force rate at its limit", "neutral"),
-        "stroke_exceeded": ("beyond the stroke", "marginal"),
-        "leg_velocity_max": ("leg speed beyond its limit", "published"),
-        "actuator_power_max": ("power beyond its limit", "measured"),
-    }
-    strips = (
-        strip_of(text, time, is_beyond[name].any(axis=1), role)
-        for name, (text, role) in shown_limits.items()
-        if name in is_beyond
-    )
-    return tuple(strip for strip in strips if strip is not None)
-
-
-def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
-    """The platforms in motion; they share the frames."""
-    of_run = max(frames // len(runs), 101)
-    return [
-        scene_of(run.record, run.machine, run.name, of_run, k if len(runs) > 1 else None) for k, run in enumerate(runs)
-    ]
 
 
 def _finite(values: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """What a run found, as a report: whether it follows its reference, what of the drives it uses, when it settles."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,40 +69,35 @@ class _VerdictPart(NamedTuple):
 
 def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None) -> Verdict:
     """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is."""
-    outcome = measured["outcome"]
-    faults = [str(fault) for fault in faults_of(record.metadata) if fault.begin <= outcome["time"]]
+    outcome, metadata = measured["outcome"], record.metadata
+    faults = [str(fault) for fault in faults_of(metadata) if fault.begin <= outcome["time"]]
     if outcome["status"] != "completed":
-        loop = (record.metadata.get("experiment") or {}).get("loop", {})
-        planned = record.metadata.get("duration") or loop.get("duration")
+        planned = metadata.get("duration") or (metadata.get("experiment") or {}).get("loop", {}).get("duration")
         of_planned = f" of {planned:.4g} s" if planned else ""
         cause = f": {outcome['cause']}" if outcome.get("cause") else ""
         ended = f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"
         return Verdict(sentence([ended, *faults]), "bad")
-    fineness = fineness_of_record(record.metadata)
-    parts = [*_tracking(record, measured, fineness), *_drives(record, measured, fineness)]
+    length, angle = (fine(quantity, fineness_of_record(metadata)) for quantity in (LENGTH, ANGLE))
+    parts = [*_tracking(record, measured, length, angle), *_drives(record, measured, length)]
     steps = measured["step_response"] or ()
     late = next((step for step in steps if step["settling_time"] is None), None)
     if steps:
         step = late or max(steps, key=lambda step: step["settling_time"])
-        duration, path = step["settling_time"], f"step_response.{step['axis']}.settling_time"
-        text = (
-            f"settles in {about(TIME, duration)}"
-            if late is None
-            else (
-                f"{step['axis']} has not settled to 2 % within {about(TIME, outcome['time'] - step['at'])} of its step"
-            )
-        )
-        parts.append(_VerdictPart(text, late is not None, Number(path, "settling time", duration, TIME)))
+        text = f"settles in {about(TIME, step['settling_time'])}"
+        if late is not None:
+            within = about(TIME, outcome["time"] - step["at"])
+            text = f"{step['axis']} has not settled to 2 % within {within} of its step"
+        path = f"step_response.{step['axis']}.settling_time"
+        parts.append(_VerdictPart(text, late is not None, Number(path, "settling time", step["settling_time"], TIME)))
     if robustness is not None:
         number = Number("margins.disk", "disk margin", robustness.alpha, NUMBER)
         size = at_least(DECIBEL, robustness.decibels) if math.isfinite(robustness.decibels) else "any gain"
         parts.append(_VerdictPart(f"{size} to the disk margin", robustness.alpha < _FRAIL, number))
-    parts = parts or [
-        _VerdictPart(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")
-    ]
+    if not parts:
+        parts = [_VerdictPart(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")]
     oscillation = Oscillation(**outcome["oscillation"]) if outcome.get("oscillation") else None
     if oscillation is not None:
-        size = at_most(fine(LENGTH, fineness), oscillation.amplitude)
+        size = at_most(length, oscillation.amplitude)
         rate = "" if oscillation.frequency is None else f" at {oscillation.frequency:.3g} Hz"
         motion = f"leg {oscillation.leg} oscillates by {size}{rate}"
         if oscillation.is_growing:
@@ -118,106 +113,83 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
     return Verdict(sentence([*faults, *(part.text for part in parts)]), status, numbers)
 
 
-def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = None) -> tuple[Number, ...]:
-    """All numbers of a run by the paths of its metrics; of several legs the largest, or the least where that counts."""
-    values, doubts = flattened(measured), dict[str, str]()
-    if robustness is not None:
-        values["margins.disk"], doubts["margins.disk"] = robustness.alpha, robustness.doubt
-    numbers = []
-    for path, value in values.items():
-        metric, doubt = metric_of(path), doubts.get(path, "")
-        numbers.append(Number(path, metric.text, value, metric.quantity, explanation=metric.sentence, doubt=doubt))
-    return tuple(numbers)
-
-
-def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_VerdictPart]:
+def _tracking(
+    record: RecordData, measured: Mapping[str, Any], length: Quantity, angle: Quantity
+) -> Iterator[_VerdictPart]:
     """How far the platform is from its reference; of a run without one, how far it goes."""
-    tracking, length = measured["tracking"] or {}, fine(LENGTH, fineness)
+    tracking = measured["tracking"] or {}
     if "position" not in tracking:
-        if "position" not in record or not len(record["position"]):
-            return []
-        position = record["position"]
-        distance = float(np.linalg.norm(position - position[0], axis=1).max())
-        return [_VerdictPart(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
-    # of a jump, the error is the step itself at first: what is left at the end counts
-    kind, text = (
-        ("norm_final", "ends within {} of its reference after the step")
-        if _jumps(record, measured)
-        else ("norm_peak", "follows within {}")
-    )
-    position, orientation = tracking["position"][kind], tracking.get("orientation", {}).get(kind)
-    metric = metric_of(f"tracking.position.{kind}")
-    number = Number(metric.path, metric.text, position, metric.quantity)
-    if position is None:
-        return [_VerdictPart("its error at the end is not known", True, number)]
-    size = at_most(length, position)
-    # an angle matters by what it moves at the joints
-    lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
-    if orientation is not None and orientation * lever > _SMALL * position:
-        size += f" and {at_most(fine(ANGLE, fineness), orientation)}"
-    return [_VerdictPart(text.format(size), number=number)]
-
-
-def _jumps(record: RecordData, measured: Mapping[str, Any]) -> bool:
-    """Whether the reference covers much of a step within one row."""
+        if "position" in record and len(record["position"]):
+            distance = float(np.linalg.norm(record["position"] - record["position"][0], axis=1).max())
+            yield _VerdictPart(f"open loop: the platform moves up to {at_most(length, distance)} from its start")
+        return
+    kind, text = "norm_peak", "follows within {}"
     places = {axis: (signal, place) for axis, signal, place in AXES}
     for step in measured["step_response"] or ():
         signal, place = places[step["axis"]]
         changes = np.abs(np.diff(record[f"reference.{signal}"][:, place]))
+        # of a jump, the error is the step itself at first: what is left at the end counts
         if changes.max(initial=0.0) >= _JUMP * abs(step["to"] - step["from"]):
-            return True
-    return False
+            kind, text = "norm_final", "ends within {} of its reference after the step"
+    position, orientation = tracking["position"][kind], tracking.get("orientation", {}).get(kind)
+    metric = metric_of(f"tracking.position.{kind}")
+    number = Number(metric.path, metric.text, position, metric.quantity)
+    if position is None:
+        yield _VerdictPart("its error at the end is not known", True, number)
+        return
+    size = at_most(length, position)
+    # an angle matters by what it moves at the joints
+    lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
+    if orientation is not None and orientation * lever > _SMALL * position:
+        size += f" and {at_most(angle, orientation)}"
+    yield _VerdictPart(text.format(size), number=number)
 
 
-def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_VerdictPart]:
+def _drives(record: RecordData, measured: Mapping[str, Any], length: Quantity) -> Iterator[_VerdictPart]:
     """The limit of which the legs use most; the forces if no limit is stated; what was saturated or left its stroke."""
     if not measured["force"]:
-        return []
-    parts = []
-    saturation = measured["saturation"] or {}
-    shares = {
-        limit: [share or 0.0 for share in part["used"]]
-        for limit in DRIVE_LIMITS
-        if (part := (measured["limits"] or {}).get(limit.name))
-    }
+        return
+    saturation, limits = measured["saturation"] or {}, measured["limits"] or {}
     force_limit = record.metadata.get("force_limit")
+    shares = {
+        limit: [share or 0.0 for share in limits[limit.name]["used"]] for limit in DRIVE_LIMITS if limit.name in limits
+    }
     if force_limit:  # of the run's actuators, which may be less than the platform's
         force = next(limit for limit in DRIVE_LIMITS if limit.name == "actuator_force_max")
-        limits = np.broadcast_to(force_limit, 6).tolist()
-        shares[force] = [(peak or 0.0) / limit for peak, limit in zip(measured["force"]["peak"], limits, strict=True)]
-    if (saturation.get("force_limited") or {}).get("any"):
-        pass  # told below
-    elif shares:
+        most = np.broadcast_to(force_limit, 6).tolist()
+        shares[force] = [(peak or 0.0) / limit for peak, limit in zip(measured["force"]["peak"], most, strict=True)]
+    limited = {name: (saturation.get(name) or {}).get("any") for name in ("force_limited", "rate_limited")}
+    if shares and not limited["force_limited"]:
         limit, of_legs = max(shares.items(), key=lambda used: max(used[1]))
         share, leg = max(of_legs), int(first_of_largest(np.array(of_legs))) + 1
-        number = Number(
-            f"limits.{limit.name}.used", f"{limit.text}, of its limit", share, SHARE, limit=1.0, margin=1 - share
-        )
+        path, name = f"limits.{limit.name}.used", f"{limit.text}, of its limit"
+        text = f"leg {leg} uses {percent(share)} of its {_LIMITED[limit.name]}"
         if limit.name == "actuator_force_max":
             text = f"forces {percent(share)} of what the drives have"
-        else:
-            text = f"leg {leg} uses {percent(share)} of its {_LIMITED[limit.name]}"
-        parts.append(_VerdictPart(text, share > _NEAR, number))
-    else:
+        yield _VerdictPart(text, share > _NEAR, Number(path, name, share, SHARE, limit=1.0, margin=1 - share))
+    elif not limited["force_limited"]:
         peak = max(force for force in measured["force"]["peak"] if force is not None)
-        number = Number("force.peak", "peak force", peak, FORCE)
-        parts.append(
-            _VerdictPart(f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known", number=number)
-        )
-    for name, text in (
-        ("force_limited", "forces at the drives' limit"),
-        ("rate_limited", "forces at the drives' rate limit"),
-    ):
-        share = (saturation.get(name) or {}).get("any")
-        if share:
-            parts.append(_VerdictPart(f"{text} for {percent(share)} of the time", True))
+        text = f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known"
+        yield _VerdictPart(text, number=Number("force.peak", "peak force", peak, FORCE))
+    for name, text in (("force_limited", "limit"), ("rate_limited", "rate limit")):
+        if share_of_time := limited[name]:
+            yield _VerdictPart(f"forces at the drives' {text} for {percent(share_of_time)} of the time", True)
     margin = (measured["stroke"] or {}).get("margin")
     if margin is not None and margin < 0:
         number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)
-        parts.append(
-            _VerdictPart(f"a leg is {at_most(fine(LENGTH, fineness), -margin)} beyond its stroke", True, number)
-        )
-    return parts
+        yield _VerdictPart(f"a leg is {at_most(length, -margin)} beyond its stroke", True, number)
+
+
+def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = None) -> tuple[Number, ...]:
+    """All numbers of a run by the paths of its metrics; of several legs the largest, or the least where that counts."""
+    numbers = []
+    for path, value in flattened(measured).items():
+        metric = metric_of(path)
+        numbers.append(Number(path, metric.text, value, metric.quantity, explanation=metric.sentence))
+    if robustness is not None:
+        disk, alpha, doubt = metric_of("margins.disk"), robustness.alpha, robustness.doubt
+        numbers.append(Number(disk.path, disk.text, alpha, disk.quantity, explanation=disk.sentence, doubt=doubt))
+    return tuple(numbers)
 
 
 def report_of_run(
@@ -237,14 +209,14 @@ def report_of_run(
     tables = tuple(metrics_tables(measured))
     sections = [Section("Metrics", tables)] if tables else []
     if charts:
+        about_run = [run_table(record, believed), parameters_table(machine, believed), versions_table(record)]
         drawn = shown(record, machine, "run")
         if drawn is not None:
             first, rest = run_charts([drawn])
             sections = [Section("Motion", tuple(scenes([drawn]))), *sections, first, rest]
-        limits = limits_table(drawn.record, machine) if drawn is not None else None
-        about_run = (run_table(record, believed), limits, parameters_table(machine, believed), versions_table(record))
-        tables_about_run = tuple(table for table in about_run if table is not None and table.rows)
-        sections.append(Section("Run, parameters, versions", tables_about_run, detail=True))
+            about_run.insert(1, limits_table(drawn.record, machine))
+        filled = tuple(table for table in about_run if table.rows)
+        sections.append(Section("Run, parameters, versions", filled, detail=True))
     metadata = record.metadata
     platform, outcome = (metadata.get("platform") or {}).get("name"), metadata.get("outcome") or {}
     lead = [
@@ -254,19 +226,17 @@ def report_of_run(
         f"{outcome['time']:.6g} s" if "time" in outcome else None,
         f"sampled every {1e3 * metadata['sample_time']:.4g} ms" if metadata.get("sample_time") else None,
     ]
-    return fine(
-        Report(
-            str(metadata.get("title", "untitled")),
-            run_verdict(record, measured, robustness),
-            tuple(sections),
-            study="run",
-            lead=", ".join(filter(None, lead)),
-            numbers=run_numbers(measured, robustness),
-            settings=settings_of(metadata.get("settings") or {}),
-            notes=tuple(Note(text, "warning") for text in metadata.get("warnings", ())),
-        ),
-        fineness_of(machine),
+    report = Report(
+        str(metadata.get("title", "untitled")),
+        run_verdict(record, measured, robustness),
+        tuple(sections),
+        study="run",
+        lead=", ".join(filter(None, lead)),
+        numbers=run_numbers(measured, robustness),
+        settings=settings_of(metadata.get("settings") or {}),
+        notes=tuple(Note(text, "warning") for text in metadata.get("warnings", ())),
     )
+    return fine(report, fineness_of(machine))
 
 
 def run_table(record: RecordData, platform: Platform) -> Table:
@@ -276,13 +246,11 @@ def run_table(record: RecordData, platform: Platform) -> Table:
     if metadata.get("outcome"):
         rows.append(("outcome", outcome_text(outcome_of(record))))
     rows += [("plant", str(metadata.get("plant", "–"))), ("platform", platform.name), ("rows", record.table.height)]
-    for name in ("duration", "sample_time", "plant_step"):
+    for name, quantity in (("duration", TIME), ("sample_time", TIME), ("plant_step", TIME), ("force_limit", FORCE)):
         if metadata.get(name) is not None:
-            rows.append((name.replace("_", " "), Value(metadata[name], TIME)))
-    if metadata.get("force_limit"):
-        limit = metadata["force_limit"]
-        text = ", ".join(map(FORCE.text, limit)) if isinstance(limit, list) else Value(limit, FORCE)
-        rows.append(("force limit", text))
+            value = metadata[name]  # limits of legs that differ are six
+            text = ", ".join(map(quantity.text, value)) if isinstance(value, list) else Value(value, quantity)
+            rows.append((name.replace("_", " "), text))
     experiment = metadata.get("experiment") or {}
     for name in _SECTIONS:  # without empty ones
         section = experiment.get(name) or []
@@ -293,7 +261,7 @@ def run_table(record: RecordData, platform: Platform) -> Table:
     return Table("Run", (Column(""), Column("")), tuple(rows))
 
 
-def limits_table(record: RecordData, platform: Platform) -> Table | None:
+def limits_table(record: RecordData, platform: Platform) -> Table:
     """How near each leg came to its limits, and when flags were first set; the metrics have their shares."""
 
     def first(name: str, flags: NDArray[np.bool_]) -> tuple[Cell, ...]:
@@ -309,7 +277,7 @@ def limits_table(record: RecordData, platform: Platform) -> Table | None:
         if f"flag.{name}" in record:
             rows.append(first(f"{name.replace('_', ' ')}, first", record[f"flag.{name}"].astype(bool)))
     columns = (Column("leg"), *(Column(f"{leg}") for leg in range(1, 7)))
-    return Table("Limits", columns, tuple(rows), detail=True) if rows else None
+    return Table("Limits", columns, tuple(rows), detail=True)
 
 
 def parameters_table(machine: Platform, believed: Platform) -> Table:

@@ -10,11 +10,10 @@ import numpy as np
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.overrides import value_text
-from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.chart import Axis, Chart, Scene, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.quantities import Quantity, fine, fineness_of
-from gough_stewart.harness.report.scene import Scene
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
@@ -34,8 +33,8 @@ _BEST = "★ "
 _PEAK, _LEFT = "tracking.position.norm_peak", ("tracking.position.norm_final", "tracking.orientation.norm_final")
 # Times of two clocks closer than this are the same, computed differently [s].
 _SAME_TIME = 1e-9
-# Letters of values that stand beside a key in a sentence.
-_SHORT = 40
+# Letters of values that stand beside a key in a sentence, and keys that are named there.
+_SHORT, _MOST_KEYS = 40, 4
 Shown = Record | Path | str
 
 
@@ -104,8 +103,6 @@ def _labels(records: Sequence[Shown]) -> list[str]:
     names = [
         str(item.metadata.get("title", "record")) if isinstance(item, Record) else next(of_files) for item in records
     ]
-    if len(set(names)) == len(names):
-        return names
     return [f"{name} ({k + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
@@ -122,74 +119,55 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Ta
 
 
 def view_report(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> Report:
-    """The report of one run, or of several over each other.
+    """The report of one run, or of several over each other, with further tables before the others.
 
-    Rows from the first one that is not finite are left out of charts and animation; tables use all rows.
-
-    Parameters
-    ----------
-    records
-        Records of runs, or read from files.
-    names
-        Name of each record.
-    more
-        Further tables, shown before the others.
-
-    Raises
-    ------
-    RecordError
-        There is no record, more than `MOST_RECORDS`, or one without a finite row, its platform, or a column that is
-        drawn.
+    Rows from the first one that is not finite are left out of charts and animation; tables use all rows. A RecordError
+    names a record without a finite row, its platform, or a column that is drawn; there may be `MOST_RECORDS`.
     """
     if not 1 <= len(records) <= MOST_RECORDS:
         raise RecordError(f"{len(records)} records; expected 1 to {MOST_RECORDS} of them on a page")
-    drawn = [_drawable(record, name) for record, name in zip(records, names, strict=True)]
+    runs = []
+    for record, name in zip(records, names, strict=True):
+        if not record.metadata.get("outcome"):
+            raise RecordError(f"{name}: the metadata have no outcome; expected what `gough-stewart run` writes")
+        try:
+            run = shown(record, machine_of(record), name)
+        except GoughStewartError as error:
+            raise RecordError(f"{name}: {error}") from error
+        if run is None:
+            raise RecordError(f"{name}: no row with finite values; there is nothing to show")
+        runs.append(run)
     if len(records) > 1:
-        report = comparison_report(records, drawn, " · ".join(names))
+        report = comparison_report(records, runs, " · ".join(names))
     else:
         report = records[0].report()
-        sections = tuple(
-            replace(
-                section,
-                parts=tuple(
-                    replace(part, name=names[0]) if isinstance(part, Scene) else part for part in section.parts
-                ),
-            )
-            for section in report.sections
-        )
-        report = replace(report, title=str(records[0].metadata.get("title", names[0])), sections=sections)
+        sections = []
+        for section in report.sections:
+            parts = (replace(part, name=names[0]) if isinstance(part, Scene) else part for part in section.parts)
+            sections.append(replace(section, parts=tuple(parts)))
+        title = str(records[0].metadata.get("title", names[0]))
+        report = replace(report, title=title, sections=tuple(sections))
     return replace(report, sections=(Section("Results", tuple(more)), *report.sections)) if more else report
 
 
-def _drawable(record: Record, name: str) -> DrawnRun:
-    if not record.metadata.get("outcome"):
-        raise RecordError(f"{name}: the metadata have no outcome; expected what `gough-stewart run` writes")
-    try:
-        drawn = shown(record, machine_of(record), name)
-    except GoughStewartError as error:
-        raise RecordError(f"{name}: {error}") from error
-    if drawn is None:
-        raise RecordError(f"{name}: no row with finite values; there is nothing to show")
-    return drawn
-
-
-def comparison_report(records: Sequence[Record], drawn: Sequence[DrawnRun], title: str) -> Report:
+def comparison_report(records: Sequence[Record], runs: Sequence[DrawnRun], title: str) -> Report:
     """The report of several runs; charts show the runs over each other, and each run minus the first."""
-    names, measured = tuple(run.name for run in drawn), [metrics(record) for record in records]
-    first, others = run_charts(drawn)
-    fineness = min(fineness_of(run.machine) for run in drawn)
+    names, measured = tuple(run.name for run in runs), [metrics(record) for record in records]
+    first, others = run_charts(runs)
+    fineness = min(fineness_of(run.machine) for run in runs)
     settings = differing_settings(records)
     sections = [
-        Section("Motion", tuple(scenes(drawn))),
+        Section("Motion", tuple(scenes(runs))),
         Section("Metrics side by side", (side_by_side(records, measured, names, fineness),)),
         first,
         Section(f"Differences from {names[0]}", tuple(differences(first, names))),
         others,
     ]
-    for record, run, metrics_of_run in zip(records, drawn, measured, strict=True):
+    for record, run, metrics_of_run in zip(records, runs, measured, strict=True):
         believed = platform_of(record)
         tables = (*metrics_tables(metrics_of_run), run_table(record, believed), parameters_table(run.machine, believed))
         sections.append(Section(f"{run.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
+    outcomes = [(name, run["outcome"]) for name, run in zip(names, measured, strict=True)]
     report = Report(
         title,
         _verdict(records, measured, names, fineness),
@@ -198,22 +176,12 @@ def comparison_report(records: Sequence[Record], drawn: Sequence[DrawnRun], titl
         lead=differ_in(settings),
         settings=settings,
         runs=names,
-        notes=tuple(
-            Note(f"{name}: {outcome_text(run['outcome'])}", "warning")
-            for name, run in zip(names, measured, strict=True)
-            if not is_sound(run["outcome"])
-        ),
+        notes=tuple(Note(f"{name}: {outcome_text(end)}", "warning") for name, end in outcomes if not is_sound(end)),
     )
     return fine(report, fineness)
 
 
-def differ_in(settings: Sequence[Setting], most: int = 4) -> str:
-    """The keys in which the runs differ, with their values, but for names; "" if there is none."""
-    keys = [setting for setting in settings if setting.key not in ("title", "description")]
-    values = [", ".join(setting.values) for setting in keys[:most]]
-    told = [key.key + (f" ({text})" if len(text) <= _SHORT else "") for key, text in zip(keys, values, strict=False)]
-    more = [f"{len(keys) - most} more"] if len(keys) > most else []
-    return f"They differ in {listed([*told, *more])}" if told else ""
+# --- which is best ---------------------------------------------------------------------------------------------------
 
 
 def _verdict(
@@ -226,51 +194,44 @@ def _verdict(
     """
     flat = [flattened(metrics_of_run) for metrics_of_run in measured]
     steps = sorted({path.rpartition(".")[0] for run in flat for path in run if path.endswith(".rise_time")})
-    times = [f"{step}.{kind}" for step in steps for kind in ("settling_time", "rise_time")]
-    paths = [path for path in (*_LEFT, *times[::2], _PEAK) if steps] or [_PEAK, *_LEFT]
-    known = [path for path in paths if all(run.get(path) is not None for run in flat)]
+    settling, rise = ([f"{step}.{kind}" for step in steps] for kind in ("settling_time", "rise_time"))
+    values = {path: [run.get(path) for run in flat] for path in (_PEAK, *_LEFT, *settling, *rise)}
+    ranked = [*_LEFT, *settling, _PEAK] if steps else [_PEAK, *_LEFT]
+    known = [path for path in ranked if None not in values[path]]
 
-    def values(path: str) -> list[float | None]:
-        return [run.get(path) for run in flat]
-
-    def quantity(path: str) -> Quantity:
-        return fine(metric_of(path).quantity, fineness)
-
-    told = dict.fromkeys([_PEAK, *(path for path in (*_LEFT, *times[1::2]) if steps and path in known + times)])
-    numbers = tuple(
-        Number("", f"{metric_of(path).text}: {name}", value, metric_of(path).quantity)
-        for path in told
-        for name, value in zip(names, values(path), strict=True)
-        if value is not None
-    )
+    numbers = []
+    for path in dict.fromkeys([_PEAK, *(path for path in _LEFT if steps and path in known), *rise]):
+        metric = metric_of(path)
+        pairs = zip(names, values[path], strict=True)
+        numbers += [Number("", f"{metric.text}: {name}", v, metric.quantity) for name, v in pairs if v is not None]
+    told = tuple(numbers)
     ended = [name for name, run in zip(names, measured, strict=True) if not is_sound(run["outcome"])]
     if ended:
-        return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", numbers)
+        return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", told)
     if not has_same_task(records):
-        return Verdict("The runs have different references or durations, so that none is best", "told", numbers)
+        return Verdict("The runs have different references or durations, so that none is best", "told", told)
+
     beside = ""
-    for path in times[1::2]:
-        shown_times = [quantity(path).text(value) for value in values(path)]
-        if len(set(shown_times)) > 1:
-            told_times = [f"{text} ({name})" for name, text in zip(names, shown_times, strict=True)]
+    for path in rise:
+        times = [fine(metric_of(path).quantity, fineness).text(value) for value in values[path]]
+        if len(set(times)) > 1:
+            told_times = [f"{text} ({name})" for name, text in zip(names, times, strict=True)]
             beside += f"; {metric_of(path).text} {listed(told_times)}"
     for path in known:
-        top = best(path, values(path), quantity(path))
+        quantity = fine(metric_of(path).quantity, fineness)
+        top = best(path, values[path], quantity)
         if not top:
             continue
-        sizes = [abs(value or 0.0) for value in values(path)]
+        sizes = [abs(value or 0.0) for value in values[path]]
         leaders, last = listed([names[k] for k in sorted(top)]), max(range(len(names)), key=sizes.__getitem__)
-        verb = ("follows" if len(top) == 1 else "follow") + " best"
-        bounds = [at_most(quantity(path), sizes[k]) for k in (min(top), last)]
-        if path in times:
-            verb, place = ("settles" if len(top) == 1 else "settle") + " first", "in "
-        else:
-            place = "within "
+        one, other = (at_most(quantity, sizes[k]) for k in (min(top), last))
+        ending = "s" if len(top) == 1 else ""
+        verb, place = (f"settle{ending} first", "in") if path in settling else (f"follow{ending} best", "within")
         after = (" after settling" if steps else " at the end") if path in _LEFT else ""
-        text = f"{leaders} {verb}, {place}{bounds[0]}{after}; {names[last]} {place}{bounds[1]}{beside}"
-        return Verdict(text, "told", numbers)
+        text = f"{leaders} {verb}, {place} {one}{after}; {names[last]} {place} {other}{beside}"
+        return Verdict(text, "told", told)
     same = f"{listed(names)} end equally near" if beside else f"{listed(names)} follow equally well"
-    return Verdict(same + beside, "told", numbers)
+    return Verdict(same + beside, "told", told)
 
 
 def side_by_side(
@@ -282,14 +243,15 @@ def side_by_side(
     oscillates or grows by itself.
     """
     flat = [flattened(run) for run in measured]
-    paths = dict.fromkeys(path for run in flat for path in run)
     marks = has_same_task(records) and all(is_sound(run["outcome"]) for run in measured)
     rows: list[tuple[Cell, ...]] = [("outcome", *(outcome_text(run["outcome"]) for run in measured))]
-    for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
-        quantity, values = replace(fine(metric_of(path).quantity, fineness), digits=4), [run.get(path) for run in flat]
-        tops = best(path, values, quantity) if marks else set()
-        cells = (f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values))
-        rows.append((quantity.headed(metric_of(path).text), *cells))
+    for metric in METRICS:
+        if metric.is_compared and any(metric.path in run for run in flat):
+            quantity = replace(fine(metric.quantity, fineness), digits=4)
+            values = [run.get(metric.path) for run in flat]
+            tops = best(metric.path, values, quantity) if marks else set()
+            cells = (f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values))
+            rows.append((quantity.headed(metric.text), *cells))
     note = f"{_BEST.strip()} is the best of its row." if marks else ""
     return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
 
@@ -297,24 +259,23 @@ def side_by_side(
 def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[int]:
     """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
     better = metric_of(path).better
-    sign = 1.0 if better == "larger" else -1.0
-    known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}
-    if better is None or len(known) < 2:
+    sizes = {k: -value if better == "larger" else abs(value) for k, value in enumerate(values) if value is not None}
+    if better is None or len(sizes) < 2:
         return set()
-    most = max(sign * value for value in known.values())
-    texts = {k: quantity.number(value) for k, value in known.items()}
-    top = {texts[k] for k, value in known.items() if sign * value == most}
+    texts = {k: quantity.number(size) for k, size in sizes.items()}
+    least = min(sizes.values())
+    top = {texts[k] for k, size in sizes.items() if size == least}
     leaders = {k for k, text in texts.items() if text in top}
-    return leaders if len(leaders) < len(known) else set()
+    return leaders if len(leaders) < len(sizes) else set()
 
 
 def has_same_task(records: Sequence[Record]) -> bool:
     """Whether all runs had the same reference for the same time."""
-    tasks = [
-        (record.metadata.get("duration"), (record.metadata.get("experiment") or {}).get("reference"))
-        for record in records
-    ]
+    tasks = [(r.metadata.get("duration"), (r.metadata.get("experiment") or {}).get("reference")) for r in records]
     return all(task == tasks[0] for task in tasks)
+
+
+# --- what differs ----------------------------------------------------------------------------------------------------
 
 
 def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
@@ -328,7 +289,15 @@ def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
 
 def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:
     """The keys, down to single values, that are not the same in all, with units; an experiment's as in its file."""
-    files = [dict(_flat(file)) for file in values]
+
+    def flat(value: Any, path: str = "") -> list[tuple[str, Any]]:
+        if isinstance(value, Mapping):
+            return [pair for key, part in value.items() for pair in flat(part, f"{path}.{key}" if path else str(key))]
+        if isinstance(value, list) and value and isinstance(value[0], Mapping):
+            return [pair for k, part in enumerate(value) for pair in flat(part, f"{path}[{k + 1}]")]
+        return [] if value is None else [(path, value)]
+
+    files = [dict(flat(file)) for file in values]
     settings = []
     for key in dict.fromkeys(key for file in files for key in file):
         name = key.removeprefix("experiment.")
@@ -338,12 +307,15 @@ def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:
     return tuple(settings)
 
 
-def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:
-    if isinstance(value, Mapping):
-        return [pair for key, part in value.items() for pair in _flat(part, f"{path}.{key}" if path else str(key))]
-    if isinstance(value, list) and value and isinstance(value[0], Mapping):
-        return [pair for k, part in enumerate(value) for pair in _flat(part, f"{path}[{k + 1}]")]
-    return [] if value is None else [(path, value)]
+def differ_in(settings: Sequence[Setting]) -> str:
+    """The keys in which the runs differ, with their values, but for names; "" if there is none."""
+    keys = [setting for setting in settings if setting.key not in ("title", "description")]
+    told = []
+    for setting in keys[:_MOST_KEYS]:
+        text = ", ".join(setting.values)
+        told.append(setting.key + (f" ({text})" if len(text) <= _SHORT else ""))
+    told += [f"{len(keys) - _MOST_KEYS} more"] if len(keys) > _MOST_KEYS else []
+    return f"They differ in {listed(told)}" if told else ""
 
 
 def differences(section: Section, names: Sequence[str]) -> list[Chart]:
@@ -384,12 +356,8 @@ def difference(
     common = common[np.append(np.diff(common) > _SAME_TIME, True)]
     start, end = max(clock[0] for clock in time), min(clock[-1] for clock in time)
     common = common[(common >= start) & (common <= end + _SAME_TIME)]
-    first, second = (_at(common, clock, column, holds) for clock, column in zip(time, values, strict=True))
+    first, second = (
+        column[np.searchsorted(clock, common, side="right") - 1] if holds else np.interp(common, clock, column)
+        for clock, column in zip(time, values, strict=True)
+    )
     return common, second - first
-
-
-def _at(common: FloatArray, time: FloatArray, values: FloatArray, holds: bool) -> FloatArray:
-    if holds:
-        held: FloatArray = values[np.searchsorted(time, common, side="right") - 1]
-        return held
-    return np.interp(common, time, values)

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from gough_stewart.harness.report.chart import Axis, Chart, Map, Series
+from gough_stewart.harness.report.chart import Axis, Chart, Map, Series, Surface
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
-from gough_stewart.harness.report.scene import Surface
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted, listed, number_text, percent, sentence
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of

@@ -8,6 +8,7 @@ from gough_stewart.harness.ensemble.report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.report import estimate_report
+from gough_stewart.harness.plants.unit_report import unit_report
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.view.view import view_page
 from gough_stewart.harness.workspace.workspace_report import workspace_report
@@ -18,6 +19,7 @@ from tests.support.machine_logs import NOMINAL, Course, machine_log
 from tests.support.records import waving_record
 
 _PEAK = "tracking.position.norm_peak"
+_UNITS = ("gough_stewart_fmi2.fmu", "gough_stewart_fmi3.fmu")
 
 
 def _ensemble() -> bytes:
@@ -51,6 +53,7 @@ PAGES: Mapping[str, Callable[[], bytes]] = {
     "identification": _identification,
     "workspace": lambda: _workspace("x", "z"),
     "volume": lambda: _workspace("x", "y", "z"),
+    "build": lambda: page_of(unit_report(load_preset("motion_base"), ["2.0", "3.0"], ["native"], _UNITS, None)),
 }
 # What is true when a page has drawn everything.
 DRAWN: Mapping[str, str] = {
@@ -60,4 +63,5 @@ DRAWN: Mapping[str, str] = {
     "identification": "GoughStewart.ready.all === true",
     "workspace": "GoughStewart.ready.all === true",
     "volume": "GoughStewart.ready.all === true && GoughStewart.surface !== undefined",
+    "build": "GoughStewart.ready.picture",
 }

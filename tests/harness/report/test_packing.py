@@ -1,49 +1,51 @@
-"""Arrays of a page: what is packed comes out again, as near as was promised, and no peak of a long record is lost."""
+"""Arrays of a page, and curves with fewer points: what is packed comes out again, and no peak is lost."""
+
+import math
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
-from gough_stewart.harness.report.quantities import LENGTH, NUMBER
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.harness.report.chart import Axis, Chart, Flag, Samples, Scene, Series, time_axis
+from gough_stewart.harness.report.codec import FRAMES, thinned
+from gough_stewart.harness.report.document import Report, Section, Verdict
+from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks, decimated
+from gough_stewart.harness.report.quantities import COUNT, LENGTH, NUMBER
 from tests.support.page_arrays import unpacked
+from tests.support.records import Floats
+
+_TIME = np.linspace(0.0, 1.0, 501)
+_RANDOM = np.random.default_rng(5)
 
 
-def once(values: FloatArray, *quantity: object) -> FloatArray:
+def once(values: Any, *quantity: Any) -> Floats:
     kept = Arrays()
-    assert kept.add(values, *quantity) == 0  # type: ignore[arg-type]
+    assert kept.add(values, *quantity) == 0
     return unpacked(kept.packed[0])
 
 
 @given(arrays(float, st.integers(1, 40), elements=st.floats(-1e9, 1e9)))
-def test_without_a_quantity_every_bit_is_kept(values: FloatArray) -> None:
+def test_without_a_quantity_every_bit_is_kept(values: Floats) -> None:
     """Expected: the same numbers; of evenly spaced ones within a millionth of a step."""
     assert once(values) == pytest.approx(values, rel=1e-12, abs=1e-6 * np.ptp(values))
 
 
-@given(
-    arrays(
-        float,
-        st.integers(1, 60),
-        elements=st.one_of(st.floats(-3.0, 5.0), st.just(float("nan")), st.floats(1.0, 1.00001)),
-    )
-)
-def test_with_a_quantity_values_are_off_by_less_than_is_shown_and_gaps_stay(values: FloatArray) -> None:
+_ELEMENTS = st.one_of(st.floats(-3.0, 5.0), st.just(float("nan")), st.floats(1.0, 1.00001))
+
+
+@given(arrays(float, st.integers(1, 60), elements=_ELEMENTS))
+def test_with_a_quantity_values_are_off_by_less_than_is_shown_and_gaps_stay(values: Floats) -> None:
     """Expected: within half of a millionth of the range, or of an eighth of 0.001 mm; NaN where NaN was."""
     found, finite = once(values, LENGTH), np.isfinite(values)
     assert np.array_equal(np.isfinite(found), finite)
     if finite.any():
-        span = float(np.ptp(values[finite]))
         # single precision has no more digits than a millionth of the value
         least = max(1e-6, 1e-6 * float(np.abs(values[finite]).max()))
-        assert np.abs(found - values)[finite].max() <= max(span / 2**21, least / 16) * 1.001 + 1e-12
-
-
-_TIME = np.linspace(0.0, 1.0, 501)
-_RANDOM = np.random.default_rng(5)
+        allowed = max(float(np.ptp(values[finite])) / 2**21, least / 16) * 1.001 + 1e-12
+        assert np.abs(found - values)[finite].max() <= allowed
 
 
 @pytest.mark.parametrize(
@@ -55,7 +57,7 @@ _RANDOM = np.random.default_rng(5)
     ],
     ids=["to and fro", "a walk", "a smooth curve"],
 )
-def test_differences_are_of_the_order_that_suits_a_curve(order: int, values: FloatArray) -> None:
+def test_differences_are_of_the_order_that_suits_a_curve(order: int, values: Floats) -> None:
     """Expected: none for jumps to and fro, the first for a walk, the second for a smooth curve; and the values."""
     kept = Arrays()
     kept.add(values, LENGTH)
@@ -63,46 +65,98 @@ def test_differences_are_of_the_order_that_suits_a_curve(order: int, values: Flo
     assert np.abs(unpacked(kept.packed[0]) - values).max() <= 0.5001 * kept.packed[0]["s"]
 
 
-def test_whole_numbers_stay_whole_and_what_is_infinite_is_a_gap() -> None:
+def test_whole_numbers_stay_whole_what_is_infinite_is_a_gap_and_equal_arrays_are_kept_once() -> None:
+    """Expected: by hand; a clock that is uneven by more than a millionth of a step is kept as it is."""
     flags = np.array([0.0, 1.0, 1.0, 0.0, 7.0])
     assert once(flags, NUMBER).tolist() == flags.tolist()
     assert np.isnan(once(np.array([1.0, np.inf, 2.5]), NUMBER)).tolist() == [False, True, False]
     assert np.isnan(once(np.full(4, np.nan), LENGTH)).all()
-
-
-def test_the_same_numbers_are_kept_once() -> None:
     kept, time = Arrays(), np.arange(1000) / 7
-    assert [kept.add(time), kept.add(time.copy()), kept.add(time[:999]), kept.add(time, LENGTH)] == [0, 0, 1, 2]
-    assert [each["k"] for each in kept.packed] == ["even"] * 3
-    assert unpacked(kept.packed[1])[-1] == time[998]
-
-
-def test_a_clock_that_is_uneven_by_a_share_of_a_step_is_kept_as_it_is() -> None:
-    time = np.arange(50) / 10
-    time[17] += 1e-5
-    kept = Arrays()
-    kept.add(time)
-    assert kept.packed[0]["k"] == "f8"
-    assert np.array_equal(unpacked(kept.packed[0]), time)
+    uneven = time + 1e-5 * (np.arange(1000) == 17)
+    added = [kept.add(values) for values in (time, time.copy(), time[:999], uneven)]
+    assert [*added, kept.add(time, LENGTH)] == [0, 0, 1, 2, 3]
+    assert [each["k"] for each in kept.packed] == ["even", "even", "f8", "even"]
+    assert (unpacked(kept.packed[1])[-1], unpacked(kept.packed[2])[17]) == (time[998], uneven[17])
 
 
 @pytest.mark.parametrize("rows", [101, 1000, 1003])
 def test_blocks_keep_every_peak_in_its_order(rows: int) -> None:
     """Expected, row by row: of each block its smallest and largest value as they follow each other; gaps are gaps."""
-    rng = np.random.default_rng(3)
-    time, values = np.linspace(7.3, 9.1, rows), rng.normal(size=rows)
+    time, values = np.linspace(7.3, 9.1, rows), np.random.default_rng(3).normal(size=rows)
     values[30:60] = np.nan
     found_time, found = blocks(time, values, most=100)
     width = -(-2 * rows // 100)
     assert len(found) == len(found_time) == 2 * -(-rows // width) <= 102
-    for k in range(0, rows, width):
-        part, pair = values[k : k + width], found[2 * (k // width) : 2 * (k // width) + 2]
-        assert found_time[2 * (k // width)] == time[k]
+    for place, k in enumerate(range(0, rows, width)):
+        part, pair = values[k : k + width], found[2 * place : 2 * place + 2]
+        assert found_time[2 * place] == time[k]
         if np.isnan(part).all():
             assert np.isnan(pair).all()
-            continue
-        order = np.nanargmin(part) <= np.nanargmax(part)
-        assert pair.tolist() == ([np.nanmin(part), np.nanmax(part)][:: 1 if order else -1])
+        else:
+            rises = np.nanargmin(part) <= np.nanargmax(part)
+            assert pair.tolist() == [np.nanmin(part), np.nanmax(part)][:: 1 if rises else -1]
     assert (np.diff(found_time) >= 0).all()
     assert np.array_equal(blocks(time, values)[1], values, equal_nan=True)
     assert rows <= MOST_ROWS
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 90), st.integers(0, 40), st.integers(0, 2**32 - 1))
+def test_the_rows_kept_are_those_of_a_loop_over_buckets(n: int, points: int, seed: int) -> None:
+    """Expected: both ends, and of each bucket the first smallest and the first largest finite value.
+
+    Times are no row numbers, from 7.3 s on; gaps and infinite values are no extremes.
+    """
+    rng = np.random.default_rng(seed)
+    time = 7.3 + np.cumsum(rng.uniform(0.1, 1.0, n))
+    values = rng.integers(-4, 5, n) + rng.choice([0.0, 0.0, 0.0, np.nan, np.inf, -np.inf], n)
+    found, shown = decimated(time, values, points)
+    if n <= max(points, 4):
+        assert (found is time, shown is values) == (True, True)
+        return
+    width, rows = math.ceil((n - 2) / max(1, (points - 2) // 2)), {0, n - 1}
+    for start in range(1, n - 1, width):
+        finite = [k for k in range(start, min(start + width, n - 1)) if np.isfinite(values[k])]
+        rows |= {pick(finite, key=lambda k: values[k]) if finite else start for pick in (min, max)}
+    assert np.array_equal(found, time[sorted(rows)])
+    assert np.array_equal(shown, values[sorted(rows)], equal_nan=True)
+    assert len(found) <= max(points, 4)
+
+
+def _thinned(*parts: Any, points: int = 100) -> Any:
+    return thinned(Report("r", Verdict("v", "told"), (Section("a", parts),)), points).sections[0].parts
+
+
+def test_lines_for_other_programs_have_fewer_points_and_every_peak_at_its_time() -> None:
+    """Expected: rows of the line with both ends; short lines and other charts as they are; no samples of members."""
+    time = np.asarray(7.3 + np.arange(5001) * 1e-3)
+    first, second = np.sin(time), np.cos(3 * time)
+    first[1234], second[4321] = 9.0, -7.0
+    series = (Series("a", LENGTH, first, low=first - 1, high=first + 2), Series("b", LENGTH, second))
+    short = Chart("c", time_axis([0, 1]), (Series("a", LENGTH, np.array([1.0, 2.0])),))
+    points = Chart("p", Axis("x", COUNT, np.arange(2000.0)), (Series("a", LENGTH, np.arange(2000.0)),), "points")
+    samples = Samples(np.array([3.0, 5.0]), np.array([0.0, 1.0]), np.array([[1.0, 2.0], [3.0, 4.0]]), 9)
+    sampled = Chart("c", time_axis([0, 1]), short.series, samples=samples)
+    thin, *others, without = _thinned(Chart("c", time_axis(time), series, "step"), short, points, sampled)
+    assert (others[0] is short, others[1] is points, without.samples) == (True, True, None)
+    assert without.series[0].values.tolist() == [1.0, 2.0]
+    for found, values in zip(thin.series, (first, second), strict=True):
+        rows = np.searchsorted(time, found.x)
+        assert (len(rows) <= 100, found.of, {0, 5000} <= set(rows.tolist())) == (True, 5001, True)
+        assert np.array_equal(time[rows], found.x)
+        assert np.array_equal(values[rows], found.values)
+        assert (found.values.min(), found.values.max()) == (values.min(), values.max())
+    assert np.array_equal(thin.series[0].high, thin.series[0].values + 2)
+
+
+def test_a_flag_between_frames_stays_on_if_it_was_on_in_any_part() -> None:
+    n = 2001
+    flags = "".join("1" if k in (777, 1999) else "0" for k in range(n - 1))
+    scene = Scene(
+        "s", np.zeros((6, 3)), np.ones((6, 3)), 0.3, 0.4, np.linspace(0, 20, n), np.outer(np.arange(n), np.ones(7)),
+        np.ones((n, 6)), flags=(Flag("force limited", flags),), rows=n,
+    )  # fmt: skip
+    (found,) = _thinned(scene)
+    assert (len(found.time), found.time[0], found.time[-1], found.rows) == (FRAMES, 0.0, 20.0, n)
+    assert np.array_equal(found.pose[:, 3] * 0.01, found.time)
+    assert [k for k, each in enumerate(found.flags[0].values) if each == "1"] == [77, 199]

@@ -1,45 +1,188 @@
-"""The 3-D stage in a real browser: poses, colours, shadows, paths, paper."""
+"""The 3-D stage of a page in a real browser: it plays in silence, shows what the record says, and obeys its reader."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 from scipy.spatial.transform import Rotation
 
+import gough_stewart as gs
 from gough_stewart.harness.report.palette import colour_of_six
-from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.view import view_page
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.rotations import matrix_from_orientation
-from tests.support.browser import Watched, open_report, until
+from tests.support.browser import Watched, open_report, until, watched
 from tests.support.colour_vision import rgb_of
-from tests.support.records import waving_record
+from tests.support.records import Floats, waving_record
 from tests.support.stage import at, drawn, pixels, seek, seen, stage
 
 # Later, the external force draws an arrow over the platform.
 QUIET_ROW = 60
 
 
-@pytest.fixture(scope="module")
-def two(
-    browser: Browser, platform: Platform, record: Record, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Watched]:
-    """The page of two records of one platform."""
-    other = waving_record(platform, size=0.02)
-    path = tmp_path_factory.mktemp("stages") / "report.html"
-    path.write_bytes(view_page([record, other], ["waves", "ripples"]))
-    found = open_report(browser, path, 0.0)
-    yield found
-    assert found.errors == []
-    found.page.close()
+def scrub(page: Page, time: float) -> None:
+    """As a hand on the slider does it."""
+    page.evaluate(
+        "time => { const slider = document.getElementById('time'); slider.value = time;"
+        " slider.dispatchEvent(new Event('input')); }",
+        time,
+    )
+    page.evaluate("new Promise(requestAnimationFrame)")
 
 
-@pytest.mark.parametrize("factor", [2, 10, 50])
-def test_motion_is_drawn_larger_from_home(one: Watched, record: Record, platform: Platform, factor: int) -> None:
+def rotation(orientation: Floats) -> Floats:
+    return np.asarray(Rotation.from_euler("xyz", np.array(orientation)).as_matrix())
+
+
+def test_the_page_plays_by_itself_in_silence(browser: Browser, report: Path) -> None:
+    """Expected: time goes on at the speed of the clock, as far as frames come; no complaint, no request.
+
+    Chromium draws in software here: the first chart comes before the first picture, which holds everything up.
+    """
+    found = open_report(browser, report)
+    page = found.page
+    marks = [f"performance.getEntriesByName('{name}')[0].startTime" for name in ("curves", "first-picture")]
+    chart, picture = page.evaluate(f"[{', '.join(marks)}]")
+    assert chart < picture
+    assert page.evaluate("GoughStewart.player.playing")
+    page.select_option("#speed", "0.05")
+    before = page.evaluate("[GoughStewart.player.time, performance.now()]")
+    until(page, f"GoughStewart.player.time !== {before[0]}")
+    page.wait_for_timeout(600)
+    after = page.evaluate("[GoughStewart.player.time, performance.now()]")
+    assert 0 < (after[0] - before[0]) % 0.5 <= 0.05 * (after[1] - before[1]) / 1000 + 0.02
+    page.click("#play")
+    stopped = page.evaluate("GoughStewart.player.time")
+    page.wait_for_timeout(200)
+    assert page.evaluate("GoughStewart.player.time") == stopped
+    assert (found.errors, found.requests) == ([], [report.as_uri()])
+    page.close()
+
+
+@pytest.mark.parametrize("row", [0, 137, 500])
+def test_the_moment_shown_is_that_of_the_row(one: Watched, record: gs.Record, platform: gs.Platform, row: int) -> None:
+    """Expected: position and R of the row, legs from B_i to P_i and of its length, parts along them; clock and table.
+
+    At half time to the next row, the mean of both positions.
+    """
+    scrub(one.page, record["time"][row])
+    shown = drawn(one.page)
+    position, orientation = record["position"][row], record["orientation"][row]
+    assert shown["position"] == pytest.approx(position, abs=1e-9)
+    assert np.array(shown["rotation"]) == pytest.approx(rotation(orientation), abs=1e-9)
+    assert shown["reference"] == pytest.approx(record["reference.position"][row], abs=1e-9)
+    scene: Any = next(part for part in record.report().parts() if type(part).__name__ == "Scene")
+    legs = gs.leg_geometry(platform, position, orientation)
+    for k, leg in enumerate(shown["legs"]):
+        B, u = platform.base_points[k], legs.direction[k]
+        P = B + record["leg_length"][row, k] * u
+        for end, point in (
+            ("foot", B),
+            ("head", P),
+            ("sleeveEnd", B + scene.lower * u),
+            ("rodEnd", P - scene.upper * u),
+        ):
+            assert leg[end] == pytest.approx(point, abs=1e-6), (k, end)
+    assert one.page.inner_text("#clock").startswith(f"{record['time'][row]:.3f}")
+    said = one.page.inner_text("#now").replace("−", "-")
+    for number in (f"{position[0]:.4f}", f"{record['leg_length'][row, 5]:.4f}"):
+        assert number.removeprefix("-") in said
+    if row < 500:
+        one.page.evaluate("time => GoughStewart.player.seek(time)", float(record["time"][row : row + 2].mean()))
+        assert drawn(one.page)["position"] == pytest.approx(record["position"][row : row + 2].mean(axis=0), abs=1e-12)
+
+
+def test_legs_change_colour_with_force_and_with_nearness(one: Watched, record: gs.Record) -> None:
+    """Expected: pushing legs are more red than blue, pulling ones the other way round; plain legs are all alike."""
+    page, force = one.page, record["actuator_force"]
+    row = int(np.abs(force).min(axis=1).argmax())
+    scrub(page, record["time"][row])
+    page.select_option("#colour", "force")
+    reds = [leg["colour"][0] > leg["colour"][2] for leg in drawn(page)["legs"]]
+    assert reds == (force[row] > 0).tolist()
+    page.select_option("#colour", "nearness")
+    # the force of some leg is at its limit at some row: there it is dark red
+    at_limit, leg = np.argwhere(np.abs(force) > 99.9)[0]
+    scrub(page, record["time"][at_limit])
+    red, green, _ = drawn(page)["legs"][leg]["colour"]
+    assert red > 3 * green
+    page.select_option("#colour", "plain")
+    assert len({tuple(leg["colour"]) for leg in drawn(page)["legs"]}) == 1
+
+
+@pytest.mark.parametrize("by", ["left", "right", "wheel"])
+def test_dragging_and_the_wheel_change_the_view(one: Watched, by: Literal["left", "right", "wheel"]) -> None:
+    """Expected: the same scene, seen from a camera that has turned about its target, moved with it, or come nearer."""
+    before, pose, box = stage(one.page), drawn(one.page), one.page.locator("#view").bounding_box()
+    assert box is not None
+    one.page.mouse.move(box["x"] + 200, box["y"] + 150)
+    if by == "wheel":
+        one.page.mouse.wheel(0, -300)
+        one.page.wait_for_timeout(60)
+    else:
+        one.page.mouse.down(button=by)
+        one.page.mouse.move(box["x"] + 330, box["y"] + 170, steps=4)
+        one.page.mouse.up(button=by)
+    after = stage(one.page)
+    assert drawn(one.page) == pose
+    offsets = [np.subtract(each["camera"], each["target"]) for each in (before, after)]
+    nearer = np.linalg.norm(offsets[1]) < 0.99 * np.linalg.norm(offsets[0])
+    turned = not np.allclose(offsets[1] / np.linalg.norm(offsets[1]), offsets[0] / np.linalg.norm(offsets[0]))
+    moved = not np.allclose(before["target"], after["target"])
+    assert {"wheel": nearer, "left": turned, "right": moved} == {
+        **dict.fromkeys(("wheel", "left", "right"), False), by: True,
+    }  # fmt: skip
+
+
+def test_keys_turn_the_view_where_it_has_the_focus_and_step_elsewhere(one: Watched, record: gs.Record) -> None:
+    """Expected: 5° to a press in azimuth or height, a tenth of the distance, a move without a turn, and back home.
+
+    The camera stays above the floor, whatever keys are pressed.
+    """
+    page = one.page
+    page.select_option("#from", "corner")
+    seek(page, record, 100)
+
+    def view() -> tuple[float, float, float, Floats]:
+        now = stage(page)
+        offset = np.subtract(now["camera"], now["target"])
+        distance = float(np.linalg.norm(offset))
+        return np.arctan2(offset[1], offset[0]), np.arcsin(offset[2] / distance), distance, np.array(now["target"])
+
+    page.focus("#view canvas")
+    page.keyboard.press("Home")
+    home = view()
+    for key, azimuth, height, distance in (
+        ("ArrowRight", 5, 0, 1), ("ArrowLeft", -5, 0, 1), ("ArrowUp", 0, 5, 1), ("ArrowDown", 0, -5, 1),
+        ("+", 0, 0, 0.9), ("-", 0, 0, 1 / 0.9),
+    ):  # fmt: skip
+        before = view()
+        page.keyboard.press(key)
+        after = view()
+        turned = np.degrees(np.subtract(after[:2], before[:2]))
+        assert (*turned, after[2] / before[2]) == pytest.approx((azimuth, height, distance), abs=1e-6), key
+    page.keyboard.press("Shift+ArrowRight")
+    moved = view()
+    step = moved[3] - home[3]
+    assert step @ [-np.sin(home[0]), np.cos(home[0]), 0] == pytest.approx(np.linalg.norm(step)) != 0
+    assert moved[:3] == pytest.approx(home[:3])
+    for keys in (["ArrowDown"], ["Shift+ArrowDown", "ArrowDown"], ["ArrowDown", "-"]):
+        for key in 25 * keys:
+            page.keyboard.press(key)
+        now = stage(page)
+        assert min(now["camera"][2], now["target"][2]) > now["ground"]
+        page.keyboard.press("Home")
+    assert np.concatenate([view()[3], view()[:3]]) == pytest.approx(np.concatenate([home[3], home[:3]]))
+    assert page.evaluate("GoughStewart.player.time") == record["time"][100]
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("GoughStewart.player.time") == record["time"][101]
+
+
+@pytest.mark.parametrize("factor", [2, 50])
+def test_motion_is_drawn_larger_from_home(one: Watched, record: gs.Record, platform: gs.Platform, factor: int) -> None:
     """Expected: p₀ + f (p - p₀), exp(f log(R R₀ᵀ)) R₀ by SciPy, legs from B to the drawn P; numbers as before."""
     page, row = one.page, 137
     seek(page, record, row)
@@ -48,12 +191,12 @@ def test_motion_is_drawn_larger_from_home(one: Watched, record: Record, platform
     assert page.inner_text("#enlarged") == f"motion drawn {factor} times larger"
     assert page.inner_text("#now") == numbers
     shown = drawn(page)
-    home, R0 = platform.home_position, matrix_from_orientation(platform.home_orientation)
-    for name, position, rotation in (("", "position", "rotation"), ("reference.", "reference", "referenceRotation")):
-        turn = Rotation.from_matrix(matrix_from_orientation(record[f"{name}orientation"][row]) @ R0.T)
+    home, R0 = platform.home_position, rotation(platform.home_orientation)
+    for name, position, turned in (("", "position", "rotation"), ("reference.", "reference", "referenceRotation")):
+        turn = Rotation.from_matrix(rotation(record[f"{name}orientation"][row]) @ R0.T)
         assert shown[position] == pytest.approx(home + factor * (record[f"{name}position"][row] - home), abs=1e-9)
         R = Rotation.from_rotvec(factor * turn.as_rotvec()).as_matrix() @ R0
-        assert np.array(shown[rotation]) == pytest.approx(R, abs=1e-9)
+        assert np.array(shown[turned]) == pytest.approx(R, abs=1e-9)
     for path, name in (("path", "position"), ("referencePath", "reference.position")):
         assert np.array(shown[path]) == pytest.approx(home + factor * (record[name] - home), abs=1e-5)
     for leg, B, b in zip(shown["legs"], platform.base_points, platform.platform_points, strict=True):
@@ -64,85 +207,165 @@ def test_motion_is_drawn_larger_from_home(one: Watched, record: Record, platform
     assert drawn(page)["position"] == pytest.approx(record["position"][row], abs=1e-9)
 
 
-def test_colour_tells_the_run(two: Watched) -> None:
-    """Expected: legs and path in the run's colour; a plate of the same hue, lighter: on the line from it to white."""
-    assert two.page.input_value("#colour") == "run"
-    for run in (0, 1):
-        shown, colour = drawn(two.page, run), rgb_of(colour_of_six(run))
-        for leg in shown["legs"]:
-            assert leg["colour"] == pytest.approx(colour, abs=1e-6)
-        assert shown["pathColour"] == pytest.approx(colour, abs=1e-6)
-        to_white = (np.array(shown["colour"]) - colour) / (1 - colour)
-        assert to_white == pytest.approx(np.full(3, to_white.mean()))
+def test_the_picture_of_the_moment_is_saved(one: Watched, record: gs.Record) -> None:
+    """Expected: a PNG twice as wide as the view, blue where the plate is, with the moment in its name."""
+    page = one.page
+    seek(page, record, QUIET_ROW)
+    with page.expect_download() as download:
+        page.click("#picture")
+    assert download.value.suggested_filename == "six sines 0.0600 s.png"
+    with Image.open(download.value.path()) as picture:
+        values = np.asarray(picture.convert("RGB"), dtype=float)
+    box = page.locator("#view").bounding_box()
+    assert box is not None
+    assert values.shape[:2] == pytest.approx((2 * box["height"], 2 * box["width"]), abs=2)
+    plate = drawn(page)
+    inside = np.array(plate["position"]) + 0.3 * np.subtract(plate["legs"][0]["head"], plate["position"])
+    red, _, blue = at(values, 2 * seen(page, inside[None]))[0]
+    assert blue > red + 30
 
 
-def test_the_platform_and_the_base_throw_shadows(two: Watched, record: Record, platform: Platform) -> None:
-    """Expected: darker than without machines where the sun's ray through the plate's middle meets the base.
-
-    The floor is darker close behind the base, as the sun sees it, than farther off.
-    """
-    page, row = two.page, 0
-    seek(page, record, row)
-    for box in ("ghost", "frames", "trail"):
-        page.uncheck(f"#{box}")
-    sun, middle = np.array(stage(page)["sun"]), record["position"][row]
-    shadow = middle - sun * (middle[2] - platform.base_points[:, 2].mean()) / sun[2]
-    place = seen(page, shadow[None])
-    with_machines = at(pixels(page), place)
-    for run in (0, 1):
-        page.uncheck(f"#runs input >> nth={run}")
-    without = at(pixels(page), place)
-    assert with_machines.mean() < 0.8 * without.mean()
-    # of the base's edges, the one whose outward normal goes most with the rays
-    page.select_option("#from", "top")
-    from_middle = platform.base_points[:, :2] - platform.base_points[:, :2].mean(axis=0)
-    size = np.linalg.norm(from_middle, axis=1).max()
-    corners = platform.base_points[np.argsort(np.arctan2(from_middle[:, 1], from_middle[:, 0])), :2]
-    sides = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, None]
-    best = int((normals @ sun[:2]).argmax())
-    along, normal = corners[best] + sides[best] / 2, normals[best]
-    picture = pixels(page)
-    line = [[*(along + share * size * normal), stage(page)["ground"]] for share in np.linspace(0.05, 0.5, 60)]
-    light = at(picture, seen(page, np.array(line))).mean(axis=1)
-    assert light[:15].min() < np.median(light[30:]) - 10
-    for run in (0, 1):
-        page.check(f"#runs input >> nth={run}")
-    for box in ("ghost", "frames", "trail"):
-        page.check(f"#{box}")
-    page.select_option("#from", "corner")
-
-
-def test_the_path_is_seen_where_the_plate_would_hide_it(one: Watched, record: Record) -> None:
+def test_the_path_is_seen_where_the_plate_would_hide_it(one: Watched, record: gs.Record) -> None:
     """Expected: on nine of ten points of the path, another picture with the path than without; also under the plate."""
     page = one.page
     seek(page, record, QUIET_ROW)
-    page.uncheck("#frames")
-    page.uncheck("#ghost")
+    for box in ("#frames", "#ghost"):
+        page.uncheck(box)
     places = seen(page, record["position"][::25])
     with_path = pixels(page)
     page.uncheck("#trail")
     without = pixels(page)
-    page.check("#trail")
     near = np.array([[dx, dy] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
     changed = [np.abs(at(with_path, place + near) - at(without, place + near)).max() > 8 for place in places]
     assert np.mean(changed) >= 0.9
-    page.check("#frames")
-    page.check("#ghost")
+    for box in ("#trail", "#frames", "#ghost"):
+        page.check(box)
+
+
+def test_runs_lie_over_each_other_in_their_colours_and_can_be_hidden(
+    opened: Callable[..., Page], record: gs.Record, platform: gs.Platform
+) -> None:
+    """Expected: each at its own pose of the moment, also where one has ended; arrows go to the next row of either.
+
+    Legs and path are in the run's colour, a plate of the same hue, lighter: on the line from it to white. A machine
+    throws its shadow where the sun's ray through the plate's middle meets the base, unless it is hidden.
+    """
+    other = waving_record(platform, rows=251, size=0.02, step=1.7e-3)
+    page = opened(record, other)
+    scrub(page, 0.45)
+    for run, (each, row) in enumerate(((record, 450), (other, 250))):
+        shown, colour = drawn(page, run), rgb_of(colour_of_six(run))
+        assert shown["position"] == pytest.approx(each["position"][row], abs=1e-9)
+        for part in (*(leg["colour"] for leg in shown["legs"]), shown["pathColour"]):
+            assert part == pytest.approx(colour, abs=1e-6)
+        to_white = (np.array(shown["colour"]) - colour) / (1 - colour)
+        assert to_white == pytest.approx(np.full(3, to_white.mean()))
+    scrub(page, record["time"][200])
+    for key, time in (("ArrowRight", other["time"][118]), ("ArrowRight", record["time"][201])):
+        page.keyboard.press(key)
+        assert page.evaluate("GoughStewart.player.time") == time
+    seek(page, record, 0)
+    for box in ("ghost", "frames", "trail"):
+        page.uncheck(f"#{box}")
+    sun, middle = np.array(stage(page)["sun"]), record["position"][0]
+    place = seen(page, (middle - sun * (middle[2] - platform.base_points[:, 2].mean()) / sun[2])[None])
+    with_machines = at(pixels(page), place)
+    for run in (0, 1):
+        page.uncheck(f"#runs input >> nth={run}")
+    assert with_machines.mean() < 0.8 * at(pixels(page), place).mean()
+
+
+def test_a_finger_scrolls_the_page_up_and_down_and_turns_the_view_sideways(browser: Browser, report: Path) -> None:
+    context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
+    page = context.new_page()
+    page.goto(report.as_uri() + "#t=0")
+    until(page, "GoughStewart.ready.picture")
+    page.click(".stage-options > summary")
+    assert (page.is_visible(".by-touch"), page.is_hidden(".by-mouse")) == (True, True)
+    page.evaluate("scrollTo(0, 0)")
+    box = page.locator("#view").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    fingers = context.new_cdp_session(page)
+
+    def swipe(dx: float, dy: float) -> None:
+        for k in range(11):
+            points = [{"x": x + k / 10 * dx, "y": y + k / 10 * dy}]
+            fingers.send(
+                "Input.dispatchTouchEvent", {"type": "touchMove" if k else "touchStart", "touchPoints": points}
+            )
+            page.wait_for_timeout(20)
+        fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    home = stage(page)["camera"]
+    swipe(120, 0)
+    turned = stage(page)["camera"]
+    assert np.linalg.norm(np.subtract(turned, home)) > 0.1 * np.linalg.norm(home)
+    assert page.evaluate("scrollY") == 0
+    swipe(0, -120)
+    until(page, "scrollY > 50")
+    assert stage(page)["camera"] == pytest.approx(turned)
+    context.close()
 
 
 def test_the_dark_stage_prints_light(browser: Browser, report: Path) -> None:
-    """Expected: dark corners on a dark screen; on paper a picture with light ones instead, and no controls."""
-    page = browser.new_page(color_scheme="dark", viewport={"width": 1000, "height": 640})
-    page.goto(report.as_uri() + "#t=0")
+    """Expected: dark corners on a dark screen; on paper a picture with light ones instead, and no controls.
+
+    A reader who wants no motion gets none, until the animation is asked to play.
+    """
+    page = browser.new_page(color_scheme="dark", viewport={"width": 1000, "height": 640}, reduced_motion="reduce")
+    page.goto(report.as_uri())
     until(page, "GoughStewart.ready.picture")
     assert pixels(page)[[5, 5], [5, -5]].max() < 60
+    assert page.evaluate("[GoughStewart.state.playing, GoughStewart.state.time]") == [False, 0]
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     page.emulate_media(media="print")
-    assert page.is_hidden("#view")
-    assert page.is_hidden("#play")
+    assert (page.is_hidden("#view"), page.is_hidden("#play")) == (True, True)
     printed = np.asarray(Image.open(io.BytesIO(page.locator("#printed").screenshot())).convert("RGB"), dtype=float)
     assert printed[[5, 5], [5, -5]].min() > 200
     # the blue of the plate is in the picture
     assert ((printed[..., 2] - printed[..., 0]) > 60).sum() > 500
+    page.emulate_media(media="screen")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.keyboard.press("Space")
+    until(page, "GoughStewart.state.time > 0")
+    page.close()
+
+
+def test_the_policy_stops_other_scripts_and_forms(browser: Browser, report: Path) -> None:
+    """Expected: a script that is not the page's own does not run, a form does not leave; both are complained of."""
+    found = watched(browser)
+    found.page.goto(report.as_uri())
+    found.page.evaluate(
+        "document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.foreign = true'}))"
+    )
+    found.page.evaluate(
+        "() => { const form = document.createElement('form');"
+        " Object.assign(form, {action: 'http://127.0.0.1:9/', method: 'post'});"
+        " document.body.append(form); form.submit(); }"
+    )
+    for _ in range(200):
+        if len(found.errors) >= 2:
+            break
+        found.page.wait_for_timeout(20)
+    assert found.page.evaluate("window.foreign === undefined")
+    assert ["Content Security Policy" in error for error in found.errors] == [True, True]
+    assert [address for address in found.requests if not address.startswith("file:")] == []
+    found.page.close()
+
+
+def test_without_webgl_curves_and_tables_are_still_there(browser: Browser, report: Path) -> None:
+    page = browser.new_page()
+    page.add_init_script(
+        "const own = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...more) {"
+        "  return kind.includes('webgl') ? null : own.call(this, kind, ...more); };"
+    )
+    page.goto(report.as_uri())
+    until(page, "GoughStewart.ready.curves")
+    assert "no 3-D graphics" in page.inner_text("#no-view")
+    page.locator("figure.chart").first.scroll_into_view_if_needed()
+    until(page, "GoughStewart.panels[0].figure !== null")
+    assert "Tracking error" in page.inner_text("main")
+    page.click("#play")
     page.close()

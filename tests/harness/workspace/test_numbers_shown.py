@@ -10,9 +10,8 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.chart import Chart, Surface
 from gough_stewart.harness.report.document import Note, Report
-from gough_stewart.harness.report.scene import Surface
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
 from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report

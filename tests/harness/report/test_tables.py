@@ -1,13 +1,16 @@
-"""Tables in terminals of any width."""
+"""Tables in terminals of any width, in notebooks and on pages."""
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
+from urllib.parse import unquote, urljoin, urlsplit
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lxml import html
 
 from gough_stewart.harness.report.document import Report, Section, Verdict
-from gough_stewart.harness.report.page import to_html
+from gough_stewart.harness.report.page import page_of, to_html
 from gough_stewart.harness.report.quantities import Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import stacked_columns, tables_text
@@ -119,35 +122,51 @@ def test_widths_of_columns_and_shares_of_tables() -> None:
     """
     columns = [["", "twenty letters long."], *([f"h{k}", "9" * k] for k in (5, 6, 7, 8, 4))]
     whole = [[(0, 20), (1, 5), (2, 6), (3, 7), (4, 8), (5, 4)]]
-    assert stacked_columns(columns, 200) == stacked_columns(columns, 69) == whole
-    assert stacked_columns(columns, 68) == [[(0, 19), *whole[0][1:]]]
-    assert stacked_columns(columns, 67) == [[(0, 18), *whole[0][1:]]]
-    # 18 + 3 + 5 + 3 + 6 + 3 + 1 = 39 and 18 + 3 + 7 + 3 + 8 + 3 + 4 + 3 + 1 = 50
-    assert stacked_columns(columns, 66) == [[(0, 20), (1, 5), (2, 6)], [(0, 20), (3, 7), (4, 8), (5, 4)]]
-    assert stacked_columns(columns, 50) == [[(0, 18), (1, 5), (2, 6)], [(0, 18), (3, 7), (4, 8), (5, 4)]]
-    assert stacked_columns(columns, 49) == [[(0, 20), (1, 5)], [(0, 20), (2, 6), (3, 7)], [(0, 20), (4, 8), (5, 4)]]
-    # not even one beside the names of least width: 33 are 18 + 3 + 8 + 3 + 1; names give way
     single = [[(1, 5)], [(2, 6)], [(3, 7)], [(4, 8)], [(5, 4)]]
-    assert stacked_columns(columns, 33) == [[(0, 18), *each] for each in single]
-    assert stacked_columns(columns, 30) == [[(0, 15), *each] for each in single]
-    assert stacked_columns(columns, 3) == [[(0, 1), *each] for each in single]
+    for width, expected in {
+        200: whole, 69: whole, 68: [[(0, 19), *whole[0][1:]]], 67: [[(0, 18), *whole[0][1:]]],
+        # 18 + 3 + 5 + 3 + 6 + 3 + 1 = 39 and 18 + 3 + 7 + 3 + 8 + 3 + 4 + 3 + 1 = 50
+        66: [[(0, 20), (1, 5), (2, 6)], [(0, 20), (3, 7), (4, 8), (5, 4)]],
+        50: [[(0, 18), (1, 5), (2, 6)], [(0, 18), (3, 7), (4, 8), (5, 4)]],
+        49: [[(0, 20), (1, 5)], [(0, 20), (2, 6), (3, 7)], [(0, 20), (4, 8), (5, 4)]],
+        # not even one beside the names of least width: 33 are 18 + 3 + 8 + 3 + 1; names give way
+        **{width: [[(0, names), *each] for each in single] for width, names in ((33, 18), (30, 15), (3, 1))},
+    }.items():  # fmt: skip
+        assert stacked_columns(columns, width) == expected, width
     assert stacked_columns(columns[:1], 12) == [[(0, 8)]]
-    assert stacked_columns(columns[:1], 40) == [[(0, 20)]]
-
-
-def test_room_goes_first_to_what_lacks_most() -> None:
-    """Expected, by hand: sentences of 30 and 40 letters from 18 each; the longer gets 10 more before they share.
-
-    A word of 26 letters stays whole, and of one of 27 letters only 26 do.
-    """
+    # room goes first to what lacks most: sentences of 30 and 40 letters from 18 each
     short, long = ("word " * 6).strip() + "x", ("word " * 8).strip() + "x"
-    columns = [["", "n"], ["a", short], ["b", long]]
-    assert stacked_columns(columns, 100) == [[(0, 1), (1, 30), (2, 40)]]
-    assert stacked_columns(columns, 56) == [[(0, 1), (1, 18), (2, 27)]]
-    assert stacked_columns(columns, 61) == [[(0, 1), (1, 20), (2, 30)]]
-    # one column that is as wide as the names may still lack something
-    like_names = [["", "n" * 20], ["a", "word word word wordx"]]
-    assert stacked_columns(like_names, 100) == [[(0, 20), (1, 20)]]
+    for width, (one, other) in {100: (30, 40), 56: (18, 27), 61: (20, 30)}.items():
+        assert stacked_columns([["", "n"], ["a", short], ["b", long]], width) == [[(0, 1), (1, one), (2, other)]]
+    # a word of 26 letters stays whole, and of one of 27 letters only 26 do
     for letters, least in ((26, 26), (27, 26), (19, 19), (5, 18)):
         words = [["", "n"], ["a", "b" * letters + " and more words than fit in any line of this width"]]
         assert stacked_columns(words, 1 + 3 + 1 + 3 + least) == [[(0, 1), (1, least)]], letters
+
+
+def on_page(made: Table) -> Any:
+    """The element of a page's only table."""
+    page = page_of(Report("r", Verdict("v", "told"), (Section("s", (made,)),)))
+    elements: Any = html.document_fromstring(page).xpath("//main//table")
+    (element,) = elements
+    return element
+
+
+def test_links_lead_to_files_whatever_their_names_and_not_out_of_the_folder() -> None:
+    """Expected: a browser's address, decoded, is the name; a path out of the folder is a text."""
+    names = ("a#b.html", "50 %/c?d.html", 'e"f.html', "javascript:alert(1)", "../g.html", "/etc/h", "i/../../j")
+    made = on_page(Table("", (Column("name"), Column("n")), tuple((name, 1.0) for name in names), links=names))
+    assert [cell.text_content() for cell in made.xpath(".//tbody//th")] == list(names)
+    addresses = [urlsplit(urljoin("file:///runs/report.html", link)) for link in made.xpath(".//a/@href")]
+    assert [unquote(each.path) for each in addresses] == [f"/runs/{name}" for name in names[:4]]
+    assert not any(each.query or each.fragment or each.scheme != "file" for each in addresses)
+
+
+def test_numbers_are_at_the_right_with_a_minus_and_words_are_not() -> None:
+    """Expected: by hand; the first column names its row, and a hyphen within words stays one."""
+    columns = (Column("what"), Column("error", Quantity("m", "m")), Column("cause"), Column("share"))
+    made = on_page(Table("errors", columns, (("leg-1", -0.25, "a-b", "-3 %"), ("leg-2", None, "stopped", "+4 %"))))
+    assert [head.get("class") for head in made.xpath(".//thead//th")] == [None, "n", None, "n"]
+    rows = made.xpath(".//tbody/tr")
+    assert [[cell.get("class") for cell in row.xpath("./td")] for row in rows] == [["n", None, "n"]] * 2
+    assert [cell.text_content() for cell in rows[0]] == ["leg-1", "−0.25", "a-b", "−3 %"]
