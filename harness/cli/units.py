@@ -87,13 +87,11 @@ def build_command(
         check_forms(chosen_as)
         if check and "fmu" not in chosen_as:
             raise BuildError(f"--check runs units, and --as is {forms}; expected fmu among the forms")
-    if check:
-        with wrong_use_if(BuildError):
-            if native() not in targets_by_name(targets):
-                raise BuildError(
-                    f"--check runs the units on this machine, {native().name}, and the targets are "
-                    f"{', '.join(targets)}; add `--target native`"
-                )
+        if check and native() not in targets_by_name(targets):
+            raise BuildError(
+                f"--check runs the units on this machine, {native().name}, and the targets are "
+                f"{', '.join(targets)}; add `--target native`"
+            )
     running.hold(out, keeps_data=running.page or out != Path())
     running.step("building", total=number_of_steps(versions, targets))
     files = build(
@@ -112,12 +110,12 @@ def build_command(
         checks = list(check_units([file for file in files if file.suffix == ".fmu"]))
     running.command.written.append(out)
     names = [str(file.relative_to(out)) for file in files]
-    running.present(_report(loaded.name, versions if "fmu" in chosen_as else (), targets, names, checks), names)
+    running.present(_build_report(loaded.name, versions if "fmu" in chosen_as else (), targets, names, checks), names)
     if not all(outcome.passed for outcome in checks or ()):
         raise typer.Exit(ExitCode.MISSED)
 
 
-def _report(
+def _build_report(
     platform: str,
     versions: Sequence[str],
     targets: Sequence[str],
@@ -125,41 +123,37 @@ def _report(
     checks: "Sequence[UnitCheck] | None",
 ) -> "Report":
     """What was built: of which platform, for what, and how it passed its checks, or that it has not been run."""
+    from gough_stewart.harness.plants.unit_check import EXPLANATION
     from gough_stewart.harness.report.document import Number, Report, Section, Verdict
     from gough_stewart.harness.report.quantities import COUNT, NUMBER
     from gough_stewart.harness.report.table import Column, Table
     from gough_stewart.harness.report.words import listed, sentence
 
     systems = "this machine" if list(targets) == ["native"] else listed([*targets])
-    built = [f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"] if versions else []
-    built += [f"model of the platform {platform} for MuJoCo in {name}" for name in files if name.endswith(".xml")]
-    built.append("six actuator forces in, pose and leg lengths out")
-    title, written = (
-        f"FMU of {platform}" if versions else f"Model of {platform} for MuJoCo",
-        Number("files", "files written", float(len(files)), COUNT),
-    )
+    said = [f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"] if versions else []
+    said += [f"model of the platform {platform} for MuJoCo in {name}" for name in files if name.endswith(".xml")]
+    said.append("six actuator forces in, pose and leg lengths out")
+    title = f"FMU of {platform}" if versions else f"Model of {platform} for MuJoCo"
+    written = Number("files", "files written", float(len(files)), COUNT)
     if checks is None:
-        unchecked = ["not yet run: `--check` runs and compares them"] if versions else []
-        verdict = Verdict(sentence([*built, *unchecked]), "good")
-        return Report(title, verdict, study="build", numbers=(written,))
-    from gough_stewart.harness.plants.unit_check import EXPLANATION
-
+        said += ["not yet run: `--check` runs and compares them"] if versions else []
+        return Report(title, Verdict(sentence(said), "good"), study="build", numbers=(written,))
     failed = [f"{check.name} of {check.file}" for check in checks if not check.passed]
-    outcome = f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"
+    said.append(
+        f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"
+        if failed
+        else f"all {len(checks)} checks passed"
+    )
     worst = max((check.deviation for check in checks if check.deviation is not None), default=None)
     numbers = (
         Number("checks.failed", "failed checks", float(len(failed)), COUNT),
         Number("checks.deviation", "largest deviation from reference results", worst, NUMBER),
     )
-    table = Table(
-        "",
-        (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),
-        tuple((check.file, check.name, "passed" if check.passed else "FAILED", check.result) for check in checks),
-        note=EXPLANATION,
-    )
-    text = sentence([*built, outcome if failed else f"all {len(checks)} checks passed"])
-    verdict = Verdict(text, "bad" if failed else "good", numbers)
-    return Report(title, verdict, (Section("Checks", (table,)),), study="build", numbers=(written, *numbers))
+    columns = tuple(map(Column, ("unit", "check", "outcome", "deviation or problem")))
+    rows = ((check.file, check.name, "passed" if check.passed else "FAILED", check.result) for check in checks)
+    section = Section("Checks", (Table("", columns, tuple(rows), note=EXPLANATION),))
+    verdict = Verdict(sentence(said), "bad" if failed else "good", numbers)
+    return Report(title, verdict, (section,), study="build", numbers=(written, *numbers))
 
 
 SafeForce = Literal["feedforward", "zero"]
@@ -235,12 +229,23 @@ def export_command(
     from gough_stewart.harness.export.export import export
     from gough_stewart.harness.export.notes import export_report
     from gough_stewart.harness.report.document import settings_of
+    from gough_stewart.model.units import number
 
     loaded = chosen_experiment(experiment, settings, no_python)
     with wrong_use_if(ExportError):
         chosen_as = chosen_forms(form.strip() for form in forms.split(","))
         inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
     versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], chosen_targets(target)
+    held: tuple[int, float] | None = None
+    if frozen is not None:
+        samples, _, movement = frozen.partition(",")
+        try:
+            held = int(samples), number(movement.strip(), "m")
+        except ValueError:
+            raise ExportError(
+                f"--frozen is '{frozen}'; expected a number of samples and a length with a comma between them, such as "
+                "'50,1 mm'"
+            ) from None
     running.hold(out, keeps_data=running.page or out != Path())
     steps_of_one = number_of_steps(["2.0"], targets)
     steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * steps_of_one, "page": 1}
@@ -260,7 +265,7 @@ def export_command(
         safe_force=safe_force,
         ssp=ssp,
         parts=inside,
-        frozen=None if frozen is None else _frozen(frozen),
+        frozen=held,
         anyway=anyway,
         progress=lambda stage: running.step(stage, advance=1),
         judging=lambda k, of: running.progress.update(judging, completed=k, total=of, visible=k < of),
@@ -274,17 +279,3 @@ def export_command(
     report = replace(report, settings=settings_of(loaded.changed))
     running.require(loaded.requirements, report.numbers)
     running.present(report, names)
-
-
-def _frozen(text: str) -> tuple[int, float]:
-    """Samples and movement [m] from the text of the option."""
-    from gough_stewart.model.units import number
-
-    samples, _, movement = text.partition(",")
-    try:
-        return int(samples), number(movement.strip(), "m")
-    except ValueError:
-        raise ExportError(
-            f"--frozen is '{text}'; expected a number of samples and a length with a comma between them, such as "
-            "'50,1 mm'"
-        ) from None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.ensemble.compare import names_of, run_compared
-from gough_stewart.harness.ensemble.report import read_ensemble
+from gough_stewart.harness.ensemble.ensemble_report import read_ensemble
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import load_experiment
 

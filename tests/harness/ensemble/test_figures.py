@@ -11,7 +11,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import colour_of

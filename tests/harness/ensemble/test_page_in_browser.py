@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from gough_stewart.harness.ensemble.data import numbers
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.report.page import page_of
 from tests.support.browser import until, watched

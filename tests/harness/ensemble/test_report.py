@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binomtest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.model.vectors import FloatArray

@@ -10,7 +10,7 @@ from rich.console import Console
 from gough_stewart.harness.ensemble.charts import FIGURES
 from gough_stewart.harness.ensemble.compare import compare, comparison_report
 from gough_stewart.harness.ensemble.data import integration_warning
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, ensemble_verdict
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report, ensemble_verdict
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of

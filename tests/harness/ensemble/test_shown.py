@@ -21,7 +21,7 @@ from gough_stewart.harness.ensemble.data import (
     works,
     worst_members,
 )
-from gough_stewart.harness.ensemble.report import (
+from gough_stewart.harness.ensemble.ensemble_report import (
     Ensemble,
     ensemble_report,
     failure_table,
