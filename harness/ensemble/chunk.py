@@ -357,7 +357,7 @@ class ChunkFiles:
         write_whole(self.rows(first).with_suffix(".npz"), content.bands)
 
     def _arrays(self, first: int) -> dict[str, Any]:
-        with np.load(self.rows(first).with_suffix(".npz")) as arrays:
+        with np.load(BytesIO(self.rows(first).with_suffix(".npz").read_bytes())) as arrays:
             return {name: arrays[name] for name in arrays}
 
     def features(self, first: int) -> str | None:

@@ -217,7 +217,8 @@ def _planned(
         )
     if differing := difference(exact_versions(), made_with):
         raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
-    return None if is_finished else replace(plan, given=requested.given)
+    # the settings as they are written here, whose order the text does not keep
+    return None if is_finished else replace(plan, given=requested.given, settings=requested.settings)
 
 
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
