@@ -15,8 +15,8 @@ from gough_stewart.harness.control.pid import gains_from_bandwidth as gains_from
 from gough_stewart.harness.control.pid import pid as pid
 from gough_stewart.harness.control.pid import sampled as sampled
 from gough_stewart.harness.ensemble.ensemble import ensemble as ensemble
-from gough_stewart.harness.ensemble.report import Ensemble as Ensemble
-from gough_stewart.harness.ensemble.report import read_ensemble as read_ensemble
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble as Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import read_ensemble as read_ensemble
 from gough_stewart.harness.errors import IdentificationWarning as IdentificationWarning
 from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
 from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck

@@ -4,31 +4,13 @@ import gc
 import io
 import re
 import sys
-from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from gough_stewart.harness.cli.design import (
-    check_command,
-    ensemble_command,
-    frf_command,
-    margins_command,
-    tune_command,
-)
+from gough_stewart.harness.cli import design, logs, platforms, run, units
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.live import live_command
-from gough_stewart.harness.cli.logs import excite_command, identify_command, poses_command
-from gough_stewart.harness.cli.platforms import (
-    experiments_command,
-    presets_command,
-    reproduce_command,
-    workspace_command,
-)
-from gough_stewart.harness.cli.run import run_command, view_command
-from gough_stewart.harness.cli.stream import serve_command
-from gough_stewart.harness.cli.units import build_command, export_command
 
 # Wrong usage of any kind; Typer carries a click of its own in some versions.
 _WrongUse: type[Exception] = typer.BadParameter.__mro__[1]
@@ -41,12 +23,23 @@ _PLAIN = {
 }
 
 
-class PlainCommand(TyperCommand):
-    """A command whose help names no Python types."""
+class _PlainHelp:
+    """Parameters as in Typer, without <bool> for flags and <str> for arguments, whose names are clear."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """Parameters as in Typer, without the names of types."""
-        return _without_types(super().get_params(ctx))
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for parameter in parameters:
+            if isinstance(parameter, TyperArgument):
+                parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign,misc]  # noqa: ARG005
+            elif getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+                # a flag that is not set needs no conversion, for which Typer would load Pydantic
+                parameter.default = parameter.default or False
+        return parameters
+
+
+class PlainCommand(_PlainHelp, TyperCommand):
+    """A command whose help names no Python types."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """As in Typer, with plain messages for wrong values."""
@@ -58,40 +51,17 @@ class PlainCommand(TyperCommand):
             raise
         except _WrongUse as error:
             said = getattr(error, "message", "")
-            error.message = said + self._platform_option(said)  # type: ignore[attr-defined]
+            extra = re.fullmatch(r"Got unexpected extra argument(?:\(s\))? \((\S+)\)", said)
+            # as in `workspace motion_base`, whose platform is no plain argument
+            if extra is not None and any(parameter.name == "preset" for parameter in self.params):
+                option = "--platform" if extra[1].endswith(".toml") else "--preset"
+                said += f"; a platform is given as `{option} {extra[1]}`"
+            error.message = said  # type: ignore[attr-defined]
             raise
 
-    def _platform_option(self, message: str) -> str:
-        """How a platform is given to a command that takes none as a plain argument, as in `workspace motion_base`."""
-        extra = re.fullmatch(r"Got unexpected extra argument(?:\(s\))? \((\S+)\)", message)
-        if extra is None or not any(parameter.name == "preset" for parameter in self.params):
-            return ""
-        option = "--platform" if extra[1].endswith(".toml") else "--preset"
-        return f"; a platform is given as `{option} {extra[1]}`"
 
-
-class PlainGroup(TyperGroup):
+class PlainGroup(_PlainHelp, TyperGroup):
     """The same for the group of all commands."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Parameters as in Typer, without the names of types."""
-        return _without_types(super().get_params(ctx))
-
-
-def _without_types(parameters: list[Any]) -> list[Any]:
-    """Remove <bool> from flags and <str> from arguments, whose names are clear."""
-    for parameter in parameters:
-        if isinstance(parameter, TyperArgument):
-            parameter.display_type_rich = _no_type  # type: ignore[method-assign]
-        elif getattr(parameter, "is_flag", False):
-            parameter.metavar = ""
-            # a flag that is not set needs no conversion, for which Typer would load Pydantic
-            parameter.default = parameter.default or False
-    return parameters
-
-
-def _no_type(ctx: Any) -> None:
-    """Return no text to print beside the name."""
 
 
 app = typer.Typer(
@@ -124,26 +94,24 @@ def _global(
 
 
 # By panel of the help, in its order.
-_COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
-    "Platforms and experiments": {
-        "presets": presets_command,
-        "experiments": experiments_command,
-        "workspace": workspace_command,
-    },
-    "Runs": {"live": live_command, "run": run_command, "serve": serve_command, "view": view_command},
-    "Design": {
-        "check": check_command,
-        "margins": margins_command,
-        "frf": frf_command,
-        "ensemble": ensemble_command,
-        "tune": tune_command,
-    },
-    "From logs": {"excite": excite_command, "identify": identify_command, "poses": poses_command},
-    "For other tools": {"build": build_command, "export": export_command},
-    "The paper": {"reproduce": reproduce_command},
+_COMMANDS = {
+    "Platforms and experiments": [
+        platforms.presets_command,
+        platforms.experiments_command,
+        platforms.workspace_command,
+    ],
+    "Runs": [run.live_command, run.run_command, run.serve_command, run.view_command],
+    "Design": [
+        *(design.check_command, design.margins_command, design.frf_command, design.ensemble_command),
+        design.tune_command,
+    ],
+    "From logs": [logs.excite_command, logs.identify_command, logs.poses_command],
+    "For other tools": [units.build_command, units.export_command],
+    "The paper": [platforms.reproduce_command],
 }
-for _panel, _commands in _COMMANDS.items():
-    for _name, _function in _commands.items():
+for _panel, _functions in _COMMANDS.items():
+    for _function in _functions:
+        _name = _function.__name__.removesuffix("_command")
         app.command(_name, cls=PlainCommand, rich_help_panel=_panel)(_function)
 
 

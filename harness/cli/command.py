@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import typer
 
@@ -22,6 +23,7 @@ class Command:
 
     started: float = field(default_factory=time.perf_counter)
     written: list[Path] = field(default_factory=list)
+    latest: ClassVar["Command"]  # that runs, or has just ended
 
     def whereabouts(self) -> str:
         """What an interrupt says of the files."""
@@ -44,15 +46,19 @@ class Command:
         from rich.padding import Padding
         from rich.text import Text
 
+        seconds = time.perf_counter() - self.started
+        minutes, rest = divmod(round(seconds), 60)
+        took = f"{seconds:.1f} s" if seconds < 60 else f"{minutes} min {rest} s"
         names = [str(file) for file in files]
-        took = f"{done} in {duration_text(time.perf_counter() - self.started)}. " if done else ""
         places = [place for name in names for place in (folder / name, *(folder / name).rglob("*")) if place.is_file()]
-        size = size_text(sum(place.stat().st_size for place in places))
-        terminal = Terminal()
+        size = sum(place.stat().st_size for place in places)
+        size_text = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
+
+        terminal, said = Terminal(), f"{done} in {took}. " if done else ""
         if len(names) == 1:
-            terminal.say(f"{took}Wrote {folder / names[0]} ({size}).")
+            terminal.say(f"{said}Wrote {folder / names[0]} ({size_text}).")
         else:
-            terminal.say(f"{took}Wrote to {folder} ({size}):")
+            terminal.say(f"{said}Wrote to {folder} ({size_text}):")
             terminal.print(Padding(Text(", ".join(names), "dim"), (0, 0, 0, 2), expand=False))
         pages = [folder / name for name in names if name.endswith(".html")]
         for page in pages:
@@ -62,6 +68,9 @@ class Command:
                 errors.say(f"no browser could be started; open {page} by hand")
         if then is not None:
             terminal.say(f"Next: {then}")
+
+
+Command.latest = Command()
 
 
 class _Remarks(logging.Handler):
@@ -74,25 +83,6 @@ class _Remarks(logging.Handler):
 _remarks = logging.getLogger("gough_stewart.model.process.files")
 _remarks.addHandler(_Remarks())
 _remarks.setLevel(logging.INFO)
-_latest = [Command()]
-
-
-def whereabouts() -> str:
-    """The same of the command that runs or has just ended."""
-    return _latest[0].whereabouts()
-
-
-def duration_text(seconds: float) -> str:
-    """A duration as text, such as 0.8 s or 2 min 5 s."""
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s"
-
-
-def size_text(size: int) -> str:
-    """A size in kB, or in MB from 1 MB."""
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
 
 
 @contextmanager
@@ -100,24 +90,31 @@ def clear_errors() -> Iterator[Command]:
     """Turn an error into one clear line and an exit code instead of a traceback."""
     from gough_stewart.model.process.installed import check_environment, tracer_is_named
 
-    _latest[:] = [command := Command()]
+    Command.latest = command = Command()
     try:
         check_environment()
         with tracer_is_named(), warnings.catch_warnings():
             # as a line, without the place in the source
             warnings.showwarning = lambda message, *_, **__: warn(str(message))
             yield command
-    except GoughStewartError as error:
-        code = ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED
-        _fail(ExitCode.USAGE if isinstance(error, UsageError) else code, str(error), error)
-    except OSError as error:
-        _fail(ExitCode.FAILED, f"{error.filename or 'output'}: {error.strerror or error}", error)
-    except MemoryError as error:
-        remedy = "make the run shorter, its plant_step longer, or the grid coarser"
-        _fail(ExitCode.FAILED, f"not enough memory; {remedy}", error)
+    except (GoughStewartError, OSError, MemoryError) as error:
+        code, said = ExitCode.FAILED, str(error)
+        if isinstance(error, UsageError | MissedError):
+            code = ExitCode.USAGE if isinstance(error, UsageError) else ExitCode.MISSED
+        elif isinstance(error, MemoryError):
+            said = "not enough memory; make the run shorter, its plant_step longer, or the grid coarser"
+        elif not isinstance(error, GoughStewartError):
+            said = f"{error.filename or 'output'}: {error.strerror or error}"
+        errors.say(("error: ", "bold red"), "; ".join([said, *_notes(error)]))
+        raise typer.Exit(code) from error
     except KeyboardInterrupt as error:
-        errors.say((f"interrupted; {_notes(error) or command.whereabouts()}", "bold red"))
+        errors.say((f"interrupted; {'; '.join(_notes(error)) or command.whereabouts()}", "bold red"))
         raise typer.Exit(ExitCode.INTERRUPTED) from None
+
+
+def _notes(error: BaseException) -> list[str]:
+    """Notes that were added to the error, such as which files were written anyway."""
+    return getattr(error, "__notes__", [])
 
 
 @contextmanager
@@ -127,13 +124,3 @@ def wrong_use_if(*kinds: type[GoughStewartError]) -> Iterator[None]:
         yield
     except kinds as error:
         raise UsageError(str(error)) from error
-
-
-def _fail(code: ExitCode, message: str, error: BaseException) -> None:
-    errors.say(("error: ", "bold red"), "; ".join(filter(None, [message, _notes(error)])))
-    raise typer.Exit(code) from error
-
-
-def _notes(error: BaseException) -> str:
-    """Notes that were added to the error, such as which files were written anyway."""
-    return "; ".join(getattr(error, "__notes__", ()))

@@ -1,7 +1,5 @@
 """The commands `check`, `margins`, `frf`, `ensemble` and `tune`: what a loop allows, over many machines, at best."""
 
-import shlex
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
@@ -13,6 +11,7 @@ from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
+    PlainExperimentArgument,
     SeedOption,
     SetOption,
     choice,
@@ -24,11 +23,10 @@ from gough_stewart.harness.cli.options import (
     results_folder,
 )
 from gough_stewart.harness.cli.study import Running, study
-from gough_stewart.harness.cli.terminal import Terminal, errors, members_bar, warn
+from gough_stewart.harness.cli.terminal import Terminal, errors, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
-    from gough_stewart.harness.ensemble.report import Ensemble
     from gough_stewart.harness.tuning.search import Search
 
 Fit = Literal["time", "amplitude"]
@@ -37,7 +35,7 @@ Fit = Literal["time", "amplitude"]
 @study(figures=("shares",))
 def check_command(
     running: Running,
-    experiment: ExperimentArgument,
+    experiment: PlainExperimentArgument,
     out: Annotated[Path | None, out_option("results/check_NAME, after the experiment")] = None,
     settings: SetOption = None,
     fit: Annotated[
@@ -95,7 +93,7 @@ def check_command(
         checked = check(str(fitted), payload=payload, payload_height=payload_height)
         Terminal().say(f"\n{fitted.name}:")
         show(checked.report(charts=False), Terminal())
-        next_step = f"gough-stewart run {shlex.quote(str(fitted))}"
+        next_step = f"gough-stewart run {quote(str(fitted))}"
         running.command.close([fitted.name], fitted.parent, done=None, then=next_step)
     if not checked.within:
         raise typer.Exit(ExitCode.MISSED)
@@ -180,7 +178,7 @@ def frf_command(
     running.present(report, frf_files(responses))
 
 
-@study(figures=("distribution", "bands", "dependence", "sensitivity", "beside"), bar=members_bar)
+@study(figures=("distribution", "bands", "dependence", "sensitivity", "beside"), many=True)
 def ensemble_command(
     running: Running,
     experiment: ExperimentArgument,
@@ -244,11 +242,23 @@ def ensemble_command(
     if workers is not None and scheduler is not None:
         raise UsageError("--workers and --scheduler exclude each other: a scheduler has its own workers; give one")
     loaded = chosen_experiment(experiment, settings, no_python)
+    second = None if compare is None else chosen_experiment(compare, None, no_python)
     from gough_stewart.harness.ensemble import compare as comparing
-    from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
     from gough_stewart.harness.ensemble.ensemble import ensemble
+    from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES
     from gough_stewart.harness.ensemble.worst import WORST, write_worst
     from gough_stewart.harness.results.metric_folds import METRICS
+
+    # requirements, before anything runs: of margins only if they are computed
+    has_margins = loaded.ensemble is not None and loaded.ensemble.margins
+    metrics = [metric for metric in METRICS if has_margins or not metric.path.startswith("margins.")]
+    known = metrics if second is None else comparing.known_numbers(metrics)
+    paths = [number.path for number in known]
+    judged = second or loaded
+    folder = out or results_folder("ensemble", experiment, "" if second is None else "_compared")
+    running.hold(folder, study="ensemble" if second is None else "ensemble --compare")
+    running.expect(paths, paths)
+    running.require(judged.requirements, known)
 
     options: dict[str, Any] = {
         "members": members,
@@ -258,54 +268,41 @@ def ensemble_command(
         "scheduler": scheduler,
         "progress": lambda done, total: running.step(completed=done, total=total),
     }
-    if compare is None:
-        folder = running.hold(out or results_folder("ensemble", experiment))
-        running.require(loaded.requirements, METRICS)
-        result = ensemble(loaded, out=folder, **options, status=running.step)
-        running.command.written.append(folder)
-        running.step("worst members and report", total=None)
-        worst = write_worst(result, folder, pages=running.page)
-        report = worst.shown_in(result.report(charts=running.draws, worst=worst.links))
-        report = replace(report, repeat=_repeats(experiment, settings, members, seed))
-        running.present(report, [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if worst.links else [])])
-        results = [result]
+    if second is None:
+        results = [ensemble(loaded, out=folder, **options, status=running.step)]
     else:
-        second = chosen_experiment(compare, None, no_python)
-        folder = out or results_folder("ensemble", experiment, "_compared")
-        running.hold(folder, study="ensemble --compare")
-        running.require(second.requirements, comparing.known_numbers())
-        names = comparing.names_of(experiment, compare)
+        names = comparing.names_of(experiment, str(compare))
         compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
-        running.command.written.append(folder)
-        running.step("worst members and reports", total=None)
         results = [compared.a, compared.b]
-        for name, result in zip(names, results, strict=True):
-            worst = write_worst(result, folder / name, pages=running.page)
-            running.write(worst.shown_in(result.report(charts=running.draws, worst=worst.links)), folder / name, {})
+    running.command.written.append(folder)
+
+    # pages and records of the worst members, and the report
+    running.step("worst members and report" if second is None else "worst members and reports", total=None)
+    folders = [folder] if second is None else [folder / name for name in names]
+    reports = [
+        write_worst(result, at, pages=running.page, charts=running.draws)
+        for result, at in zip(results, folders, strict=True)
+    ]
+    if second is None:
+        numbers = {"ensemble.members": members, "ensemble.seed": seed}
+        changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
+        repeat = "".join(f"--set {quote(setting)} " for setting in changed)
+        report = replace(reports[0], repeat=f"gough-stewart run {quote(experiment)} {repeat}--open --member")
+        files = [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if (folder / WORST).is_dir() else [])]
+    else:
+        for report, at in zip(reports, folders, strict=True):
+            running.write(report, at, {})
         report = comparing.comparison_report(compared, charts=running.draws)
-        running.present(report, [*names, comparing.DIFFERENCES])
+        files = [*names, comparing.DIFFERENCES]
+    running.present(report, files)
     for result in results:
-        _check_some_work(result)
-
-
-def _repeats(experiment: str, settings: Sequence[str] | None, members: int | None, seed: int | None) -> str:
-    """The command that runs a member again, without its number."""
-    numbers = {"ensemble.members": members, "ensemble.seed": seed}
-    changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
-    options = "".join(f"--set {quote(setting)} " for setting in changed)
-    return f"gough-stewart run {quote(str(experiment))} {options}--open --member"
-
-
-def _check_some_work(result: "Ensemble") -> None:
-    """Raise `MissedError` if no member has completed its run, or the loops of all that have grow by themselves."""
-    from gough_stewart.harness.ensemble.data import oscillation_warning, works
-
-    members = result.members
-    if works(members).any():
-        return
-    if (members["outcome"] == "completed").any():
-        raise MissedError(f"no member completed its run with a loop that does not grow: {oscillation_warning(members)}")
-    raise MissedError(f"none of {members.height} members completed its run; the first: {members['cause'][0]}")
+        table = result.members
+        if not result.works.any():
+            first = table["cause"][0]
+            said = f"none of {table.height} members completed its run; the first: {first}"
+            if result.is_complete.any():
+                said = f"no member completed its run with a loop that does not grow: {result.oscillation_warning}"
+            raise MissedError(said)
 
 
 @study(figures=("search", "values"))
@@ -323,7 +320,7 @@ def tune_command(
     minimise: Annotated[str, option("The metric to minimise, such as tracking.position.norm_rms.", "METRIC")],
     subject_to: Annotated[
         list[str] | None,
-        option("A condition, such as 'disk_margin > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.", "CONDITION"),
+        option("A condition, such as 'margins.disk > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.", "CONDITION"),
     ] = None,
     over_ensemble: Annotated[
         str | None,
@@ -355,7 +352,17 @@ def tune_command(
     - `gough-stewart tune heave_tolerances --vary controller.bandwidth=1..6Hz --minimise tracking.position.norm_peak
       --over-ensemble quantile=0.95`
     """
-    quantile = _quantile(over_ensemble)
+    quantile = 0.95
+    if over_ensemble is not None:
+        name, _, number = (part.strip() for part in over_ensemble.partition("="))
+        try:
+            quantile = float(number)
+        except ValueError:
+            quantile = 0.0
+        if name != "quantile" or not 0 < quantile <= 1:
+            raise UsageError(
+                f"--over-ensemble {over_ensemble}: expected quantile=Q with Q above 0, up to 1, such as quantile=0.95"
+            )
     loaded = chosen_experiment(experiment, settings, no_python)
     if over_ensemble is not None and loaded.ensemble is None:
         raise UsageError(
@@ -370,7 +377,9 @@ def tune_command(
     from gough_stewart.harness.tuning.tuning import TUNED, tuning_files
 
     # before a long search: whether its result can be judged, and written as a file
-    running.expect(["value", "values", "fresh", *(metric.path for metric in METRICS)])
+    metrics = [metric.path for metric in METRICS]
+    differs = over_ensemble is not None or loaded.sensors.noise or loaded.loop.jitter
+    running.expect(["value", "values", "fresh", *metrics], metrics if differs else ())
     folder = running.hold(out or results_folder("tune", experiment), (TUNED, "tuning.json", "candidates.csv"))
     text_with_settings(experiment, settings or (), folder=folder)
 
@@ -396,22 +405,8 @@ def tune_command(
     if result.left_out:
         warn(f"{result.left_out} members have impossible parameters and are left out")
     running.require(loaded.requirements, report.numbers)
-    then = f"gough-stewart run {shlex.quote(str(folder / TUNED))}"
+    then = f"gough-stewart run {quote(str(folder / TUNED))}"
     running.present(report, tuning_files(result, experiment, folder, settings or ()), then=then)
     if result.is_interrupted:
         errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
         raise typer.Exit(ExitCode.INTERRUPTED)
-
-
-def _quantile(text: str | None) -> float:
-    """From `quantile=0.95`."""
-    if text is None:
-        return 0.95
-    name, _, number = (part.strip() for part in text.partition("="))
-    try:
-        quantile = float(number)
-    except ValueError:
-        quantile = 0.0
-    if name != "quantile" or not 0 < quantile <= 1:
-        raise UsageError(f"--over-ensemble {text}: expected quantile=Q with Q above 0, up to 1, such as quantile=0.95")
-    return quantile

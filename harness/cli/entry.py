@@ -147,7 +147,7 @@ def _speak_utf8() -> None:
 def _whereabouts() -> str:
     """What an interrupt says outside of a command: its files may be written already."""
     command = sys.modules.get(_COMMAND)
-    return _INTERRUPTED if command is None else f"interrupted; {command.whereabouts()}"
+    return _INTERRUPTED if command is None else f"interrupted; {command.Command.latest.whereabouts()}"
 
 
 def _flushed(code: str | int | None) -> str | int | None:

@@ -4,26 +4,19 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """How a command ended."""
+    """How a command ended, and its meaning for the help and the documentation."""
 
-    DONE = 0
-    FAILED = 1
-    USAGE = 2
-    MISSED = 3
-    OPEN = 4
-    INTERRUPTED = 130  # 128 + SIGINT, the shells' convention
+    meaning: str
 
-    @property
-    def meaning(self) -> str:
-        """For the help and the documentation."""
-        return _MEANINGS[self]
+    def __new__(cls, code: int, meaning: str) -> "ExitCode":
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.meaning = meaning
+        return member
 
-
-_MEANINGS = {
-    ExitCode.DONE: "done",
-    ExitCode.FAILED: "could not be done",
-    ExitCode.USAGE: "wrong usage",
-    ExitCode.MISSED: "done, and a bound or a requirement is missed",
-    ExitCode.OPEN: "done, no requirement is missed, but one is inconclusive",
-    ExitCode.INTERRUPTED: "interrupted by Ctrl-C, SIGTERM or SIGHUP",
-}
+    DONE = 0, "done"
+    FAILED = 1, "could not be done"
+    USAGE = 2, "wrong usage"
+    MISSED = 3, "done, and a bound or a requirement is missed"
+    OPEN = 4, "done, no requirement is missed, but one is inconclusive"
+    INTERRUPTED = 130, "interrupted by Ctrl-C, SIGTERM or SIGHUP"  # 128 + SIGINT, the shells' convention

@@ -89,14 +89,18 @@ PresetOption = Annotated[
     ),
 ]
 PlatformOption = Annotated[Path | None, option("Your own platform file, TOML.", "FILE", parser=path)]
+_EXPERIMENT: dict[str, Any] = {"metavar": "FILE.toml|NAME", "autocompletion": experiments}
 ExperimentArgument = Annotated[
     str,
     typer.Argument(
         help="A TOML file, or the name of a shipped experiment. A file may name a Python controller or an FMU, whose "
         "code is executed: run only files you trust, or use --no-python.",
-        metavar="FILE.toml|NAME",
-        autocompletion=experiments,
+        **_EXPERIMENT,
     ),
+]
+# Of commands that execute no code of the experiment's.
+PlainExperimentArgument = Annotated[
+    str, typer.Argument(help="A TOML file, or the name of a shipped experiment.", **_EXPERIMENT)
 ]
 NoPythonOption = Annotated[
     bool, option("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python")
@@ -148,13 +152,26 @@ _FOLDER = "Folder for the files; created if needed."
 FolderOption = Annotated[Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
 
 
+def out_option(default: str) -> Any:
+    """The option --out of a command that writes to a folder of its own by default."""
+    return option(f"{_FOLDER} Default: {default}.", "DIR", "--out", parser=path)
+
+
+def check_page_name(out: Path) -> None:
+    """Refuse the name of a page that browsers take for something else."""
+    if out.suffix not in (".html", ".htm"):
+        raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
+
+
 def columns_by_name(texts: list[str] | None) -> dict[str, str]:
     """The columns of --column."""
-    pairs = {text: text.partition("=") for text in texts or []}
-    for text, (name, equals, column) in pairs.items():
-        if not (name.strip() and equals and column.strip()):
+    columns = {}
+    for text in texts or []:
+        name, equals, column = (part.strip() for part in text.partition("="))
+        if not (name and equals and column):
             raise UsageError(f"--column {text}: expected NAME=COLUMN, as in 'leg_length[1]=S1 [mm]'")
-    return {name.strip(): column.strip() for name, _, column in pairs.values()}
+        columns[name] = column
+    return columns
 
 
 def chosen_convention(rotation_order: str, rotation_about: RotationAbout, frame: str, pivot: str) -> "PoseConvention":
@@ -167,17 +184,6 @@ def chosen_convention(rotation_order: str, rotation_about: RotationAbout, frame:
         raise UsageError(
             f"pivot is '{pivot}'; expected X,Y,Z [m]" if "could not" in str(error) else str(error)
         ) from None
-
-
-def out_option(default: str) -> Any:
-    """The option --out of a command that writes to a folder of its own by default."""
-    return option(f"{_FOLDER} Default: {default}.", "DIR", "--out", parser=path)
-
-
-def check_page_name(out: Path) -> None:
-    """Refuse the name of a page that browsers take for something else."""
-    if out.suffix not in (".html", ".htm"):
-        raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
 
 
 def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
@@ -217,12 +223,24 @@ def chosen_experiment(
     """The experiment from a file, or a shipped one by name; a file of that name takes precedence.
 
     `executed` gives the files among those that it names which the command executes; each is announced. By
-    default only the controller's, as for a design, which does not run the FMU of the plant.
+    default only the controller's, as for a design, which does not run the FMU of the plant. Requirements of the file
+    on numbers that no study has are refused.
     """
     from gough_stewart.harness.experiment.file import load_experiment
 
     loaded = load_experiment(experiment, settings or [])
-    check_paths(loaded.requirements)
+    if loaded.requirements:
+        from gough_stewart.harness.errors import RequirementError
+        from gough_stewart.harness.report.requirements import required
+        from gough_stewart.model.interface import nearest
+
+        paths = numbers_of_loops()
+        for requirement in map(required, loaded.requirements):
+            if requirement.path not in paths and requirement.path.partition(".")[0] not in KINDS_OF_NUMBERS:
+                raise RequirementError(
+                    f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
+                    f"{nearest(requirement.path, paths)}"
+                )
     code = executed(loaded)
     if no_python and code:
         raise ExperimentError(
@@ -233,23 +251,6 @@ def chosen_experiment(
     return loaded
 
 
-def check_paths(from_file: Iterable[str]) -> None:
-    """Refuse requirements of an experiment's file on numbers that no study has."""
-    if not from_file:
-        return
-    from gough_stewart.harness.errors import RequirementError
-    from gough_stewart.harness.report.requirements import required
-    from gough_stewart.model.interface import nearest
-
-    paths = numbers_of_loops()
-    for requirement in map(required, from_file):
-        if requirement.path not in paths and requirement.path.partition(".")[0] not in KINDS_OF_NUMBERS:
-            raise RequirementError(
-                f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
-                f"{nearest(requirement.path, paths)}"
-            )
-
-
 def numbers_of_loops() -> set[str]:
     """The paths of numbers that several studies of one experiment share the first word of."""
     from gough_stewart.harness.experiment import checking, margins
@@ -258,14 +259,17 @@ def numbers_of_loops() -> set[str]:
     return {*checking.PATHS, *margins.PATHS, *(metric.path for metric in METRICS)}
 
 
-def results_folder(command: str, experiment: str, suffix: str = "") -> Path:
+def results_folder(command: str, experiment: str, suffix: str = "", shipped: Iterable[str] | None = None) -> Path:
     """Default folder of a command for the files of an experiment: results/COMMAND_NAME, without the suffix of a file.
 
     A file with the name of a shipped experiment keeps its suffix, so that their folders differ.
     """
     from gough_stewart.harness.experiment.file import experiment_names
 
-    return _folder_after(command, experiment, experiment_names(), suffix)
+    file = Path(experiment)
+    is_shipped = file.stem in (experiment_names() if shipped is None else shipped)
+    name = file.name if is_shipped and experiment != file.stem else file.stem
+    return Path("results", f"{command}_{name}{suffix}")
 
 
 def platform_folder(command: str, preset: str | None, platform: Path | None) -> Path:
@@ -274,7 +278,7 @@ def platform_folder(command: str, preset: str | None, platform: Path | None) -> 
     from gough_stewart.model.platform import preset_names
 
     loaded = preset or cases.PAPER_PRESET if platform is None else str(platform)
-    return _folder_after(command, loaded, preset_names())
+    return results_folder(command, loaded, shipped=preset_names())
 
 
 def log_folder(command: str, log: Path) -> Path:
@@ -282,9 +286,3 @@ def log_folder(command: str, log: Path) -> Path:
     place = log.absolute()
     name = place.parent.name if place.name in ("record.parquet", "record.csv") else place.stem
     return Path("results", f"{command}_{place.name if place.is_dir() else name}")
-
-
-def _folder_after(command: str, source: str, shipped: Iterable[str], suffix: str = "") -> Path:
-    file = Path(source)
-    name = file.name if file.stem in shipped and source != file.stem else file.stem
-    return Path("results", f"{command}_{name}{suffix}")

@@ -1,9 +1,8 @@
 """The commands `presets`, `experiments`, `workspace` and `reproduce`: what ships, and what a platform can do."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -24,9 +23,6 @@ from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import ExperimentError, MissedError, UsageError
 from gough_stewart.model.errors import PlatformFileError, WorkspaceError
 
-if TYPE_CHECKING:
-    from gough_stewart.harness.report.table import Cell, Column
-
 
 def presets_command(
     name: Annotated[
@@ -36,7 +32,8 @@ def presets_command(
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
         from gough_stewart.harness.report.quantities import MASS, NUMBER, POSITION
-        from gough_stewart.harness.report.table import Column
+        from gough_stewart.harness.report.table import Column, Table
+        from gough_stewart.harness.report.terminal import TerminalTable
         from gough_stewart.model import kinematics
         from gough_stewart.model.platform import load_preset, preset_names, preset_text
 
@@ -58,7 +55,7 @@ def presets_command(
             Column("condition", replace(NUMBER, digits=3)),
             Column("source"),
         )
-        _show(columns, rows)
+        Terminal().print(TerminalTable(Table("", columns, tuple(rows))))
 
 
 def experiments_command(
@@ -70,7 +67,8 @@ def experiments_command(
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
         from gough_stewart.harness.experiment.file import experiment_from, experiment_names, shipped_text
-        from gough_stewart.harness.report.table import Column
+        from gough_stewart.harness.report.table import Column, Table
+        from gough_stewart.harness.report.terminal import TerminalTable
         from gough_stewart.model.process.toml import toml_values
 
         if name is not None:
@@ -79,14 +77,8 @@ def experiments_command(
             return
         shipped = {key: experiment_from(toml_values(shipped_text(key))) for key in experiment_names()}
         rows = [(key, loaded.platform.preset_name, loaded.description) for key, loaded in shipped.items()]
-        _show((Column("name"), Column("platform"), Column("what")), rows)
-
-
-def _show(columns: "tuple[Column, ...]", rows: "Sequence[tuple[Cell, ...]]") -> None:
-    from gough_stewart.harness.report.table import Table
-    from gough_stewart.harness.report.terminal import TerminalTable
-
-    Terminal().print(TerminalTable(Table("", columns, tuple(rows))))
+        columns = (Column("name"), Column("platform"), Column("what"))
+        Terminal().print(TerminalTable(Table("", columns, tuple(rows))))
 
 
 TABLE = "workspace.csv"
@@ -136,73 +128,57 @@ def workspace_command(
     - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
     """
     folder = out or platform_folder("workspace", preset, platform)
-    ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
+    ranges: dict[str, tuple[float, float] | None] = {}
+    for part in (over or "").split(",") if over is not None else ():
+        name, text = _assigned("--over", str(over), part)
+        if name in ranges:
+            raise UsageError(f"--over {over}: {name} appears twice; expected each coordinate once")
+        ends = [end.strip() for end in text.split(":")]
+        if "=" in part and len(ends) != 2:
+            raise UsageError(f"--over {over}: found the range '{text}' for {name}; expected LOW:HIGH, such as -1:1")
+        low_high = [_quantity("--over", str(over), name, end) for end in ends] if "=" in part else None
+        ranges[name] = None if low_high is None else (low_high[0], low_high[1])
+    fixed: dict[str, float] = {}
+    for text in at or []:
+        name, value = _assigned("--at", text, text)
+        if "=" not in text:
+            raise UsageError(f"--at {text}: found no value; expected NAME=VALUE, such as {name}=0.1")
+        if name in fixed:
+            raise UsageError(f"--at {text}: {name} is fixed twice; expected one value")
+        fixed[name] = _quantity("--at", text, name, value)
     loaded = chosen_platform(preset, platform)
     from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report
     from gough_stewart.model.workspace import POINTS, sweep
 
     running.hold(folder, [TABLE])
-    dimensions = 2 if ranges is None else len(ranges)
+    dimensions = len(ranges) or 2
     running.step("poses", total=(points or POINTS.get(dimensions, 1)) ** dimensions)
     with wrong_use_if(WorkspaceError):  # all inputs come from the options
-        workspace = sweep(loaded, ranges, fixed, points, lambda done: running.step(completed=done))
+        workspace = sweep(loaded, ranges or None, fixed, points, lambda done: running.step(completed=done))
     files = {TABLE: workspace_csv(workspace)}
     running.present(workspace_report(workspace, surface=running.draws), files)
 
 
-def _swept(coordinates: str) -> dict[str, tuple[float, float] | None]:
-    """Coordinates and their ranges in SI units, from `x,y=-1:1`."""
-    ranges: dict[str, tuple[float, float] | None] = {}
-    for part in coordinates.split(","):
-        name, equals, text = (piece.strip() for piece in part.partition("="))
-        if name in ranges:
-            raise UsageError(f"--over {coordinates}: {name} appears twice; expected each coordinate once")
-        _check_name("--over", coordinates, name)
-        if not equals:
-            ranges[name] = None
-            continue
-        ends = [end.strip() for end in text.split(":")]
-        if len(ends) != 2:
-            raise UsageError(
-                f"--over {coordinates}: found the range '{text}' for {name}; expected LOW:HIGH, such as -1:1"
-            )
-        low, high = (_quantity("--over", coordinates, name, end) for end in ends)
-        ranges[name] = (low, high)
-    return ranges
-
-
-def _fixed(assignments: list[str]) -> dict[str, float]:
-    """Coordinates and their values in SI units, from `z=2.9`, `pitch=5deg`."""
-    values: dict[str, float] = {}
-    for assignment in assignments:
-        name, equals, text = (piece.strip() for piece in assignment.partition("="))
-        _check_name("--at", assignment, name)
-        if not equals:
-            raise UsageError(f"--at {assignment}: found no value; expected NAME=VALUE, such as {name}=0.1")
-        if name in values:
-            raise UsageError(f"--at {assignment}: {name} is fixed twice; expected one value")
-        values[name] = _quantity("--at", assignment, name, text)
-    return values
-
-
-def _check_name(flag: str, value: str, name: str) -> None:
+def _assigned(flag: str, text: str, part: str) -> tuple[str, str]:
+    """A coordinate and what stands behind its equals sign, if there is one."""
     from gough_stewart.model.workspace import COORDINATES
 
+    name, _, value = (piece.strip() for piece in part.partition("="))
     if name not in COORDINATES:
-        raise UsageError(f"{flag} {value}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+        raise UsageError(f"{flag} {text}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+    return name, value
 
 
-def _quantity(flag: str, value: str, name: str, text: str) -> float:
+def _quantity(flag: str, text: str, name: str, value: str) -> float:
+    """The value of a coordinate [m or rad]; without a unit it is in SI units here as well."""
     from gough_stewart.model.units import number
     from gough_stewart.model.workspace import COORDINATES
 
     unit = COORDINATES[name]
-    # numbers without a unit are in SI units here as well
-    has_unit = text[-1:].isalpha() or text.endswith("°")
     try:
-        return number(text if has_unit else text + unit, unit)
+        return number(value if value[-1:].isalpha() or value.endswith("°") else value + unit, unit)
     except ValueError as error:
-        raise UsageError(f"{flag} {value}: {name} is '{text}'; {error}, such as 20mm or 5deg") from None
+        raise UsageError(f"{flag} {text}: {name} is '{value}'; {error}, such as 20mm or 5deg") from None
 
 
 Order = Literal["plus-first", "minus-first"]

@@ -1,17 +1,20 @@
-"""The commands `run` and `view`: an experiment's record, and the page of what any command found."""
+"""The commands `run`, `live` and `serve`, which run an experiment's loop, and `view`, the page of any command."""
 
+import math
 import shlex
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gough_stewart.harness.cli.command import clear_errors
+from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
+    PlainExperimentArgument,
     SetOption,
     check_page_name,
     choice,
@@ -21,9 +24,9 @@ from gough_stewart.harness.cli.options import (
     path,
     results_folder,
 )
-from gough_stewart.harness.cli.study import DATA, PAGE, Running, study
-from gough_stewart.harness.cli.terminal import errors, progress_bar, warn
-from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
+from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, warn
+from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
@@ -106,7 +109,11 @@ def run_command(
     from gough_stewart.harness.results.oscillation import oscillation
 
     running.hold(folder, names_of_files())
-    requirements = running.require(loaded.requirements, METRICS)
+    # of margins a run has the disk margin of its own experiment alone
+    margins = {"margins.disk"} if controller is None and member is None else set()
+    known = [metric for metric in METRICS if not metric.path.startswith("margins.") or metric.path in margins]
+    running.expect([metric.path for metric in known])
+    requirements = running.require(loaded.requirements, known)
     running.step(total=loaded.loop.duration)
     with _unit_of(controller, loaded, running, anyway=anyway) as unit:
         record = run(
@@ -121,7 +128,7 @@ def run_command(
         )
     running.step("files and report", total=None)
     robustness = None
-    if controller is None and member is None and any(required.path == "margins.disk" for required in requirements):
+    if any(required.path == "margins.disk" for required in requirements):
         from gough_stewart.harness.experiment.margins import robustness_of
 
         robustness = robustness_of(loaded)
@@ -168,6 +175,84 @@ def _unit_of(
     return exported_controller(experiment, FMI_VERSIONS[controller], running.step, anyway=anyway, warn=warn)
 
 
+def live_command(
+    experiment: PlainExperimentArgument,
+    settings: SetOption = None,
+    out: Annotated[Path | None, option("The page to write. Default: NAME_live.html.", "FILE.html", parser=path)] = None,
+    no_open: Annotated[bool, option("Do not open it in the browser.", None, "--no-open")] = False,
+) -> None:
+    """Play with the loop of an experiment in the browser: it runs there, from the same compiled code as everywhere.
+
+    Writes one page, which needs no network, server or installation, and opens it: drag the platform, load and push it,
+    and see what its legs do.
+
+    Examples
+    --------
+    - `gough-stewart live heave_step`
+
+    - `gough-stewart live mine.toml --set controller.bandwidth=3 --out mine.html --no-open`
+    """
+    with clear_errors() as command:
+        if out is not None:
+            check_page_name(out)
+        with progress_bar() as progress:
+            progress.add_task("writing the page", total=None)
+            from gough_stewart.harness.export.choices import name_of
+            from gough_stewart.harness.export.live.page import live_page
+            from gough_stewart.model.process.files import write_files
+
+            loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
+            page = Path(f"{name_of(loaded)}_live.html") if out is None else out
+            write_files(page.parent, {page.name: live_page(loaded)})
+        command.written.append(page)
+        command.close([page.name], page.parent, open_it=not no_open)
+
+
+def serve_command(
+    experiment: PlainExperimentArgument,
+    udp: Annotated[int, option("The port to listen on; 0 is any that is free.", "PORT", "--udp", min=0, max=65535)],
+    settings: SetOption = None,
+    host: Annotated[str, option("The address to listen on; 0.0.0.0 opens it to the network.", "HOST")] = "127.0.0.1",
+    rate: Annotated[float, option("Rows a second, at most 250.", "HZ")] = 100.0,
+    binary: Annotated[bool, option("Fixed binary rows instead of JSON.", None, "--binary")] = False,
+    silence: Annotated[float, option("A sender that is silent for this long is lost.", "SECONDS")] = 1.0,
+    stop: Annotated[bool, option("End when the sender is lost; else its pose holds.", None, "--stop")] = False,
+    duration: Annotated[float, option("End after this time. Default: at Ctrl-C.", "SECONDS", min=0)] = math.inf,
+) -> None:
+    """Run the loop of an experiment in real time, for games, displays and motion software: poses out and in, over UDP.
+
+    A datagram, also an empty one, asks for rows for 10 s; one with a pose is where the platform is to go, by a filter
+    with limits of speed and acceleration. Ends at Ctrl-C or SIGTERM and says what came and went.
+
+    Examples
+    --------
+    - `gough-stewart serve heave_step --udp 9750`
+
+    - `gough-stewart serve mine.toml --udp 9750 --binary --rate 250 --stop`
+    """
+    with clear_errors():
+        with progress_bar() as progress:
+            progress.add_task("preparing", total=None)
+            from gough_stewart.harness.export.stream import Stream
+
+            loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
+            try:
+                with wrong_use_if(ExportError):
+                    stream = Stream(loaded, (host, udp), rate, binary, silence, stop)
+            except OSError as error:
+                raise UsageError(f"--udp {udp}, --host {host}: {error.strerror or error}; choose others") from error
+        Terminal().say(f"Listening on {host}:{stream.port}, UDP. Ctrl-C ends it.")
+        sys.stdout.flush()  # a program that has started this one waits for it
+        tally = stream.run(duration)
+        Terminal().say(
+            f"{tally.time:.1f} s simulated: {tally.rows} rows out, {tally.packets} packets in, {tally.malformed} "
+            f"malformed, {tally.out_of_reach} out of reach, {tally.late} late rows, "
+            f"{tally.losses} losses of the sender."
+        )
+        if tally.ended:
+            raise MissedError(f"the loop ended at {tally.time:.3f} s: {tally.ended}")
+
+
 def view_command(
     records: Annotated[
         list[Path],
@@ -196,7 +281,7 @@ def view_command(
     with clear_errors() as command:
         check_page_name(out)
         page, place = out, records[0]
-        is_run = any((place / name).is_file() for name in ("record.parquet", "record.csv"))
+        is_run = any((place / name).is_file() for name in RECORDS)
         is_report = place.name == DATA or any((place / name).is_file() for name in (DATA, PAGE))
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
@@ -227,7 +312,7 @@ def _view_report(data: Path, out: Path) -> None:
         raise RecordError(f"{data}: cannot be read as a report: {error}; expected what a command writes") from error
     if report.study == "ensemble" and (data.parent / "samples.parquet").exists():
         from gough_stewart.harness.ensemble.charts import with_samples
-        from gough_stewart.harness.ensemble.report import read_ensemble
+        from gough_stewart.harness.ensemble.ensemble_report import read_ensemble
 
         samples = read_ensemble(data.parent).samples
         report = report if samples is None else with_samples(report, samples)

@@ -11,7 +11,7 @@
 2. Progress is shown from the start; the function describes it by `running.step`.
 3. An error is one line and an exit code (`command.clear_errors`).
 4. `hold` reserves the folder, which holds one study at a time.
-5. `require` refuses wrong requirements before anything is computed.
+5. `expect` and `require` refuse wrong requirements, `expect` before anything is computed.
 6. `present` judges them, writes the files, report.json, figures and page as one set that replaces that of an older
    result, and prints the report and the closing lines.
 7. Afterwards the exit code is that of the requirements, unless the function ends with one of its own.
@@ -20,9 +20,9 @@
 import inspect
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from gough_stewart.model.process.files import Content
 
 PAGE, DATA = "report.html", "report.json"
-_RECORDS = ("record.parquet", "record.csv")
+RECORDS = ("record.parquet", "record.csv")
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,15 @@ class Running:
     command: Command
     options: ReportOptions
     progress: "Progress"
+    until_end: ExitStack
     groups: Sequence[str] = ()  # of charts, each a figure
     required: "list[Required]" = field(default_factory=list)
+    known: "dict[str, Known]" = field(default_factory=dict)  # numbers that it will have, as far as they are known
+    of_members: Collection[str] = ()  # paths, or first words of paths, of numbers with a value for each member
     report: "Report | None" = None  # as presented
     folder: Path = Path()
     names: tuple[str, ...] = ()  # of all files that the study may write there
     keeps_data: bool = True
-    until_end: ExitStack = field(default_factory=ExitStack)
 
     @property
     def page(self) -> bool:
@@ -119,22 +121,56 @@ class Running:
 
         self.folder, self.names, self.keeps_data = folder, tuple(names), keeps_data
         check_output_folder(folder, [*self.names, DATA, PAGE])
-        if keeps_data:
-            holders = _studies_in(folder)
-            if holders and (study or self.name) not in holders:
-                raise OutputError(
-                    f"output folder {folder}: it holds the results of `gough-stewart {holders[0]}`; choose another "
-                    "folder, or delete that one"
-                )
-            self.until_end.callback(_remove_empty, [place for place in (folder, *folder.parents) if not place.exists()])
-            self.until_end.enter_context(reserved(folder))
+        if not keeps_data:
+            return folder
+        # the studies whose results it holds: one, unless an older version has mixed them
+        holders = ["run"] if any((folder / name).is_file() for name in RECORDS) else []
+        with suppress(OSError, ValueError):
+            data = json.loads((folder / DATA).read_bytes())
+            holders += [data["study"]] if isinstance(data, dict) and data.get("study") else []
+        if holders and (study or self.name) not in holders:
+            raise OutputError(
+                f"output folder {folder}: it holds the results of `gough-stewart {holders[0]}`; choose another "
+                "folder, or delete that one"
+            )
+        new = [place for place in (folder, *folder.parents) if not place.exists()]
+
+        def remove_empty() -> None:
+            for place in new:
+                with suppress(OSError):  # something is in it
+                    place.rmdir()
+
+        self.until_end.callback(remove_empty)
+        self.until_end.enter_context(reserved(folder))
         return folder
+
+    def expect(self, known: Iterable[str], of_members: Collection[str] = ()) -> None:
+        """Refuse requirements of the command line on other numbers than these, before anything is computed.
+
+        Both are paths of numbers, or first words of paths; those `of_members` may be required of a share of them.
+        """
+        self.of_members = of_members
+        if not self.required:
+            return
+        from gough_stewart.harness.errors import RequirementError
+        from gough_stewart.model.interface import nearest
+
+        names = list(known)
+        for requirement in self.required:
+            if not _is_among(requirement, names):
+                hint = nearest(requirement.path, names)
+                raise RequirementError(f"the requirement '{requirement.text}': no number '{requirement.path}'{hint}")
+            if requirement.share is not None and not _is_among(requirement, of_members):
+                raise RequirementError(
+                    f"the requirement '{requirement.text}' is on a share of members, and this study has none; leave "
+                    "out 'for … of members', or use `gough-stewart ensemble`"
+                )
 
     def require(self, from_file: Sequence[str], known: "Iterable[Known]") -> "list[Required]":
         """Take the requirements of the experiment's file that are on this study, beside those of the command line.
 
-        A file may have requirements for several studies: those on other kinds of numbers, or on numbers that other
-        studies have, are named and left out.
+        A file may have requirements for several studies: those on other kinds of numbers, on numbers that other studies
+        have, or on a share of members that this one does not have, are named and left out.
 
         Raises
         ------
@@ -146,32 +182,19 @@ class Running:
         from gough_stewart.harness.experiment.margins import RENAMED
         from gough_stewart.harness.report.requirements import check_known, required
 
-        numbers = list(known)
-        paths = {number.path for number in numbers}
-        kinds = {path.partition(".")[0] for path in paths}
-        elsewhere = (numbers_of_loops() if from_file else set()) - paths
+        self.known = {number.path: number for number in known if number.path}
+        kinds = {path.partition(".")[0] for path in self.known}
+        elsewhere = (numbers_of_loops() if from_file else set()) - {*self.known}
         for requirement in map(required, from_file):
-            if requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds:
+            is_shared = requirement.share is not None and not _is_among(requirement, self.of_members)
+            if is_shared or requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds:
                 errors.say((f"not judged by this command: {requirement.text}", "dim"))
                 continue
             self.required.append(requirement)
             if requirement.path in RENAMED:  # a file may be older
                 errors.say((f"{requirement.text}: {requirement.path} is {RENAMED[requirement.path]}", "dim"))
-        check_known(self.required, numbers)
+        check_known(self.required, self.known.values())
         return self.required
-
-    def expect(self, known: Iterable[str]) -> None:
-        """Refuse requirements of the command line on elsewhere than these paths, or first words of paths."""
-        if not self.required:
-            return
-        from gough_stewart.harness.errors import RequirementError
-        from gough_stewart.model.interface import nearest
-
-        names = list(known)
-        for requirement in self.required:
-            if not {*names} & {requirement.path, requirement.path.partition(".")[0]}:
-                hint = nearest(requirement.path, names)
-                raise RequirementError(f"the requirement '{requirement.text}': no number '{requirement.path}'{hint}")
 
     def present(
         self,
@@ -195,10 +218,19 @@ class Running:
         RequirementError
             A number that the report does not have.
         """
+        from gough_stewart.harness.report.document import Number
         from gough_stewart.harness.report.requirements import with_requirements
 
         self.step("files and report", total=None)
-        report = with_requirements(report, self.required) if self.required else report
+        if self.required:
+            # numbers that it might have had, such as a settling time without a step, cannot be told
+            absent = {wanted.path for wanted in self.required} & {*self.known} - {
+                number.path for number in report.numbers
+            }
+            added = (Number(path, path, None, self.known[path].quantity) for path in absent)
+            wanted = [replace(wanted, share=None) if wanted.path in absent else wanted for wanted in self.required]
+            judged = with_requirements(replace(report, numbers=(*report.numbers, *added)), wanted)
+            report = replace(judged, numbers=report.numbers)
         written = self.write(report, self.folder, files if isinstance(files, Mapping) else {})
         self.end(report, [*files, *written], done=done, then=then)
 
@@ -249,45 +281,46 @@ class Running:
                 warn(note.text)
         self.command.close(files, self.folder, done=done, then=then, open_it=self.options.open_it)
 
-    def judge(self) -> None:
-        """End the command with the exit code of its requirements, each failure of which is said."""
-        labels = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
-        requirements = self.report.requirements if self.report is not None else ()
-        for requirement in requirements:
-            if requirement.status in labels:
-                errors.say(labels[requirement.status], requirement.text)
-        states = {requirement.status for requirement in requirements}
-        if states & {"missed", "open"}:
-            raise typer.Exit(ExitCode.MISSED if "missed" in states else ExitCode.OPEN)
+
+def _is_among(requirement: "Required", names: Collection[str]) -> bool:
+    """Whether its path, or the first word of it, is one of the names."""
+    return requirement.path in names or requirement.path.partition(".")[0] in names
 
 
 def study(
-    numbers: Sequence[str] = (), figures: Sequence[str] = (), bar: "Callable[[], Progress]" = progress_bar
+    numbers: Sequence[str] = (), figures: Sequence[str] = (), *, many: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Declare a study, whose function gets itself `Running` first.
 
     Parameters
     ----------
     numbers
-        First words of the paths of its numbers, if the function does not check requirements itself by `expect` or
-        `require` before it computes.
+        First words of the paths of its numbers, if the function does not check requirements itself by `expect` before
+        it computes.
     figures
         The groups of its charts.
-    bar
-        How its progress is shown.
+    many
+        Show progress in members.
     """
     KINDS_OF_NUMBERS.update(numbers)
 
     def declared(function: Callable[..., None]) -> Callable[..., None]:
         name = function.__name__.removesuffix("_command")
+        signature = inspect.signature(function)
+        shared = inspect.signature(ReportOptions).parameters
 
         @wraps(function)
         def command(**values: Any) -> None:
-            options = ReportOptions(**{shared: values.pop(shared) for shared in shared_options})
+            options = ReportOptions(**{option_name: values.pop(option_name) for option_name in shared})
             # also errors go there with --json
-            with diverted(options.as_json), clear_errors() as command, bar() as progress, ExitStack() as until_end:
+            with (
+                diverted(options.as_json),
+                clear_errors() as command,
+                progress_bar(many) as progress,
+                ExitStack() as until_end,
+            ):
                 progress.add_task("preparing", total=None)
-                running = Running(name, command, options, progress, figures, until_end=until_end)
+                running = Running(name, command, options, progress, until_end, figures)
                 if options.require:
                     from gough_stewart.harness.report.requirements import required
 
@@ -295,30 +328,20 @@ def study(
                     if numbers:
                         running.expect(numbers)
                 function(running, **values)
-                running.judge()
+                # each requirement that failed is said, and decides how the command ends
+                outcomes = running.report.requirements if running.report is not None else ()
+                labels = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
+                failed = [outcome for outcome in outcomes if outcome.status in labels]
+                for outcome in failed:
+                    errors.say(labels[outcome.status], outcome.text)
+                if failed:
+                    is_missed = any(outcome.status == "missed" for outcome in failed)
+                    raise typer.Exit(ExitCode.MISSED if is_missed else ExitCode.OPEN)
 
-        signature = inspect.signature(function)
-        _, *declared_options = signature.parameters.values()
-        shared_options = inspect.signature(ReportOptions).parameters
-        shared = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in shared_options.values()]
-        command.__signature__ = signature.replace(parameters=[*declared_options, *shared])  # type: ignore[attr-defined]
-        command.__annotations__ = {parameter.name: parameter.annotation for parameter in (*declared_options, *shared)}
+        _, *parameters = signature.parameters.values()
+        parameters += [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in shared.values()]
+        command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         return command
 
     return declared
-
-
-def _studies_in(folder: Path) -> list[str]:
-    """The studies whose results a folder holds: one, unless an older version has mixed them."""
-    studies = ["run"] if any((folder / name).is_file() for name in _RECORDS) else []
-    with suppress(OSError, ValueError):
-        data = json.loads((folder / DATA).read_bytes())
-        if isinstance(data, dict) and data.get("study"):
-            studies.append(data["study"])
-    return studies
-
-
-def _remove_empty(folders: Iterable[Path]) -> None:
-    for folder in folders:
-        with suppress(OSError):  # something is in it
-            folder.rmdir()

@@ -48,52 +48,33 @@ class Terminal(Console):
 errors = Terminal(stderr=True)
 
 
-def progress_bar() -> "Progress":
-    """Shows the task, its progress and its duration on the error stream, if it is a terminal; removed at the end."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    # each refresh takes as long as a hundred steps of a run
-    return Progress(*columns, console=errors, transient=True, refresh_per_second=4, disable=not errors.is_terminal)
-
-
-def members_bar() -> "Progress":
-    """The same for many members: their number, members per second, and the remaining time."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    class Rate(ProgressColumn):
-        def render(self, task: "Task") -> Text:
-            return Text(f"{task.speed:.0f} members/s" if task.speed else "", style="dim")
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    # chunks end only every few seconds, so the speed is averaged over a minute
-    return Progress(*columns, console=errors, transient=True, speed_estimate_period=60, disable=not errors.is_terminal)
-
-
-@contextmanager
-def preparing() -> Iterator[None]:
-    """Show a message during slow imports, which may take seconds."""
-    with progress_bar() as bar:
-        bar.add_task("preparing", total=None)
-        yield
-
-
 def warn(message: str) -> None:
     """Print a warning: the command succeeded, but something needs attention."""
     errors.say(("warning: ", "bold yellow"), message)
+
+
+def progress_bar(of_members: bool = False) -> "Progress":
+    """Shows the task, its progress and its duration on the error stream, if it is a terminal; removed at the end.
+
+    Of many members also their number, members per second, and the remaining time.
+    """
+    from rich import progress
+
+    class Rate(progress.ProgressColumn):
+        def render(self, task: "Task") -> Text:
+            return Text(f"{task.speed:.0f} members/s" if task.speed else "", style="dim")
+
+    columns = [progress.TextColumn("{task.description}", markup=False), progress.BarColumn()]
+    columns += [progress.MofNCompleteColumn(), Rate()] if of_members else []
+    columns.append(progress.TimeElapsedColumn())
+    columns += [progress.TextColumn("left"), progress.TimeRemainingColumn()] if of_members else []
+    return progress.Progress(
+        *columns,
+        console=errors,
+        transient=True,
+        # each refresh takes as long as a hundred steps of a run
+        refresh_per_second=10 if of_members else 4,
+        # chunks end only every few seconds, so their speed is averaged over a minute
+        speed_estimate_period=60 if of_members else 30,
+        disable=not errors.is_terminal,
+    )

@@ -86,13 +86,11 @@ def build_command(
         check_forms(chosen_as)
         if check and "fmu" not in chosen_as:
             raise BuildError(f"--check runs units, and --as is {forms}; expected fmu among the forms")
-    if check:
-        with wrong_use_if(BuildError):
-            if native() not in targets_by_name(targets):
-                raise BuildError(
-                    f"--check runs the units on this machine, {native().name}, and the targets are "
-                    f"{', '.join(targets)}; add `--target native`"
-                )
+        if check and native() not in targets_by_name(targets):
+            raise BuildError(
+                f"--check runs the units on this machine, {native().name}, and the targets are "
+                f"{', '.join(targets)}; add `--target native`"
+            )
     running.hold(out, keeps_data=running.page or out != Path())
     running.step("building", total=number_of_steps(versions, targets))
     files = build(
@@ -189,12 +187,23 @@ def export_command(
     from gough_stewart.harness.export.export import export
     from gough_stewart.harness.export.notes import export_report
     from gough_stewart.harness.report.document import settings_of
+    from gough_stewart.model.units import number
 
     loaded = chosen_experiment(experiment, settings, no_python)
     with wrong_use_if(ExportError):
         chosen_as = chosen_forms(form.strip() for form in forms.split(","))
         inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
     versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], chosen_targets(target)
+    held: tuple[int, float] | None = None
+    if frozen is not None:
+        samples, _, movement = frozen.partition(",")
+        try:
+            held = int(samples), number(movement.strip(), "m")
+        except ValueError:
+            raise ExportError(
+                f"--frozen is '{frozen}'; expected a number of samples and a length with a comma between them, such as "
+                "'50,1 mm'"
+            ) from None
     running.hold(out, keeps_data=running.page or out != Path())
     steps_of_one = number_of_steps(["2.0"], targets)
     steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * steps_of_one, "page": 1}
@@ -214,7 +223,7 @@ def export_command(
         safe_force=safe_force,
         ssp=ssp,
         parts=inside,
-        frozen=None if frozen is None else _frozen(frozen),
+        frozen=held,
         anyway=anyway,
         progress=lambda stage: running.step(stage, advance=1),
         judging=lambda k, of: running.progress.update(judging, completed=k, total=of, visible=k < of),
@@ -228,17 +237,3 @@ def export_command(
     report = replace(report, settings=settings_of(loaded.changed))
     running.require(loaded.requirements, report.numbers)
     running.present(report, names)
-
-
-def _frozen(text: str) -> tuple[int, float]:
-    """Samples and movement [m] from the text of the option."""
-    from gough_stewart.model.units import number
-
-    samples, _, movement = text.partition(",")
-    try:
-        return int(samples), number(movement.strip(), "m")
-    except ValueError:
-        raise ExportError(
-            f"--frozen is '{text}'; expected a number of samples and a length with a comma between them, such as "
-            "'50,1 mm'"
-        ) from None

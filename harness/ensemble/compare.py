@@ -1,7 +1,7 @@
 """Compare two ensembles of the same members: differences and their confidence."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from gough_stewart.harness.ensemble.charts import ensemble_charts
-from gough_stewart.harness.ensemble.data import CAUSE, ENDED, MEMBER, OUTCOME, VARIED, usual_metrics
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_numbers, fineness_in, worst_by
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_numbers
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
@@ -26,11 +25,12 @@ from gough_stewart.harness.report.quantities import SHARE, fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
-from gough_stewart.harness.results.metric_folds import METRICS, metric_of
+from gough_stewart.harness.results.metric_folds import METRICS, Metric, metric_of
 from gough_stewart.harness.view.view import differ_in, differing
 from gough_stewart.model.process.files import write_files
 
 CONFIDENCE = 0.95
+DIFFERENCES = "differences.parquet"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,181 +49,6 @@ class Comparison:
     names: tuple[str, str]
     gaps: Ensemble
     differences: polars.DataFrame
-
-
-def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
-    """Compare two ensembles of the same members (common random numbers), using members that completed in both.
-
-    Raises
-    ------
-    RecordError
-        Their members are not the same: another number of them, or other drawn values.
-    """
-    joined = a.members.select(MEMBER).join(b.members, on=MEMBER, maintain_order="left")
-    if not a.members.height == b.members.height == joined.height:
-        raise RecordError(
-            f"{a.members.height} and {b.members.height} members, {joined.height} of them in both; expected the same "
-            "members in both, for instance by the same --members and --seed"
-        )
-    b = replace(b, members=joined)
-    for name in [name for name in a.varied if name in b.varied]:
-        x, y = a.values(name), b.values(name)
-        differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
-        if differ.any():
-            k = int(differ.argmax())
-            raise RecordError(
-                f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
-                "expected the same [ensemble] in both, with the same seed"
-            )
-    in_both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
-    metrics = [name for name in a.metrics if name in b.metrics]
-    inputs = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
-    outcome = in_both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)
-    gaps = a.members.select(inputs).with_columns(
-        outcome.alias(OUTCOME),
-        polars.lit(None, polars.String).alias(CAUSE),
-        *(polars.Series(name, b.values(name) - a.values(name), nan_to_null=True) for name in metrics),
-    )
-    title = f"{names[1]} − {names[0]}"
-    rows = [{"metric": name, **_difference(a, b, name, in_both.to_numpy())} for name in metrics]
-    return Comparison(
-        a,
-        b,
-        names,
-        Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": title}),
-        polars.DataFrame([row for row in rows if row["pairs"]], infer_schema_length=None),
-    )
-
-
-def comparison_tables(result: Comparison, names: Sequence[str]) -> list[Table]:
-    """Numbers of completed members, then the differences of these metrics with their confidence."""
-    a, b = (ensemble_run.members[OUTCOME] == "completed" for ensemble_run in (result.a, result.b))
-    in_both = int((a & b).sum())
-    ended = Table(
-        f"{result.a.members.height:,} members{_named(*result.names)}",
-        (Column(""), Column("completed in B"), Column("not")),
-        (("completed in A", in_both, int((a & ~b).sum())), ("not", int((~a & b).sum()), int((~a & ~b).sum()))),
-    )
-    table = {row["metric"]: row for row in result.differences.iter_rows(named=True)}
-    low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
-    gap, share = Column("B − A"), Column("less in B", SHARE, "share of the members in which B has the smaller value")
-    heads: dict[str, tuple[Column, ...]] = {
-        "mean": (Column("A"), Column("B"), gap, low, high),
-        "median": (gap, low, high, share),
-    }
-    tables = [ended]
-    for kind, columns in heads.items():
-        rows: list[tuple[Cell, ...]] = []
-        for row in (table[name] for name in names if name in table):
-            metric = metric_of(row["metric"])
-            means = ("mean_a", "mean_b") if kind == "mean" else ()
-            numbers = (row[key] for key in (*means, kind, f"{kind}_low", f"{kind}_high"))
-            cells = [Value(number, replace(metric.quantity, digits=3)) for number in numbers]
-            rows.append((metric.text, *cells, *(() if kind == "mean" else (row["less_b"],))))
-        of_members = f"of the {in_both:,} that completed in both"
-        tables.append(
-            Table(f"B − A, {kind} difference, {of_members}; 95 % confidence", (Column(""), *columns), tuple(rows))
-        )
-    return tables
-
-
-def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) -> dict[str, float | int | None]:
-    """The differences of members that completed in both (N,).
-
-    The mean is the ratio of the sums of n independent blocks, D of differences and m of members, with the variance
-    n/(n − 1) Σ (D − m mean)²/(Σ m)²: Cochran, Sampling Techniques (1977), section 6.3. Blocks of one member give s²/n.
-    """
-    x, y = a.values(name), b.values(name)
-    has_both = both & np.isfinite(x) & np.isfinite(y)
-    x, y = x[has_both], y[has_both]
-    gap, pairs = y - x, len(x)
-    if not pairs:
-        return {"pairs": 0}
-    mean, median = float(gap.mean()), float(np.median(gap))
-    row: dict[str, float | int | None] = {"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
-    low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(has_both))
-    row |= {"mean": mean, "mean_low": None, "mean_high": None}
-    of_block = np.flatnonzero(has_both) // a.block
-    n = len(set(of_block.tolist()))
-    if n > 1:
-        residuals = np.bincount(of_block, gap - mean)
-        error = math.sqrt(n / (n - 1) * float(residuals @ residuals)) / pairs
-        half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
-        row |= {"mean_low": mean - half, "mean_high": mean + half}
-    return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
-
-
-def comparison_report(result: Comparison, *, charts: bool = True) -> Report:
-    """How the second experiment differs from the first, member by member, in one metric and then in all."""
-    (first, second), gaps, by = result.names, result.gaps, worst_by(result.a)
-    sensitivity = sensitivity_if_known(gaps, by)
-    sections = [Section("Differences", tuple(comparison_tables(result, usual_metrics(result.a.members))))]
-    named, members = f"{second} − {first}", count(result.a.members.height, "member")
-    settings = differing(
-        {"experiment": ensemble_run.metadata.get("experiment")} for ensemble_run in (result.a, result.b)
-    )
-    if charts:
-        for section in ensemble_charts(gaps, by, sensitivity):
-            parts = (replace(p, title=f"{p.title}: {named}") for p in section.parts if isinstance(p, Chart))
-            sections.append(Section(section.title, tuple(parts)))
-        all_metrics = comparison_tables(result, result.a.metrics)[1:]
-        sections.append(Section("All metrics", tuple(all_metrics), detail=True))
-    return fine(
-        Report(
-            f"{result.a.title}: {named}",
-            _verdict(result, by),
-            tuple(sections),
-            study="ensemble --compare",
-            settings=settings,
-            runs=result.names,
-            lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
-            numbers=(
-                *ensemble_numbers(result.b),
-                *(replace(number, path=f"first.{number.path}") for number in ensemble_numbers(result.a)),
-                *(replace(number, path=f"difference.{number.path}") for number in ensemble_numbers(gaps)),
-            ),
-        ),
-        fineness_in(result.a),
-    )
-
-
-def _named(first: str, second: str) -> str:
-    """What A and B are, if they have names of their own."""
-    return "" if (first, second) == ("A", "B") else f"; A is {first}, B is {second}"
-
-
-def _verdict(result: Comparison, by: str) -> Verdict:
-    (first, second), metric = result.names, metric_of(by)
-    row = next((candidate for candidate in result.differences.iter_rows(named=True) if candidate["metric"] == by), None)
-    if row is None or not row["pairs"]:
-        return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
-    signed = replace(fine(metric.quantity, fineness_in(result.a)), digits=3)
-    ends = signed.range_text(row["median_low"], row["median_high"])
-    change = f"median of {second} − {first}"
-    side = "less" if row["median"] < 0 else "more"
-    gap = f"{metric.text}: {signed.text(abs(row['median']))} {side} in {second} than in {first}"
-    sure = f"median of the differences of {row['pairs']:,} members; 95 % confidence: {ends}"
-    return Verdict(
-        sentence([f"{gap} ({sure})", f"less in {second} for {percent(row['less_b'])} of the members"]),
-        "told",
-        (
-            Number("", f"{metric.text}, mean of {first}", row["mean_a"], metric.quantity),
-            Number("", f"{metric.text}, mean of {second}", row["mean_b"], metric.quantity),
-            Number("", change, row["median"], metric.quantity, row["median_low"], row["median_high"]),
-        ),
-    )
-
-
-def known_numbers() -> list[Number]:
-    """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
-    return [
-        Number(f"{prefix}{metric.path}", metric.text, None, metric.quantity)
-        for prefix in ("", "first.", "difference.")
-        for metric in METRICS
-    ]
-
-
-DIFFERENCES = "differences.parquet"
 
 
 def run_compared(
@@ -263,3 +88,163 @@ def names_of(first: str, second: str) -> tuple[str, str]:
     """Names of two experiments: their files' names if they differ, A and B otherwise."""
     stems = Path(first).stem, Path(second).stem
     return stems if stems[0] != stems[1] else ("A", "B")
+
+
+def known_numbers(metrics: Iterable[Metric] = METRICS) -> list[Number]:
+    """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
+    prefixes = ("", "first.", "difference.")
+    return [Number(f"{before}{one.path}", one.text, None, one.quantity) for before in prefixes for one in metrics]
+
+
+def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
+    """Compare two ensembles of the same members (common random numbers), using members that completed in both.
+
+    Raises
+    ------
+    RecordError
+        Their members are not the same: another number of them, or other drawn values.
+    """
+    joined = a.members.select("member").join(b.members, on="member", maintain_order="left")
+    if not a.members.height == b.members.height == joined.height:
+        raise RecordError(
+            f"{a.members.height} and {b.members.height} members, {joined.height} of them in both; expected the same "
+            "members in both, for instance by the same --members and --seed"
+        )
+    b = replace(b, members=joined)
+    for name in [name for name in a.varied if name in b.varied]:
+        x, y = a.values(name), b.values(name)
+        differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
+        if differ.any():
+            k = int(differ.argmax())
+            raise RecordError(
+                f"{name} of member {a.members['member'][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
+                "expected the same [ensemble] in both, with the same seed"
+            )
+    in_both = a.is_complete & b.is_complete
+    metrics = [name for name in a.metrics if name in b.metrics]
+    gaps = a.members.select("member", "ended", polars.col(r"^varied\..*$")).with_columns(
+        polars.Series("outcome", np.where(in_both, "completed", "not in both")),
+        polars.lit(None, polars.String).alias("cause"),
+        *(polars.Series(name, b.values(name) - a.values(name), nan_to_null=True) for name in metrics),
+    )
+    rows = [{"metric": name, **_difference(a, b, name, in_both)} for name in metrics]
+    return Comparison(
+        a,
+        b,
+        names,
+        Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": f"{names[1]} − {names[0]}"}),
+        polars.DataFrame([row for row in rows if row["pairs"]], infer_schema_length=None),
+    )
+
+
+def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) -> dict[str, float | int | None]:
+    """The differences of members that completed in both (N,).
+
+    The mean is the ratio of the sums of n independent blocks, D of differences and m of members, with the variance
+    n/(n − 1) Σ (D − m mean)²/(Σ m)²: Cochran, Sampling Techniques (1977), section 6.3. Blocks of one member give s²/n.
+    """
+    x, y = a.values(name), b.values(name)
+    has_both = both & np.isfinite(x) & np.isfinite(y)
+    x, y = x[has_both], y[has_both]
+    gap, pairs = y - x, len(x)
+    if not pairs:
+        return {"pairs": 0}
+    mean, half = float(gap.mean()), math.nan
+    blocks = np.flatnonzero(has_both) // a.block
+    n = len(set(blocks.tolist()))
+    if n > 1:
+        residuals = np.bincount(blocks, gap - mean)
+        error = math.sqrt(n / (n - 1) * float(residuals @ residuals)) / pairs
+        half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
+    low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(has_both))
+    return {
+        **{"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean()), "mean": mean},
+        **{"mean_low": None if n == 1 else mean - half, "mean_high": None if n == 1 else mean + half},
+        **{"median": float(np.median(gap)), "median_low": low, "median_high": high},
+        "less_b": float((gap < 0).mean()),
+    }
+
+
+def comparison_tables(result: Comparison, names: Sequence[str]) -> list[Table]:
+    """Numbers of completed members, then the differences of these metrics with their confidence."""
+    a, b = result.a.is_complete, result.b.is_complete
+    counts = [[int(np.count_nonzero(in_a & in_b)) for in_b in (b, ~b)] for in_a in (a, ~a)]
+    ended = Table(
+        f"{result.a.members.height:,} members{_named(*result.names)}",
+        (Column(""), Column("completed in B"), Column("not")),
+        (("completed in A", *counts[0]), ("not", *counts[1])),
+    )
+    differences = {row["metric"]: row for row in result.differences.iter_rows(named=True)}
+    low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
+    gap, share = Column("B − A"), Column("less in B", SHARE, "share of the members in which B has the smaller value")
+    heads: dict[str, tuple[Column, ...]] = {
+        "mean": (Column("A"), Column("B"), gap, low, high),
+        "median": (gap, low, high, share),
+    }
+    tables = [ended]
+    for kind, columns in heads.items():
+        rows: list[tuple[Cell, ...]] = []
+        for row in (differences[name] for name in names if name in differences):
+            metric = metric_of(row["metric"])
+            keys = (*(("mean_a", "mean_b") if kind == "mean" else ()), kind, f"{kind}_low", f"{kind}_high")
+            cells = [Value(row[key], replace(metric.quantity, digits=3)) for key in keys]
+            rows.append((metric.text, *cells, *(() if kind == "mean" else (row["less_b"],))))
+        title = f"B − A, {kind} difference, of the {counts[0][0]:,} that completed in both; 95 % confidence"
+        tables.append(Table(title, (Column(""), *columns), tuple(rows)))
+    return tables
+
+
+def _named(first: str, second: str) -> str:
+    """What A and B are, if they have names of their own."""
+    return "" if (first, second) == ("A", "B") else f"; A is {first}, B is {second}"
+
+
+def comparison_report(result: Comparison, *, charts: bool = True) -> Report:
+    """How the second experiment differs from the first, member by member, in one metric and then in all."""
+    (first, second), gaps, by = result.names, result.gaps, result.a.worst_by
+    sections = [Section("Differences", tuple(comparison_tables(result, result.a.usual_metrics)))]
+    named, members = f"{second} − {first}", count(result.a.members.height, "member")
+    settings = differing({"experiment": one.metadata.get("experiment")} for one in (result.a, result.b))
+    if charts:
+        for section in ensemble_charts(gaps, by, sensitivity_if_known(gaps, by)):
+            parts = (replace(p, title=f"{p.title}: {named}") for p in section.parts if isinstance(p, Chart))
+            sections.append(Section(section.title, tuple(parts)))
+        all_metrics = comparison_tables(result, result.a.metrics)[1:]
+        sections.append(Section("All metrics", tuple(all_metrics), detail=True))
+    ensembles = {"": result.b, "first.": result.a, "difference.": gaps}
+    report = Report(
+        f"{result.a.title}: {named}",
+        _verdict(result, by),
+        tuple(sections),
+        study="ensemble --compare",
+        settings=settings,
+        runs=result.names,
+        lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
+        numbers=tuple(
+            replace(number, path=f"{prefix}{number.path}")
+            for prefix, one in ensembles.items()
+            for number in ensemble_numbers(one)
+        ),
+    )
+    return fine(report, result.a.fineness)
+
+
+def _verdict(result: Comparison, by: str) -> Verdict:
+    (first, second), metric = result.names, metric_of(by)
+    row = next((row for row in result.differences.iter_rows(named=True) if row["metric"] == by), None)
+    if row is None:
+        return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
+    signed = replace(fine(metric.quantity, result.a.fineness), digits=3)
+    ends = signed.range_text(row["median_low"], row["median_high"])
+    side = "less" if row["median"] < 0 else "more"
+    gap = f"{metric.text}: {signed.text(abs(row['median']))} {side} in {second} than in {first}"
+    sure = f"median of the differences of {row['pairs']:,} members; 95 % confidence: {ends}"
+    numbers = (
+        Number("", f"{metric.text}, mean of {first}", row["mean_a"], metric.quantity),
+        Number("", f"{metric.text}, mean of {second}", row["mean_b"], metric.quantity),
+        Number(
+            "", f"median of {second} − {first}", row["median"], metric.quantity, row["median_low"], row["median_high"]
+        ),
+    )
+    text = sentence([f"{gap} ({sure})", f"less in {second} for {percent(row['less_b'])} of the members"])
+    return Verdict(text, "told", numbers)

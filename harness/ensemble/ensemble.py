@@ -6,17 +6,15 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from functools import partial
-from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
 
 import polars
 
-from gough_stewart.harness.ensemble import data
 from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, check_names
-from gough_stewart.harness.ensemble.report import Ensemble, read_ensemble
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, read_ensemble
+from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES
 from gough_stewart.harness.ensemble.workers import (
     Range,
     Workers,
@@ -121,7 +119,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         else:
             folder = Path(out)
             stack.enter_context(reserved(folder))
-            check_output_folder(folder, (data.MEMBERS, data.BANDS, data.SAMPLES, data.METADATA, PLAN))
+            check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
             remove_leftovers(folder / FOLDER)
         files = ChunkFiles(folder)
 
@@ -188,16 +186,23 @@ def _planned(
     EnsembleError
         The folder has another experiment, or an unfinished one that would be lost.
     """
-    begun = _begun(folder)
-    if not resume:
-        if begun is not None and files.count():
-            raise EnsembleError(
-                f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
-                f"{folder / FOLDER}, or choose another --out"
-            )
-        begun = None
+    begun = None
+    for name in (PLAN, METADATA):
+        try:
+            content = json.loads((folder / name).read_bytes())
+            begun = plan_from(content["plan"]), dict(content["made_with"]), name == METADATA
+            break
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
+    if not resume and begun is not None and files.count():
+        raise EnsembleError(
+            f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
+            f"{folder / FOLDER}, or choose another --out"
+        )
     requested = plan_of(experiment, controller)
-    if begun is None:
+    if not resume or begun is None:
         requested.prepared.possible()
         check_names(requested)
         return requested
@@ -212,20 +217,8 @@ def _planned(
         )
     if differing := difference(exact_versions(), made_with):
         raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
-    return None if is_finished else replace(plan, given=requested.given)
-
-
-def _begun(folder: Path) -> tuple[EnsemblePlan, dict[str, str], bool] | None:
-    """The plan of a folder's results, the versions that made them, and whether they are complete."""
-    for name in (PLAN, data.METADATA):
-        try:
-            content = json.loads((folder / name).read_bytes())
-            return plan_from(content["plan"]), dict(content["made_with"]), name == data.METADATA
-        except FileNotFoundError:
-            continue
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
-    return None
+    # the settings as they are written here, whose order the text does not keep
+    return None if is_finished else replace(plan, given=requested.given, settings=requested.settings)
 
 
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
@@ -244,26 +237,30 @@ def _assembled(
 ) -> Ensemble:
     """Write the tables and ensemble.json from the chunks; the last one marks completion."""
     rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
-
-    def write(path: Path | BytesIO) -> None:
-        rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
-
-    write_whole(folder / data.MEMBERS, lambda path: write_to(path, write))
+    options: dict[str, Any] = {"row_group_size": _ROWS_A_GROUP, "maintain_order": True, "statistics": False}
+    write_whole(folder / MEMBERS, lambda path: write_to(path, lambda place: rows.sink_parquet(place, **options)))
+    members = scan_parquet(folder / MEMBERS)
     joined = joined_samples(files.bands(first) for first, _ in ranges)
-    bands = bands_frame(joined)
-    write_whole(folder / data.BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
-    members = scan_parquet(folder / data.MEMBERS)
-    ran = members.filter(polars.col(data.OUTCOME) != data.IMPOSSIBLE).select(data.MEMBER).head(MOST_KEPT).collect()
-    samples = samples_frame(joined, ran[data.MEMBER].to_list())
-    write_whole(folder / data.SAMPLES, lambda path: write_to(path, partial(samples.write_parquet, statistics=False)))
+    ran = members.filter(polars.col("outcome") != "impossible").select("member").head(MOST_KEPT).collect()
+    for name, frame in (
+        (BANDS, bands_frame(joined)),
+        (SAMPLES, samples_frame(joined, ran["member"].to_list())),
+    ):
+
+        def write(path: Path, frame: polars.DataFrame = frame) -> None:
+            write_to(path, lambda place: frame.write_parquet(place, statistics=False))
+
+        write_whole(folder / name, write)
+
+    def counts(column: str, *by: str, most: int | None = None) -> dict[str, int]:
+        """How often each text of a column is there, in the order of columns, the largest number first."""
+        order = by or (column,)
+        groups = members.group_by(column).len().drop_nulls()
+        frame = groups.sort(order, descending=[key == "len" for key in order]).head(most or 2**31).collect()
+        return dict(zip(frame[column], frame["len"], strict=True))
 
     # metadata depend only on the results: no times, and no names of workers
     prepared = plan.prepared
-    counts = members.group_by(data.OUTCOME).len().sort(data.OUTCOME).collect()
-    motions = members.group_by(data.OSCILLATION).len().drop_nulls().sort(data.OSCILLATION).collect()
-    causes = members.group_by(data.CAUSE).len().drop_nulls().sort(["len", data.CAUSE], descending=[True, False])
-    largest = members.select(polars.col(data.INTEGRATION_ERROR).max()).collect().item()
-    first = causes.head(_MOST_CAUSES).collect()
     metadata = {
         "title": prepared.nominal.title,
         "experiment": prepared.nominal.model_dump(mode="json"),
@@ -275,11 +272,11 @@ def _assembled(
         "combinations": prepared.combinations,
         "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
         "outside": [varied.outside for varied in prepared.inputs if varied.outside],
-        "outcomes": dict(zip(counts[data.OUTCOME], counts["len"], strict=True)),
-        "oscillations": dict(zip(motions[data.OSCILLATION], motions["len"], strict=True)),
-        "causes": dict(zip(first[data.CAUSE], first["len"], strict=True)),
+        "outcomes": counts("outcome"),
+        "oscillations": counts("oscillation"),
+        "causes": counts("cause", "len", "cause", most=_MOST_CAUSES),
         **prepared.stepping._asdict(),
-        "integration_error": largest,
+        "integration_error": members.select(polars.col("integration_error").max()).collect().item(),
         # one text means the same bits from all workers; several mean agreement to 1e-9
         "features": list(features),
         "hash": plan.hash,
@@ -287,5 +284,5 @@ def _assembled(
         "made_with": exact_versions(),
         "versions": versions(),
     }
-    write_whole(folder / data.METADATA, json.dumps(metadata, indent=1).encode())
+    write_whole(folder / METADATA, json.dumps(metadata, indent=1).encode())
     return read_ensemble(folder)

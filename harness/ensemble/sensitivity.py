@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.data import OUTCOME, EnsembleData, metric_name
+from gough_stewart.harness.ensemble.member_table import MemberTable
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.model.vectors import FloatArray
 
@@ -59,6 +59,14 @@ class Sensitivity:
         return np.abs(self.main) if self.total is None else self.total
 
     @property
+    def effects(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Effects (p,) and half the widths of their intervals: alone, and of Sobol' indices also in total."""
+        alone = (self.main, self.main_confidence)
+        if self.total is None or self.total_confidence is None:
+            return (alone,)
+        return alone, (self.total, self.total_confidence)
+
+    @property
     def order(self) -> list[int]:
         """Inputs, most influential first."""
         return [int(k) for k in np.argsort(-self.size, kind="stable")]
@@ -91,7 +99,7 @@ class Sensitivity:
         return "; ".join(parts)
 
 
-def sensitivity(ensemble: EnsembleData, metric: str) -> Sensitivity:
+def sensitivity(ensemble: MemberTable, metric: str) -> Sensitivity:
     """For one metric: Sobol' indices if the members are Saltelli's design, else regression.
 
     Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
@@ -102,14 +110,13 @@ def sensitivity(ensemble: EnsembleData, metric: str) -> Sensitivity:
     RecordError
         Unknown metric, nothing varies, or too few members have a value.
     """
-    metric_name(ensemble.members, metric)
-    merit = np.where((ensemble.members[OUTCOME] == "completed").to_numpy(), ensemble.values(metric), np.nan)
+    merit = np.where(ensemble.is_complete, ensemble.values(metric), np.nan)
     if ensemble.block > 1:
         return _sobol(metric, merit, ensemble.metadata["groups"])
     return _regression(ensemble, metric, merit)
 
 
-def sensitivity_if_known(ensemble: EnsembleData, metric: str) -> Sensitivity | None:
+def sensitivity_if_known(ensemble: MemberTable, metric: str) -> Sensitivity | None:
     """The shares of the inputs in a metric's variance; None if too few members have run, or no number varies."""
     try:
         return sensitivity(ensemble, metric)
@@ -121,12 +128,10 @@ def group_name(columns: Sequence[str]) -> str:
     """The name of columns that vary together: `base_points` for `base_points[1,1]`, `base_points[1,2]` and so on."""
     if len(columns) == 1:
         return columns[0]
-    names = dict.fromkeys(column.partition("[")[0] for column in columns)
-    return " & ".join(names)
+    return " & ".join(dict.fromkeys(column.partition("[")[0] for column in columns))
 
 
 def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity:
-    names = [group_name(columns) for columns in groups]
     block = len(groups) + 2
     points = merit[: len(merit) // block * block].reshape(-1, block)
     # a point counts only if all its members completed
@@ -141,21 +146,10 @@ def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> S
     resamples = np.random.default_rng(1).integers(len(points), size=(len(points), _RESAMPLES))
     again = np.array([_indices(points[rows]) for rows in resamples.T])
     S1_conf, ST_conf = _SCORE * np.std(again, axis=0, ddof=1)
-    used, left_out = points.size, len(merit) - points.size
-    alike = _alike(ST, again[:, 1])
-    return Sensitivity(metric, "sobol", tuple(names), S1, S1_conf, ST, ST_conf, None, used, left_out, alike=alike)
-
-
-def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
-    """The inputs whose effect may be as large as the largest, by size (p,) and its resamples (r, p), largest first.
-
-    The difference to the largest is d; it is beyond doubt if d > z s, with s its standard deviation over the resamples,
-    in each of which both effects are of the same members, so that what they share cancels.
-    """
-    order = np.argsort(-size, kind="stable")
-    first = order[0]
-    gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
-    return tuple(int(k) for k in order[1:] if not gap[k] > _BEYOND_DOUBT * spread[k])
+    names, used, left_out = tuple(map(group_name, groups)), points.size, len(merit) - points.size
+    return Sensitivity(
+        metric, "sobol", names, S1, S1_conf, ST, ST_conf, None, used, left_out, alike=_alike(ST, again[:, 1])
+    )
 
 
 def _indices(points: FloatArray) -> FloatArray:
@@ -171,61 +165,59 @@ def _indices(points: FloatArray) -> FloatArray:
     return np.asarray(np.stack([(B * (AB - A)).mean(axis=0), ((A - AB) ** 2).mean(axis=0) / 2]) / V)
 
 
-def _regression(ensemble: EnsembleData, metric: str, merit: FloatArray) -> Sensitivity:
-    columns = {name: ensemble.values(name) for name in ensemble.varied}
-    X = np.stack(list(columns.values()), axis=1) if columns else np.zeros((len(merit), 0))
-    usable = np.flatnonzero(np.isfinite(merit))
+def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
+    """The inputs whose effect may be as large as the largest, by size (p,) and its resamples (r, p), largest first.
+
+    The difference to the largest is d; it is beyond doubt if d > z s, with s its standard deviation over the resamples,
+    in each of which both effects are of the same members, so that what they share cancels.
+    """
+    first, *others = np.argsort(-size, kind="stable").tolist()
+    gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
+    return tuple(k for k in others if not gap[k] > _BEYOND_DOUBT * spread[k])
+
+
+def _regression(ensemble: MemberTable, metric: str, merit: FloatArray) -> Sensitivity:
     # strings and constants have no coefficient
-    usable_inputs = [
-        k for k, x in enumerate(X.T) if len(usable) and np.isfinite(x[usable]).all() and np.ptp(x[usable]) > 0
-    ]
-    without = tuple(name for k, name in enumerate(columns) if k not in usable_inputs)
-    n, p = len(usable), len(usable_inputs)
-    if not usable_inputs:
+    usable = np.isfinite(merit)
+    y, columns = merit[usable], {name: ensemble.values(name)[usable] for name in ensemble.varied}
+    numeric = {name: x for name, x in columns.items() if len(x) and np.isfinite(x).all() and np.ptp(x) > 0}
+    n, p = len(y), len(numeric)
+    if not numeric:
         raise RecordError(f"{metric}: no number varies; expected an [ensemble] with distributions")
     if n < p + 3:
         raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
-    if np.ptp(merit[usable]) == 0:
+    if np.ptp(y) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
-    fits: dict[Method, _Fit] = {"regression": _fitted(X[usable][:, usable_inputs], merit[usable])}
-    distance = np.abs(X - np.median(X[usable], axis=0))[usable][:, usable_inputs]
-    if fits["regression"].r2 < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
-        fits["ranks"] = _fitted(_ranked(distance), _ranked(merit[usable]))
-    method = max(fits, key=lambda name: fits[name].r2)
-    z, w, r2, beta = fits[method]
-    again = _resampled(z, w)
-    levels = ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2)
+
+    # a straight line through the values, or through ranks where that explains more
+    X = np.stack(list(numeric.values()), axis=1)
+    pairs: dict[Method, tuple[FloatArray, FloatArray]] = {"regression": (_standard(X), _standard(y))}
+    fits = {"regression": _fitted(*pairs["regression"])}
+    distance = np.abs(X - np.median(X, axis=0))
+    if fits["regression"][1] < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
+        from scipy.stats import rankdata  # slow to import, and seldom needed
+
+        pairs["ranks"] = _standard(rankdata(distance, axis=0)), _standard(rankdata(y))
+        fits["ranks"] = _fitted(*pairs["ranks"])
+    method: Method = max(pairs, key=lambda name: fits[name][1])
+    beta, r2 = fits[method]
+
+    again = _resampled(*pairs[method])
     resamples = again[np.isfinite(again).all(axis=1)]
+    half = np.full(p, np.nan)
+    if len(resamples):
+        low, high = np.quantile(resamples, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
+        half = (high - low) / 2
     alike = _alike(np.abs(beta), np.abs(resamples))
-    low, high = (
-        np.quantile(resamples, levels, axis=0) if len(resamples) else np.full((len(levels), again.shape[1]), np.nan)
-    )
-    names = tuple(list(columns)[k] for k in usable_inputs)
+    without = tuple(name for name in columns if name not in numeric)
     left_out = len(merit) - n
-    half = (high - low) / 2
-    return Sensitivity(metric, method, names, beta, half, None, None, r2, n, left_out, without, alike)
+    return Sensitivity(metric, method, tuple(numeric), beta, half, None, None, r2, n, left_out, without, alike)
 
 
-class _Fit(NamedTuple):
-    """Standardised inputs (n, p) and metric (n,), the share R² that their regression explains, its coefficients."""
-
-    z: FloatArray
-    w: FloatArray
-    r2: float
-    beta: FloatArray
-
-
-def _fitted(x: FloatArray, y: FloatArray) -> _Fit:
-    z, w = _standard(x), _standard(y)
+def _fitted(z: FloatArray, w: FloatArray) -> tuple[FloatArray, float]:
+    """Coefficients β (p,) of a standardised metric (n,) on standardised inputs (n, p), and the share R²."""
     beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
-    return _Fit(z, w, float(1 - np.mean((w - z @ beta) ** 2)), beta)
-
-
-def _ranked(values: FloatArray) -> FloatArray:
-    """Ranks of columns (n, …), the mean of equal ones."""
-    from scipy.stats import rankdata  # slow to import, and seldom needed
-
-    return np.asarray(rankdata(values, axis=0), dtype=float)
+    return beta, float(1 - np.mean((w - z @ beta) ** 2))
 
 
 def _standard(values: FloatArray) -> FloatArray:

@@ -10,8 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import cache, lru_cache
 from importlib import import_module
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -39,7 +39,6 @@ TIMEOUT = 10  # [s], for an answer of the scheduler, and for its first worker
 # Chunks submitted per worker thread: one running, and the next.
 _AHEAD = 2
 _SOURCES = ("*.py", "*.c", "*.h", "*.toml")
-_ROOMS = ("model", "fmu_build", "harness")
 
 
 def cores() -> int:
@@ -56,15 +55,22 @@ def processes_for(chunks: int, number: int, experiment: Experiment, controller: 
     return min(number, chunks // (_CHUNKS_A_PROCESS if is_linear else 1))
 
 
+# --- on this machine
+
+
 class Worker:
     """The object in each worker process."""
 
     def chunk(self, plan: str, first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
         """A chunk of a plan, which comes as its text, with its controller from Python as `packed` made it."""
-        return ChunkBytes.of(chunk(unpacked(plan, controller), first, last))
+        return chunk(unpacked(plan, controller), first, last).to_bytes()
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+class _DiedError(EnsembleError):
+    """The process of a worker has ended."""
 
 
 def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Workers") -> Chunks:
@@ -77,14 +83,14 @@ def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Wor
     """
     if isinstance(workers, Workers):
         yield from workers.chunks(plan, ranges)
-    elif (
-        number := processes_for(len(ranges), workers, plan.prepared.nominal, plan.prepared.preparation.controller)
-    ) > 1:
+        return
+    number = processes_for(len(ranges), workers, plan.prepared.nominal, plan.prepared.preparation.controller)
+    if number > 1:
         with Workers(number) as started:
             yield from started.chunks(plan, ranges)
-    else:
-        for part in ranges:
-            yield part, ChunkBytes.of(chunk(plan, *part, workers))
+        return
+    for part in ranges:
+        yield part, chunk(plan, *part, workers).to_bytes()
 
 
 class Workers:
@@ -92,7 +98,7 @@ class Workers:
 
     def __init__(self, number: int) -> None:
         """Start one process fewer than `number`, which is two or more."""
-        self._own, self._lock = threading.local(), threading.Lock()
+        self._of_thread, self._lock = threading.local(), threading.Lock()
         self._open, self._ended = list[Isolated](), False
         self._threads = ThreadPoolExecutor(number - 1)
         for _ in range(number - 1):
@@ -118,24 +124,23 @@ class Workers:
         while waiting:
             taken_back = next((future for future in reversed(waiting) if future.cancel()), None)
             if taken_back is not None:
-                own_range = waiting.pop(taken_back)
-                yield own_range, ChunkBytes.of(chunk(plan, *own_range))
+                part = waiting.pop(taken_back)
+                yield part, chunk(plan, *part).to_bytes()
             for future in wait(waiting, _WAIT if taken_back is None else 0, FIRST_COMPLETED).done:
                 yield waiting.pop(future), future.result()
 
     def _chunk(self, plan: str, controller: bytes | None, members: Range) -> ChunkBytes:
         """A chunk from this thread's process, which is restarted if it dies."""
-        for last in (*[False] * (_TRIES - 1), True):
+        for tries in range(1, _TRIES + 1):
             try:
                 content: ChunkBytes = self._worker().call("chunk", plan, *members, controller)
             except _DiedError as error:
-                worker: Isolated | None = vars(self._own).pop("worker", None)
+                worker: Isolated | None = vars(self._of_thread).pop("worker", None)
                 if worker is not None:
                     with self._lock:
-                        if worker in self._open:
-                            self._open.remove(worker)
+                        self._open = [still_open for still_open in self._open if still_open is not worker]
                     worker.close()
-                if last or self._ended:
+                if tries == _TRIES or self._ended:
                     raise EnsembleError(
                         f"members {members[0]} to {members[1] - 1}: {error}; tried {_TRIES} times. Not enough memory? "
                         "Use fewer --workers"
@@ -145,7 +150,8 @@ class Workers:
         raise AssertionError
 
     def _worker(self) -> Isolated:
-        worker: Isolated | None = vars(self._own).get("worker")
+        """The process of this thread, started if there is none."""
+        worker: Isolated | None = vars(self._of_thread).get("worker")
         if worker is None:
             name = Path(f"worker {threading.current_thread().name.rpartition('_')[2]}")
             kind = f"{Worker.__module__}:{Worker.__name__}"
@@ -155,12 +161,11 @@ class Workers:
                     worker.kill()
                     raise _DiedError("ended")
                 self._open.append(worker)
-            self._own.worker = worker
+            self._of_thread.worker = worker
         return worker
 
 
-class _DiedError(EnsembleError):
-    """The process of a worker has ended."""
+# --- on a cluster
 
 
 def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> Chunks:
@@ -192,9 +197,10 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
             raise EnsembleError(
                 f"the scheduler at {address} has no workers; start some: dask worker {address}"
             ) from None
-        for worker, theirs in client.run(_versions_there).items():
-            _check(theirs, worker)
+        for worker, versions in client.run(_versions_there).items():
+            _check(exact_versions(), versions, worker)
         text, ours, waiting, controller = plan.text, exact_versions(), list(reversed(ranges)), packed(plan)
+        under_way: dict[Any, Range] = {}
 
         def submit() -> Any:
             part = waiting.pop()
@@ -203,7 +209,6 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
             under_way[future] = part
             return future
 
-        under_way: dict[Any, Range] = {}
         many = _AHEAD * max(1, sum(client.nthreads().values()))
         ready = distributed.as_completed([submit() for _ in range(min(many, len(waiting)))], loop=client.loop)
         for future in ready:
@@ -221,21 +226,49 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
 
 def chunk_there(text: str, ours: dict[str, str], first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
     """On a worker: compute a chunk of a plan's text; workers that join later are checked here."""
-    _check(exact_versions(), "a worker", ours)
-    return ChunkBytes.of(chunk(unpacked(text, controller), first, last))
+    _check(ours, exact_versions(), "a worker")
+    return Worker().chunk(text, first, last, controller)
 
 
 def _versions_there() -> dict[str, str] | None:
+    """On a worker: its versions; None if the project is not there."""
     try:
         return exact_versions()
     except ImportError:
         return None
 
 
-def _check(theirs: dict[str, str] | None, worker: str, ours: dict[str, str] | None = None) -> None:
-    differs = "gough-stewart is not installed there" if theirs is None else difference(ours or exact_versions(), theirs)
+def _check(ours: dict[str, str], theirs: dict[str, str] | None, worker: str) -> None:
+    differs = "gough-stewart is not installed there" if theirs is None else difference(ours, theirs)
     if differs:
         raise EnsembleError(f"{worker} differs from this machine: {differs}; install the same versions there")
+
+
+@cache
+def exact_versions() -> dict[str, str]:
+    """Versions of this project, its sources, Python and NumPy in this process."""
+    root, digest = Path(gough_stewart.__file__).parent, hashlib.sha256()
+    rooms = [root / room for room in ("model", "fmu_build", "harness")]
+    files = {
+        path.relative_to(root).as_posix(): path for room in rooms for kind in _SOURCES for path in room.rglob(kind)
+    }
+    for name in sorted(files):
+        digest.update(name.encode() + b"\0" + files[name].read_bytes() + b"\0")
+    return {
+        "gough-stewart": version("gough-stewart"),
+        "sources": digest.hexdigest()[:16],
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+
+
+def difference(here: dict[str, str], there: dict[str, str]) -> str:
+    """Which versions differ, as text; empty if none."""
+    names = [name for name in here if here[name] != there.get(name)]
+    return ", ".join(f"{name} {here[name]} here and {there.get(name, 'unknown')} there" for name in names)
+
+
+# --- controllers from Python
 
 
 def packed(plan: EnsemblePlan) -> bytes | None:
@@ -251,13 +284,15 @@ def packed(plan: EnsemblePlan) -> bytes | None:
     """
     if plan.given is None:
         return None
-    controller, pickler = plan.given.controller, _pickler()
+    controller, has_cloudpickle = plan.given.controller, find_spec("cloudpickle") is not None
     try:
-        if pickler is pickle and "__main__" in (type(controller).__module__, getattr(controller, "__module__", "")):
+        modules = (type(controller).__module__, getattr(controller, "__module__", ""))
+        if not has_cloudpickle and "__main__" in modules:
             raise pickle.PicklingError("it is defined in the program itself, which workers do not run")  # noqa: TRY301
+        pickler: Any = import_module("cloudpickle") if has_cloudpickle else pickle
         content: bytes = pickler.dumps(controller)
     except Exception as error:  # user code may raise anything
-        remedy = "" if pickler is not pickle else "install cloudpickle, "
+        remedy = "" if has_cloudpickle else "install cloudpickle, "
         raise ControllerError(
             f"the controller {name_of(controller)} cannot be passed to other processes "
             f"({type(error).__name__}: {error}); {remedy}define it in a module, name it in the experiment file "
@@ -285,43 +320,3 @@ def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
             "workers' path"
         ) from error
     return plan_from(text, GivenController(controller))
-
-
-def _pickler() -> ModuleType:
-    try:
-        import cloudpickle
-    except ImportError:
-        return pickle
-    pickler: ModuleType = cloudpickle
-    return pickler
-
-
-@cache
-def exact_versions() -> dict[str, str]:
-    """Versions of this project, its sources, Python and NumPy in this process."""
-    return {
-        "gough-stewart": version("gough-stewart"),
-        "sources": _sources(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-    }
-
-
-def difference(here: dict[str, str], there: dict[str, str]) -> str:
-    """Which versions differ, as text; empty if none."""
-    names = [name for name in here if here[name] != there.get(name)]
-    return ", ".join(f"{name} {here[name]} here and {there.get(name, 'unknown')} there" for name in names)
-
-
-def _sources() -> str:
-    root = Path(gough_stewart.__file__).parent
-    files = sorted(
-        (path.relative_to(root).as_posix(), path)
-        for room in _ROOMS
-        for kind in _SOURCES
-        for path in (root / room).rglob(kind)
-    )
-    digest = hashlib.sha256()
-    for name, path in files:
-        digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]

@@ -437,8 +437,9 @@ def metric_folds(
 
     Reference poses, first of the reference signals, are (n, 6 or more), or (n, N, 6 or more) for members whose
     references differ. A limit of the nominal platform is a number, one per member (N,), or None; of legs that differ a
-    list of six numbers, or an array (N, 6). `known` says whether the rows have a column; by default they have all, errors
-    only with a reference. Metrics that are not `wanted` may be left out. Unless the rows are whole, the run has ended before the last time that was planned.
+    list of six numbers, or an array (N, 6). `known` says whether the rows have a column; by default they have all,
+    errors only with a reference. Metrics that are not `wanted` may be left out. Unless the rows are whole, the run has
+    ended before the last time that was planned.
     """
     rows = len(time) if is_whole else None
     stated = {name: np.array([v]) if isinstance(v, list) else v for name, v in limits.items() if v is not None}

@@ -1,12 +1,12 @@
 """Candidates of a search, run in parallel over the same members: a generation is one batch."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, limits_of_members, margins_of, reduced
-from gough_stewart.harness.ensemble.data import INTEGRATION_ERROR, MARGINS
 from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.members import Members
@@ -85,6 +85,11 @@ class Candidates:
         completed = np.zeros((len(points), self.members.count), dtype=bool)
         reasons: dict[int, str] = {}
         settings = [{axis.place.path: value for axis, value in zip(axes, point, strict=True)} for point in points]
+
+        def run(batch: Batch) -> Reduced:
+            return reduced(batch, self.members.stepping, cores(), names=names)
+
+        # runs, in batches of candidates with their members
         pairs = [(c, k) for c in range(len(points)) for k in self._kept]
         for first in range(0, len(pairs), SIZE):
             part = pairs[first : first + SIZE]
@@ -93,8 +98,9 @@ class Candidates:
                 reasons.setdefault(part[at][0], str(prepared.errors[at]))
             if not len(prepared.batch):
                 continue
-            outcomes, columns, _ = run = self._run(prepared.batch, names)
-            check_memory(prepared.batch, run, lambda batch: self._run(batch, names))
+            outcomes, columns, _ = of_batch = run(prepared.batch)
+            self.integration_error = max(self.integration_error, float(np.max(columns["integration_error"])))
+            check_memory(prepared.batch, of_batch, run)
             unknown = np.full(len(outcomes), np.nan)  # margins are not part of runs
             rows = np.stack([columns.get(name, unknown) for name in names], axis=1)
             for at, row, outcome in zip(prepared.numbers.tolist(), rows, outcomes, strict=True):
@@ -104,9 +110,15 @@ class Candidates:
                     reasons.setdefault(c, str(outcome.cause))
             if progress is not None:
                 progress(len(prepared.batch))
-        for column, name in enumerate(names):
-            if name.startswith(MARGINS):
-                numbers[:, :, column] = [[self._margin(values, name)] for values in settings]
+
+        # margins of the linear loop of the nominal machine; not of every member, since each takes a second
+        margins = [name for name in names if name.startswith("margins.")]
+        for c, values in enumerate(settings if margins else ()):
+            batch = self.members.prepared_with([values], [None]).batch
+            with suppress(GoughStewartError):
+                judged = margins_of([batch.member(0)]) if len(batch) else {}
+                for name in margins if judged else ():
+                    numbers[c, :, [k for k, known in enumerate(names) if known == name]] = judged[name][0]
         numbers[~completed] = np.nan
         return [
             goal.evaluation(point, numbers[c][self._kept], completed[c][self._kept], reasons.get(c, ""), further)
@@ -118,20 +130,6 @@ class Candidates:
         return self.members.prepared_with(
             [{**self._draws[k], **values} for values, k in members], [k for _, k in members]
         )
-
-    def _margin(self, values: Values, name: str) -> float:
-        """A margin of the linear loop of the nominal machine; not of every member, since each takes a second."""
-        batch = self.members.prepared_with([values], [None]).batch
-        try:
-            return float(margins_of([batch.member(0)])[name][0]) if len(batch) else np.nan
-        except GoughStewartError:
-            return np.nan
-
-    def _run(self, batch: Batch, names: Sequence[str]) -> Reduced:
-        """Outcomes and metrics of members."""
-        run = reduced(batch, self.members.stepping, cores(), names=names)
-        self.integration_error = max(self.integration_error, float(np.max(run.columns[INTEGRATION_ERROR])))
-        return run
 
 
 def members_for(experiment: Experiment, members: int, seed: int | None, controller: Any = None) -> Members:

@@ -1,4 +1,4 @@
-"""What a search is to reach: a metric to minimise, and conditions such as `disk_margin > 0.5`."""
+"""What a search is to reach: a metric to minimise, and conditions such as `margins.disk > 0.5`."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.data import MARGINS, SHORT
+from gough_stewart.harness.ensemble.member_table import SHORT
 from gough_stewart.harness.errors import RequirementError, SearchError
 from gough_stewart.harness.report.requirements import Required, required
 from gough_stewart.harness.results.metric_folds import metric_of
@@ -128,9 +128,12 @@ def check_metric(name: str, known: Iterable[str], where: str) -> str:
     SearchError
         Unknown; suggests the nearest name.
     """
-    full, known = SHORT.get(name, name), list(known)
-    if full not in known and not full.startswith(MARGINS):
-        raise SearchError(f"{where}: no metric '{name}'{nearest(name, [*known, *SHORT])}")
-    if full.startswith(MARGINS) and full not in SHORT.values():
-        raise SearchError(f"{where}: no margin '{name}'{nearest(name, SHORT)}")
-    return full
+    full, margins = SHORT.get(name, name), tuple(SHORT.values())
+    is_margin = full.startswith("margins.")
+    names = [*(() if is_margin else known), *margins]
+    if full in names:
+        return full
+    hint = nearest(name, [*names, *SHORT])
+    for short, margin in SHORT.items():  # a search may use the older names, but is told those of today
+        hint = hint.replace(f"'{short}'", f"'{margin}'")
+    raise SearchError(f"{where}: no {'margin' if is_margin else 'metric'} '{name}'{hint}")

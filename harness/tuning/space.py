@@ -9,7 +9,7 @@ from typing import Any
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Place
-from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
 from gough_stewart.model.units import PLAIN, number
 
 _DIGITS = 5
@@ -33,6 +33,11 @@ class SearchAxis:
     def unit(self) -> str:
         """SI unit, Hz for frequencies, "" for plain numbers."""
         return self.place.target.unit or ""
+
+    @property
+    def quantity(self) -> Quantity:
+        """How its values are written."""
+        return of_unit(self.unit) if self.unit else NUMBER
 
     def value(self, u: float) -> float | int:
         """The value for a number in [0, 1]."""
@@ -90,7 +95,13 @@ def _axis(text: str, members: Members) -> SearchAxis:
         raise SearchError(f"--vary {text}: {key}: {error}") from None
     members.check_acts(key, place)
     target = place.target
-    now = _now(members.nominal, place)
+    # the value in the experiment, integers as such; None if it is left out
+    now: Any = members.nominal
+    for name in place.path:
+        is_list, is_table = isinstance(now, list), isinstance(now, dict)
+        now = now[int(name) - 1] if is_list else now.get(name) if is_table else getattr(now, name)
+    if not isinstance(now, int) or isinstance(now, bool):
+        now = None if target.nominal is None or target.nominal.ndim else float(target.nominal)
     # integers, such as a delay in samples; a quantity of 2 kg is none
     is_whole = isinstance(now, int) and target.unit is None
     if place.path[:2] == ("controller", "parameters"):
@@ -115,19 +126,3 @@ def _axis(text: str, members: Members) -> SearchAxis:
     if axis.is_whole and (low % 1 or high % 1):
         raise SearchError(f"--vary {text}: {key} is a whole number; expected whole bounds")
     return axis
-
-
-def _now(experiment: Experiment, place: Place) -> float | int | None:
-    """The value in the experiment, integers as such; None if it is left out."""
-    value: Any = experiment
-    for name in place.path:
-        if isinstance(value, list):
-            value = value[int(name) - 1]
-        elif isinstance(value, dict):
-            value = value.get(name)
-        else:
-            value = getattr(value, name)
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    nominal = place.target.nominal
-    return None if nominal is None or nominal.ndim else float(nominal)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.harness.ensemble.data import DISK
 from gough_stewart.harness.errors import NoCandidateError, SearchError, TuningError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
@@ -55,7 +54,7 @@ def tune(
     controller
         Replaces the experiment's, as in `run`; each member of each candidate gets a fresh one.
     subject_to
-        Conditions on metrics and margins: "disk_margin > 0.5", "stroke.margin >= 10 mm"; numbers without a unit are in
+        Conditions on metrics and margins: "margins.disk > 0.5", "stroke.margin >= 10 mm"; numbers without a unit are in
         that of the metric, SI units or percent.
     quantile
         The share of the members that do not exceed a candidate's value, and that meet each condition.
@@ -97,8 +96,9 @@ def tune(
             raise TuningError(f"{name} is {number}; expected at least 1")
     for hint in too_late(chosen):
         raise TuningError(hint)
-    search_members = _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1)
-    candidates = Candidates(chosen, search_members, controller=controller)
+    stated = None if chosen.ensemble is None else chosen.ensemble.members
+    most = MEMBERS if chosen.ensemble is not None else 1
+    candidates = Candidates(chosen, members or min(stated or most, most), controller=controller)
     for name, number in (("members", members), ("fresh", fresh)):
         if number is not None and number > 1 and not candidates.is_random:
             raise SearchError(
@@ -122,11 +122,12 @@ def tune(
         raise NoCandidateError(f"no candidate meets the conditions ({history.ending}): {history.broken_most()}")
     judges = [candidates]
     if candidates.is_random and not history.is_interrupted:
-        judges.append(Candidates(chosen, _number(chosen, fresh, FRESH), candidates.members.seed + 1, controller))
+        count = fresh or min(stated or FRESH, FRESH)
+        judges.append(Candidates(chosen, count, candidates.members.seed + 1, controller))
     original = point_of_experiment(axes)
     points = [best.point, *([] if original is None else [original])]
     # the result and the original experiment, on the same members
-    judged = [judge.evaluate(axes, points, goal, further=(*known, DISK)) for judge in judges]
+    judged = [judge.evaluate(axes, points, goal, further=(*known, "margins.disk")) for judge in judges]
     (seen, *before), (unseen, *before_unseen) = judged[0], judged[1] if judges[1:] else [None]
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}
     tuned = experiment_with(candidates.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble})
@@ -143,11 +144,3 @@ def tune(
         candidates.left_out,
         max(judge.integration_error for judge in judges),
     )
-
-
-def _number(experiment: Experiment, requested: int | None, most: int) -> int:
-    """The default number of members."""
-    if requested is not None:
-        return requested
-    stated = None if experiment.ensemble is None else experiment.ensemble.members
-    return most if stated is None else min(stated, most)

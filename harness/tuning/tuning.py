@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.data import DISK
-from gough_stewart.harness.ensemble.report import number_of_members
+from gough_stewart.harness.ensemble.ensemble_report import number_of_members
 from gough_stewart.harness.experiment.file import text_with_settings
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import platforms_of
@@ -18,7 +17,7 @@ from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.quantities import NUMBER, Quantity, fine, fineness_of, of_unit
+from gough_stewart.harness.report.quantities import NUMBER, fine, fineness_of
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.versions import versions
@@ -26,10 +25,8 @@ from gough_stewart.harness.report.words import counted, exactly, listed, percent
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.goal import Evaluation
 from gough_stewart.harness.tuning.search import Search
-from gough_stewart.harness.tuning.space import SearchAxis
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.units import PLAIN
-from gough_stewart.model.vectors import FloatArray
 
 TUNED = "tuned.toml"
 # A value so near to a bound, of the range, may be better beyond it.
@@ -70,9 +67,9 @@ class Tuning:
         Report
             Verdict, the values as numbers, tables, and with `charts` all candidates.
         """
-        sections = [Section("Values", (_values(self), _judged(self)))]
+        sections = [Section("Values", _tables(self))]
         if charts:
-            sections.append(Section("Search", (_history(self.search), *_landscape(self.search))))
+            sections.append(Section("Search", tuple(_charts(self.search))))
         report = Report(
             self.title,
             _verdict(self),
@@ -137,150 +134,118 @@ def statement(tuning: Tuning) -> str:
 
 def _verdict(tuning: Tuning) -> Verdict:
     """From what to what the metric went, with which values; on fresh members if there are; what is near its bound."""
-    goal, axes, is_interrupted = tuning.search.goal, tuning.search.axes, tuning.is_interrupted
+    goal, axes, values, is_fresh = tuning.search.goal, tuning.search.axes, tuning.values, tuning.fresh is not None
     metric = metric_of(goal.metric)
     before, after = (tuning.before, tuning.seen) if tuning.fresh is None else (tuning.before_fresh, tuning.fresh)
     share = f", {percent(goal.quantile)} of {tuning.fresh_members} fresh members"
-    name = metric.text + (share if tuning.fresh is not None and tuning.members > 1 else "")
+    name = metric.text + (share if is_fresh and tuning.members > 1 else "")
     moved = f"{name}: {exactly(metric.quantity, after.value, 3)}"
     if before is not None and np.isfinite(before.value) and before.value:
         change = (after.value - before.value) / abs(before.value)
         was, now = (exactly(metric.quantity, evaluation.value, 3) for evaluation in (before, after))
         moved = f"{name}: from {was} to {now} ({percent(abs(change))} {'less' if change < 0 else 'more'})"
-    values = [f"{axis.key} {tuning.values[axis.key]:.4g} {unit_text(axis.unit)}".rstrip() for axis in axes]
-    near = [
-        axis.key
-        for axis in axes
-        if min(tuning.values[axis.key] - axis.low, axis.high - tuning.values[axis.key])
-        <= _NEAR * (axis.high - axis.low)
-    ]
+    texts = [f"{axis.key} {values[axis.key]:.4g} {unit_text(axis.unit)}".rstrip() for axis in axes]
+    gaps = [min(values[axis.key] - axis.low, axis.high - values[axis.key]) for axis in axes]
+    near = [axis.key for axis, gap in zip(axes, gaps, strict=True) if gap <= _NEAR * (axis.high - axis.low)]
     its, broken = "its" if len(near) == 1 else "their", goal.broken(after)
     was_allowed = before is not None and goal.violation(before) == 0
     parts = [
         moved,
         "the values before break a condition" if before is not None and not was_allowed else None,
-        f"with {listed(values)}",
+        f"with {listed(texts)}",
         f"{listed(near)} at the end of {its} range, beyond which it may be better" if near else None,
         f"not held on fresh members: {listed(broken)}" if broken else None,
-        "interrupted, and not tried on fresh members" if is_interrupted else None,
+        "interrupted, and not tried on fresh members" if tuning.is_interrupted else None,
     ]
     is_better = not was_allowed or before is None or after.value < before.value
-    status: Status = "bad" if broken or not is_better else "marginal" if near or is_interrupted else "good"
-    return Verdict(sentence(parts), status, _numbers(tuning)[: 1 + (tuning.fresh is not None) + len(axes)])
+    status: Status = "good"
+    if broken or not is_better:
+        status = "bad"
+    elif near or tuning.is_interrupted:
+        status = "marginal"
+    return Verdict(sentence(parts), status, _numbers(tuning)[: 1 + is_fresh + len(axes)])
 
 
 def _numbers(tuning: Tuning) -> tuple[Number, ...]:
+    """The metric, the values, and what the members of the best candidate have; those of the verdict come first."""
     metric = metric_of(tuning.search.goal.metric)
     numbers = [Number("value", f"{metric.text}, in the search", tuning.seen.value, metric.quantity)]
     if tuning.fresh is not None:
         numbers.append(Number("fresh", f"{metric.text}, on fresh members", tuning.fresh.value, metric.quantity))
-    numbers += [
-        Number(f"values.{axis.key}", axis.key, float(tuning.values[axis.key]), _quantity(axis))
-        for axis in tuning.search.axes
-    ]
+    for axis in tuning.search.axes:
+        numbers.append(Number(f"values.{axis.key}", axis.key, float(tuning.values[axis.key]), axis.quantity))
     for path, members in (tuning.fresh or tuning.seen).metrics.items():
         one = metric_of(path)
-        if len(members) > 1 and not (path == DISK and np.isnan(members).all()):
+        if path == "margins.disk" and np.isnan(members).all():
+            continue  # without a linear loop there is no disk margin
+        if len(members) > 1:
             numbers.append(number_of_members(path, members))
-        elif path != DISK or not np.isnan(members[0]):  # without a linear loop there is no disk margin
+        else:
             numbers.append(Number(path, one.text, float(members[0]), one.quantity, explanation=one.sentence))
     return tuple(numbers)
 
 
-def _quantity(axis: SearchAxis) -> Quantity:
-    return of_unit(axis.unit) if axis.unit else NUMBER
-
-
-def _values(tuning: Tuning) -> Table:
-    """What was tuned, before and after, and its range."""
-    rows: list[tuple[Cell, ...]] = []
+def _tables(tuning: Tuning) -> tuple[Table, Table]:
+    """What was tuned, with its range; the metric and the conditions; each before and after, also on fresh members."""
+    values: list[tuple[Cell, ...]] = []
     for axis in tuning.search.axes:
-        quantity = replace(_quantity(axis), digits=5)
         ends = (axis.now, tuning.values[axis.key], axis.low, axis.high)
-        rows.append((axis.key, *(Value(None if end is None else float(end), quantity) for end in ends)))
-    return Table("Tuned", tuple(map(Column, ("", "was", "is", "from", "to"))), tuple(rows))
-
-
-def _judged(tuning: Tuning) -> Table:
-    """The metric and the conditions before and after, also on fresh members."""
-    heads, goal, over = ["was", "is"], tuning.search.goal, tuning.members > 1
-    evaluations = [tuning.before, tuning.seen]
+        quantity = replace(axis.quantity, digits=5)
+        values.append((axis.key, *(Value(None if end is None else float(end), quantity) for end in ends)))
+    goal, over = tuning.search.goal, tuning.members > 1
+    evaluations = {"was": tuning.before, "is": tuning.seen}
     if tuning.fresh is not None:
-        heads += ["was, fresh", "is, fresh"]
-        evaluations += [tuning.before_fresh, tuning.fresh]
+        evaluations |= {"was, fresh": tuning.before_fresh, "is, fresh": tuning.fresh}
     rows: list[tuple[Cell, ...]] = []
     for k, name in enumerate([goal.metric, *(condition.metric for condition in goal.conditions)]):
         metric = metric_of(name)
-        values = (
-            None if evaluation is None else (evaluation.value, *evaluation.conditions)[k] for evaluation in evaluations
-        )
-        rows.append((metric.text, *(Value(value, metric.quantity) for value in values)))
-    failed = (None if evaluation is None else evaluation.failed for evaluation in evaluations)
+        numbers = (None if one is None else (one.value, *one.conditions)[k] for one in evaluations.values())
+        rows.append((metric.text, *(Value(number, metric.quantity) for number in numbers)))
+    failed = (None if one is None else one.failed for one in evaluations.values())
     rows.append((f"{'members' if over else 'runs'} that failed", *failed))
     share = f", {percent(goal.quantile)} of {tuning.members} members" if over else ""
-    return Table(f"Metric and conditions{share}", tuple(map(Column, ("", *heads))), tuple(rows))
-
-
-def _history(search: Search) -> Chart:
-    """The value of every candidate, and the best so far that meets all conditions."""
-    metric, tried = metric_of(search.goal.metric), search.tried
-    values = np.array([evaluation.value if np.isfinite(evaluation.value) else np.nan for evaluation in tried])
-    best = np.minimum.accumulate(
-        [evaluation.value if search.goal.violation(evaluation) == 0 else np.inf for evaluation in tried]
+    return (
+        Table("Tuned", tuple(map(Column, ("", "was", "is", "from", "to"))), tuple(values)),
+        Table(f"Metric and conditions{share}", tuple(map(Column, ("", *evaluations))), tuple(rows)),
     )
+
+
+def _charts(search: Search) -> list[Chart]:
+    """The value of every candidate with the best so far, then by each key, with those that break conditions."""
+    metric, tried = metric_of(search.goal.metric), search.tried
+    values = np.array([evaluation.value for evaluation in tried])
+    meets = np.array([search.goal.violation(evaluation) == 0 for evaluation in tried])
+    best = np.minimum.accumulate(np.where(meets, values, np.inf))
+    y = Axis(metric.text, metric.quantity)
     series = (
-        Series("candidates", metric.quantity, values, "neutral"),
+        Series("candidates", metric.quantity, np.where(np.isfinite(values), values, np.nan), "neutral"),
         Series("best so far", metric.quantity, np.where(np.isfinite(best), best, np.nan), "actual"),
     )
     axis = Axis("candidate", NUMBER, np.arange(1.0, len(tried) + 1))
-    return Chart(f"{metric.text} of all candidates", axis, series, y=Axis(metric.text, metric.quantity), group="search")
+    charts = [Chart(f"{metric.text} of all candidates", axis, series, y=y, group="search")]
 
-
-def _landscape(search: Search) -> list[Chart]:
-    """The metric of all candidates over each key: of those that meet all conditions, and of the others."""
-    metric, tried = metric_of(search.goal.metric), search.tried
-    values = np.array([evaluation.value for evaluation in tried])
-    kept = np.isfinite(values) & np.array([search.goal.violation(evaluation) == 0 for evaluation in tried])
-    shown = np.isfinite(values) & (values <= _most(values[kept]))
+    # an upper end of the axis, so that a few large values do not hide the others
+    most, kept = np.inf, values[np.isfinite(values) & meets]
+    if len(kept):
+        low, middle, high = np.quantile(kept, (0, 0.5, 1))
+        most = min(high, middle + 4 * (middle - low)) if middle > low else high
+    shown = np.isfinite(values) & (values <= most)
     above = int(np.count_nonzero(~shown))
     kinds: tuple[tuple[str, Any, Role], ...] = (
-        ("meets all conditions", shown & kept, "actual"),
-        ("breaks a condition", shown & ~kept, "bad"),
+        ("meets all conditions", shown & meets, "actual"),
+        ("breaks a condition", shown & ~meets, "bad"),
     )
     series = tuple(
         Series(name, metric.quantity, np.where(chosen, values, np.nan), role)
         for name, chosen, role in kinds
         if chosen.any()
     )
-    return [
-        Chart(
-            f"{metric.text} by {axis.key}",
-            Axis(
-                axis.key,
-                _quantity(axis),
-                np.array([evaluation.point[k] for evaluation in tried], dtype=float),
-                scale="log" if axis.is_log else "linear",
-            ),
-            series,
-            "points",
-            y=Axis(metric.text, metric.quantity),
-            note=f"{counted(above, 'candidate')} above the chart." if above else "",
-            group="values",
-        )
-        for k, axis in enumerate(search.axes)
-        if series
-    ]
-
-
-def _most(values: FloatArray) -> float:
-    """An upper end of the axis, so that a few large values do not hide the others."""
-    if not len(values):
-        return np.inf
-    low, middle, high = np.quantile(values, (0, 0.5, 1))
-    return float(min(high, middle + 4 * (middle - low))) if middle > low else float(high)
-
-
-# --- files ------------------------------------------------------------------------------------------------------
+    note = f"{counted(above, 'candidate')} above the chart." if above else ""
+    for k, key in enumerate(search.axes if series else ()):
+        points = np.array([evaluation.point[k] for evaluation in tried], dtype=float)
+        axis = Axis(key.key, key.quantity, points, scale="log" if key.is_log else "linear")
+        charts.append(Chart(f"{metric.text} by {key.key}", axis, series, "points", y=y, note=note, group="values"))
+    return charts
 
 
 def tuning_files(tuning: Tuning, name: Path | str | None, folder: Path, settings: Settings = ()) -> dict[str, bytes]:
@@ -295,37 +260,22 @@ def tuning_files(tuning: Tuning, name: Path | str | None, folder: Path, settings
     settings
         Other changed settings.
     """
-    numbers = {**_summary(tuning), "versions": versions()}
-    values = {".".join(axis.place.path): _written(tuning.values[axis.key], axis.unit) for axis in tuning.search.axes}
-    source = tuning.experiment if name is None else name
-    return {
-        TUNED: text_with_settings(source, settings, values, folder=folder).encode(),
-        "tuning.json": (json.dumps(numbers, indent=2, ensure_ascii=False) + "\n").encode(),
-        "candidates.csv": tuning.candidates.write_csv().encode(),
-    }
-
-
-def _written(value: float | int, unit: str) -> float | int | str:
-    """With its unit, for a reader; plain numbers and shares have none."""
-    return value if unit in (PLAIN, "1") else f"{value!r} {unit}"
-
-
-def _summary(tuning: Tuning) -> dict[str, Any]:
-    """The result as plain types; None for infinite values."""
     search, goal = tuning.search, tuning.search.goal
+    # values have their units, for a reader; plain numbers and shares have none
+    values: dict[str, float | int | str] = {}
+    for axis in search.axes:
+        value = tuning.values[axis.key]
+        values[".".join(axis.place.path)] = value if axis.unit in (PLAIN, "1") else f"{value!r} {axis.unit}"
 
     def plain(evaluation: Evaluation | None) -> dict[str, Any] | None:
+        """Of plain types; None for infinite values."""
         if evaluation is None:
             return None
         value, *conditions = (v if np.isfinite(v) else None for v in (evaluation.value, *evaluation.conditions))
         names = [condition.metric for condition in goal.conditions]
-        return {
-            "value": value,
-            "conditions": dict(zip(names, conditions, strict=True)),
-            "failed": evaluation.failed,
-        }
+        return {"value": value, "conditions": dict(zip(names, conditions, strict=True)), "failed": evaluation.failed}
 
-    return {
+    numbers = {
         "metric": goal.metric,
         "subject_to": [condition.text for condition in goal.conditions],
         "quantile": goal.quantile if tuning.members > 1 else None,
@@ -341,4 +291,11 @@ def _summary(tuning: Tuning) -> dict[str, Any]:
         "ending": search.ending,
         "left_out": tuning.left_out,
         "integration_error": tuning.integration_error,
+        "versions": versions(),
+    }
+    source = tuning.experiment if name is None else name
+    return {
+        TUNED: text_with_settings(source, settings, values, folder=folder).encode(),
+        "tuning.json": (json.dumps(numbers, indent=2, ensure_ascii=False) + "\n").encode(),
+        "candidates.csv": tuning.candidates.write_csv().encode(),
     }

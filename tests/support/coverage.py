@@ -8,7 +8,7 @@ import numpy as np
 import polars
 from scipy import stats
 
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_numbers
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_numbers
 from gough_stewart.harness.report.document import Number
 from gough_stewart.harness.report.requirements import judge, required
 from gough_stewart.harness.sampling.design import Sampling, SamplingDesign

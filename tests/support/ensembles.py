@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.report import Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble
 from gough_stewart.harness.results.bands import BandSamples, bands_frame, samples_frame
 from gough_stewart.model.vectors import FloatArray
 

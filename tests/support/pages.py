@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.report import ensemble_report
+from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.report import estimate_report

@@ -1,8 +1,9 @@
-"""A small ensemble in which much varies: uneven, short, with members that are impossible."""
+"""A small ensemble in which much varies: uneven, short, with members that are impossible; and a simple one of many."""
 
 from typing import Any
 
 import gough_stewart as gs
+from gough_stewart.harness.ensemble.chunk import SIZE
 
 SMALL: dict[str, Any] = {
     "title": "small ensemble",
@@ -28,6 +29,17 @@ SMALL: dict[str, Any] = {
         "sensors": {"noise": {"leg_length": {"uniform": [1e-6, 2e-5]}}},
         "disturbance": {"1": {"force": {"normal": "20 N"}}},
     },
+}
+
+
+# Three chunks, of which the last is small; some members are impossible.
+MANY: dict[str, Any] = {
+    "title": "many",
+    "loop": {"duration": 0.01, "sample_time": 2e-3, "plant_step": 1e-3, "delay": 1},
+    "sensors.noise.leg_length": 1e-6,
+    "sensors.quantisation": {},
+    "reference.at": 0.002,
+    "ensemble": {"members": 2 * SIZE + 40, "seed": 3, "platform_mass": {"normal": [1000, 600]}},
 }
 
 

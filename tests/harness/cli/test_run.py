@@ -1,8 +1,6 @@
 """The commands of the closed loop as a user meets them."""
 
-import json
 import os
-import re
 from pathlib import Path
 
 import pytest
@@ -12,60 +10,6 @@ from gough_stewart.harness.cli import app as cli
 from gough_stewart.harness.results.record import read_record
 from gough_stewart.model.errors import GoughStewartError
 from tests.support.commands import invoke
-from tests.support.interpreter import Interpreter
-
-FILES = {"record.csv", "record.parquet", "metadata.json", "metrics.json"}
-
-
-def test_an_experiment_that_diverges_exits_with_3_and_keeps_its_record(tmp_path: Path) -> None:
-    done = invoke("run", "too_slow", "--out", str(tmp_path), "--set", "loop.plant_step=0.02")
-    assert done.exit_code == 3
-    assert done.output.count("diverged at") == 1
-    assert re.search(r"^Not completed: \d\.\d+ of 8 s simulated in \d+\.\d s\. Wrote to ", done.stdout, re.MULTILINE)
-    assert "left its stroke at" in done.output
-    assert {p.name for p in tmp_path.iterdir()} == FILES
-    assert json.loads((tmp_path / "metadata.json").read_text())["outcome"]["status"] == "diverged"
-
-
-def test_a_stroke_that_stops_exits_with_3(tmp_path: Path) -> None:
-    settings = [
-        "limits.stroke=stop",
-        "platform.parameters.leg_length_max=3.2",
-        "loop.duration=1",
-        "actuators.force_limit=none",
-    ]
-    arguments = [word for setting in settings for word in ("--set", setting)]
-    done = invoke("run", "saturation", "--out", str(tmp_path), *arguments)
-    assert done.exit_code == 1  # the reference itself leaves the stroke
-    assert "the length of leg 1 is" in done.output
-    more = ["--set", "reference.position_change=[0, 0, 0.06]", "--set", "controller.damping_ratio=0.3"]
-    done = invoke("run", "saturation", "--out", str(tmp_path), *arguments, *more)
-    assert done.exit_code == 3
-    assert "stopped at" in done.output
-    assert "its stroke is 2.6 to 3.2 m" in done.output
-
-
-def test_ctrl_c_keeps_what_ran_so_far(interpreter: Interpreter, tmp_path: Path) -> None:
-    """Expected: exit code 130, all files, marked as interrupted."""
-    lines = ["import os, signal", "def controller(sample):", "    if sample.time > 0.0195:"]
-    lines += ["        os.kill(os.getpid(), signal.SIGINT)", "    return [4078.57] * 6"]
-    (tmp_path / "stopping.py").write_text("\n".join(lines))
-    (tmp_path / "mine.toml").write_text(
-        """
-        title = "a law that holds still, and presses Ctrl-C"
-        platform.preset = "motion_base"
-        reference.type = "hold"
-        controller = { type = "python", file = "stopping.py" }
-        loop.duration = "100 s"
-        """
-    )
-    done = interpreter.command("run", "mine.toml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 130, done.stderr
-    assert "interrupted at" in done.stderr
-    assert "Traceback" not in done.stderr
-    record = read_record(tmp_path / "out" / "record.parquet")
-    assert record.metadata["outcome"]["status"] == "interrupted"
-    assert record.table.height in (20, 21)
 
 
 def test_a_folder_without_permission_is_refused_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,19 +37,13 @@ def test_a_folder_and_its_files_make_the_same_page(
 
 
 def test_open_opens_the_page_and_says_so_if_it_cannot(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, opened: list[str]
 ) -> None:
-    opened: list[str] = []
-
-    def opens_once(address: str) -> bool:
-        opened.append(address)
-        return len(opened) == 1
-
-    monkeypatch.setattr("webbrowser.open", opens_once)
     page = tmp_path / "new folder" / "page.html"
     assert "by hand" not in invoke("view", str(folder), "--out", str(page), "--open").output
+    assert opened == [page.as_uri()]
+    monkeypatch.setattr("webbrowser.open", lambda _: False)
     assert "by hand" in invoke("view", str(folder), "--out", str(page), "--open").output
-    assert opened == [page.as_uri()] * 2
 
 
 def test_what_is_no_record_is_refused_with_a_remedy(folder: Path, tmp_path: Path) -> None:
@@ -103,15 +97,10 @@ def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> N
     assert pages[0].replace(b'"name":"run"', b'"name":"' + name + b'"') == pages[1]
 
 
-def test_what_another_command_wrote_is_shown_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_another_command_wrote_is_shown_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, opened: list[str]
+) -> None:
     """Expected: the page of the report beside it, from folder or file; of a folder with a page alone, that page."""
-    opened: list[str] = []
-
-    def opens(address: str) -> bool:
-        opened.append(address)
-        return True
-
-    monkeypatch.setattr("webbrowser.open", opens)
     monkeypatch.chdir(tmp_path)
     assert (
         invoke("check", "pitch_sine", "--set", "loop.sample_time=25 ms", "--report", "--out", "checked").exit_code == 0

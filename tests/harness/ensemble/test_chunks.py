@@ -8,7 +8,6 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.chunk import SIZE, Chunk, chunk
-from gough_stewart.harness.ensemble.data import INTEGRATION_ERROR, INTERNAL_STEPS
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.members import EnsemblePlan, Members, plan_from, plan_of
@@ -86,7 +85,7 @@ def test_internal_steps_hold_the_tolerance_and_are_those_that_each_member_needs(
     stiff = chunk(plan_of(gs.load_experiment("heave_step", {**settings, "ensemble": table})), 0, 40)
     for found, rows in ((whole, 60), (stiff, 100)):
         ran = found.rows.filter(polars.col("outcome") == "completed")
-        error, steps = ran[INTEGRATION_ERROR].to_numpy(), ran[INTERNAL_STEPS].to_numpy()
+        error, steps = ran["integration_error"].to_numpy(), ran["internal_steps"].to_numpy()
         assert (steps >= rows).all()
         assert (error > 0).all()
         assert (error <= 1e-10 * (steps - rows + 1)).all()
@@ -100,8 +99,8 @@ def test_a_fixed_step_of_the_plant_is_that_of_all_members() -> None:
         experiment = experiment_of(small(), {"plant.fixed_step_size": size})
         assert Members(experiment).stepping.substeps == number
     rows = chunk(plan_of(experiment), 0, 8).rows
-    assert set(rows[INTERNAL_STEPS].drop_nulls()) == {0.0}
-    assert (rows[INTEGRATION_ERROR].drop_nulls() > 0).all()
+    assert set(rows["internal_steps"].drop_nulls()) == {0.0}
+    assert (rows["integration_error"].drop_nulls() > 0).all()
     assert Members(small(tolerance=3e-9)).stepping == (3e-9, None)
 
 

@@ -2,31 +2,26 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.chunk import FOLDER
+from gough_stewart.harness.ensemble.chunk import SIZE
 from gough_stewart.harness.ensemble.workers import chunk_there, exact_versions
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.members import plan_of
 from tests.support.memory import EXPERIMENT, SHORT, Pid
-from tests.support.small_ensemble import SMALL, small
+from tests.support.small_ensemble import MANY, small
 from tools.pages.blocks import ROOT
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")  # those of another project
-
-MEMBERS = 160
-SIZE = 16
 
 
 class Cluster:
@@ -83,51 +78,6 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     started.close()
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
-    """The files of a run without a cluster."""
-    folder = tmp_path_factory.mktemp("undisturbed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "SIZE", SIZE)
-        gs.ensemble(small(members=MEMBERS), out=folder, workers=1)
-    return files_in(folder)
-
-
-def files_in(folder: Path) -> Mapping[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
-def test_a_client_killed_in_mid_run_goes_on_with_resume(
-    cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: chunks of the first client are kept, and the files are those of an undisturbed run."""
-    monkeypatch.setattr(runner, "SIZE", SIZE)
-    program = (
-        "import gough_stewart as gs, json, sys\n"
-        "from gough_stewart.harness.ensemble import ensemble as runner\n"
-        "from gough_stewart.harness.experiment.file import experiment_from\n"
-        f"runner.SIZE = {SIZE}\n"
-        f"experiment = experiment_from({ {**SMALL, 'ensemble': {**SMALL['ensemble'], 'members': MEMBERS}}!r})\n"
-        f"gs.ensemble(experiment, out={str(tmp_path)!r}, scheduler={cluster.address!r})\n"
-    )
-    client = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
-    wait_for(lambda: len(list((tmp_path / FOLDER).glob("*.json"))) >= 2)
-    client.send_signal(signal.SIGKILL)
-    client.wait()
-    kept = len(list((tmp_path / FOLDER).glob("*.json")))
-    assert 2 <= kept < MEMBERS // SIZE
-    done = list[int]()
-    gs.ensemble(
-        small(members=MEMBERS),
-        out=tmp_path,
-        scheduler=cluster.address,
-        resume=True,
-        progress=lambda n, _: done.append(n),
-    )
-    assert len(done) == MEMBERS // SIZE - kept
-    assert files_in(tmp_path) == undisturbed
-
-
 def test_a_worker_with_other_versions_is_refused(
     cluster: Cluster, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -142,9 +92,8 @@ def test_a_worker_with_other_versions_is_refused(
         gs.ensemble(small(), out=tmp_path, scheduler=cluster.address)
 
 
-def test_workers_get_a_controller_from_python(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_get_a_controller_from_python(cluster: Cluster) -> None:
     """Expected: the members of one process, with a class that no module on their path has."""
-    monkeypatch.setattr(runner, "SIZE", 2)
 
     class Local(Pid):
         pass
@@ -154,14 +103,11 @@ def test_workers_get_a_controller_from_python(cluster: Cluster, monkeypatch: pyt
     assert there.members.equals(here.members, null_equal=True)
 
 
-def test_a_worker_killed_in_mid_run_changes_no_byte(
-    cluster: Cluster, undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_killed_in_mid_run_changes_no_byte(cluster: Cluster, tmp_path: Path) -> None:
     """Expected: the other worker computes its chunks, and the files are those of a run without a cluster.
 
     The last that uses the cluster, which has one worker afterwards.
     """
-    monkeypatch.setattr(runner, "SIZE", SIZE)
     done = list[int]()
 
     def progress(members: int, _total: int) -> None:
@@ -169,9 +115,11 @@ def test_a_worker_killed_in_mid_run_changes_no_byte(
             cluster.kill_worker()
         done.append(members)
 
-    gs.ensemble(small(members=MEMBERS), out=tmp_path, scheduler=cluster.address, progress=progress)
-    assert done[-1] == MEMBERS
-    assert files_in(tmp_path) == undisturbed
+    for name, options in (("here", {"workers": 1}), ("there", {"scheduler": cluster.address, "progress": progress})):
+        gs.ensemble("heave_step", MANY, members=6 * SIZE, out=tmp_path / name, **options)  # type: ignore[arg-type]
+    assert (len(done), done[-1]) == (6, 6 * SIZE)
+    here, there = ({path.name: path.read_bytes() for path in (tmp_path / n).iterdir()} for n in ("here", "there"))
+    assert here == there
 
 
 def test_a_scheduler_that_is_not_there_is_said_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

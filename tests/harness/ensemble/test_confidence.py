@@ -11,7 +11,7 @@ from scipy import stats
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare
-from gough_stewart.harness.ensemble.report import Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.report.proportions import quantile_interval

@@ -1,6 +1,5 @@
 """Every pair of options of `[ensemble]` and of `gs.ensemble`: expectations from SciPy and from members run alone."""
 
-from collections.abc import Iterator, Sequence
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,7 @@ from scipy import stats
 
 import gough_stewart as gs
 from gough_stewart.harness.control.makers import Sample
-from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.workers import Range, Workers, chunks_here
 from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.members import EnsemblePlan
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.vectors import FloatArray
 from tests.support.metric_definitions import as_one_number, defined_metrics
@@ -47,8 +43,6 @@ OPTIONS: dict[str, list[Any]] = {
     "coulomb": list(COULOMB),
     "sampling": ["random", "sobol", "latin_hypercube", "saltelli"],
     "joint": [None, "correlation"],
-    "chunk": [512, 3],
-    "interrupted": [False, True],
     "seed": [None, 41],
     "worst_by": [None, "stroke.margin", "force.rms"],
     "signals": [None, ["leg_velocity", "error.orientation.norm"]],
@@ -56,7 +50,6 @@ OPTIONS: dict[str, list[Any]] = {
     "change": [False, True],
     "belief": [False, True],
     "controller": ["pd", "class"],
-    "workers": [1, 2],
 }
 ROWS = [dict(zip(OPTIONS, row, strict=True)) for row in AllPairs(list(OPTIONS.values()))]
 # Each takes a second: the first rows always run, all of them with the evidence.
@@ -121,41 +114,6 @@ def experiment_of(row: dict[str, Any], folder: Path) -> Experiment:
     return experiment_from(values, "options").from_file("options", folder)
 
 
-@pytest.fixture(scope="module")
-def two() -> Iterator[Workers]:
-    """Two processes for all rows."""
-    with Workers(2) as started:
-        yield started
-
-
-def run(row: dict[str, Any], folder: Path, patch: pytest.MonkeyPatch, workers: Workers | int) -> Any:
-    """The ensemble from these workers; interrupted after its first chunk and continued, if the row says so."""
-    experiment, out = experiment_of(row, folder), folder / "out"
-    options: dict[str, Any] = {"out": out, "workers": 1}
-    options |= {"controller": Law} if row["controller"] == "class" else {}
-    patch.setattr(runner, "SIZE", row["chunk"])
-
-    def computed(plan: EnsemblePlan, ranges: Sequence[Range], _: Any) -> Iterator[Any]:
-        yield from chunks_here(plan, ranges, workers)
-
-    patch.setattr(runner, "chunks_here", computed)
-    if row["interrupted"]:
-        with patch.context() as inner:
-
-            def fails(*arguments: Any) -> Iterator[Any]:
-                for k, found in enumerate(computed(*arguments)):
-                    if k == 1:
-                        raise KeyboardInterrupt
-                    yield found
-
-            inner.setattr(runner, "chunks_here", fails)
-            if row["chunk"] == 3:
-                with pytest.raises(KeyboardInterrupt):
-                    gs.ensemble(experiment, **options)
-                options["resume"] = True
-    return gs.ensemble(experiment, **options)
-
-
 def _name(row: dict[str, Any]) -> str:
     return "-".join(str(value) for value in row.values())
 
@@ -165,17 +123,16 @@ def _name(row: dict[str, Any]) -> str:
     [pytest.param(row, marks=pytest.mark.evidence if k >= _ALWAYS else ()) for k, row in enumerate(ROWS)],
     ids=_name,
 )
-def test_every_pair_of_options_does_what_the_documentation_says(
-    row: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
+def test_every_pair_of_options_does_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
     """Expected: distributions of SciPy, metrics by definition of members that run alone, quantiles by NumPy."""
-    found = run(row, tmp_path, monkeypatch, request.getfixturevalue("two") if row["workers"] == 2 else 1)
+    controller = Law if row["controller"] == "class" else None
+    found = gs.ensemble(experiment_of(row, tmp_path), controller=controller, workers=1, out=tmp_path / "out")
     members = found.members
     check_draws(row, members)
     assert found.metadata["seed"] == (5 if row["seed"] is None else row["seed"])
     assert found.metadata["sampling"] == row["sampling"]
     k = members.height - 1
-    record = gs.run(experiment_of(row, tmp_path), member=k, controller=Law if row["controller"] == "class" else None)
+    record = gs.run(experiment_of(row, tmp_path), member=k, controller=controller)
     check_member(row, members.row(k, named=True), record)
     completed = members.filter(polars.col("outcome") == "completed")
     assert completed.height == members.height

@@ -9,8 +9,7 @@ import polars
 import pytest
 from playwright.sync_api import Browser, Page
 
-from gough_stewart.harness.ensemble.data import numbers
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
+from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.report.page import page_of
 from tests.support.browser import until, watched
@@ -58,7 +57,7 @@ def test_members_in_a_marked_range_stand_out_everywhere(page: Page, ensemble: En
     page.mouse.down()
     page.mouse.move(box["x"] + 0.8 * box["width"], y, steps=4)
     page.mouse.up()
-    mass, peak = numbers(ensemble.members, "varied.platform_mass"), ensemble.values(PEAK)
+    mass, peak = ensemble.values("platform_mass"), ensemble.values(PEAK)
     ends = [box["start"] + share * (box["end"] - box["start"]) for share in (0.5, 0.8)]
     step = (box["end"] - box["start"]) / box["width"]
     until(page, "GoughStewart.state.members !== null")

@@ -7,9 +7,6 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.data import worst_members
-from gough_stewart.harness.ensemble.workers import chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
 from gough_stewart.harness.experiment.members import plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of
@@ -122,57 +119,50 @@ def test_whole_bounds_search_whole_numbers(file: Path, bounds: str, is_whole: bo
     assert isinstance(axis.value(0.3), int) == is_whole
 
 
-def interrupted(monkeypatch: pytest.MonkeyPatch, experiment: Path | str, out: Path, controller: Any = None) -> None:
-    """An ensemble of 4 that has finished its first 2."""
+def interrupted(experiment: Path | str, out: Path, controller: Any = None) -> None:
+    """An ensemble of two members whose only chunk is finished, but not its tables."""
 
-    def stops(*arguments: Any) -> Any:
-        yield next(iter(chunks_here(*arguments)))
+    def stop(*_: int) -> None:
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        patch.setattr(runner, "chunks_here", stops)
-        with pytest.raises(KeyboardInterrupt):
-            gs.ensemble(experiment, SHORT, controller=controller, members=4, workers=1, out=out)
+    with pytest.raises(KeyboardInterrupt):
+        gs.ensemble(experiment, SHORT, controller=controller, members=2, workers=1, out=out, progress=stop)
 
 
-def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path) -> None:
     """Expected: --resume names the module beside the controller, and the table that it names, not a file aside."""
-    monkeypatch.setattr(runner, "SIZE", 2)
     out = tmp_path / "out"
-
-    interrupted(monkeypatch, file, out)
+    interrupted(file, out)
     (file.parent / "aside.py").write_text("unused = 1")
     for name in ("legs.py", "table.csv"):
         text = (file.parent / name).read_text()
         (file.parent / name).write_text(f"{text}\n")
         with pytest.raises(EnsembleError, match=rf"another experiment: files\.{name}"):
-            gs.ensemble(file, SHORT, members=4, workers=1, out=out, resume=True)
+            gs.ensemble(file, SHORT, members=2, workers=1, out=out, resume=True)
         (file.parent / name).write_text(text)
-    whole = gs.ensemble(file, SHORT, members=4, workers=1, out=out, resume=True)
-    assert whole.members.equals(gs.ensemble(file, SHORT, members=4, workers=1).members, null_equal=True)
+    whole = gs.ensemble(file, SHORT, members=2, workers=1, out=out, resume=True)
+    assert whole.members.equals(gs.ensemble(file, SHORT, members=2, workers=1).members, null_equal=True)
 
 
-def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path) -> None:
     """Expected: with other gains or none it is refused; with the same class it goes on; files say that it was there."""
-    monkeypatch.setattr(runner, "SIZE", 2)
-
-    interrupted(monkeypatch, EXPERIMENT, tmp_path, Pid)
+    interrupted(EXPERIMENT, tmp_path, Pid)
     for other in (None, WAYS["object"](), WAYS["factory"]()):
         with pytest.raises(EnsembleError, match=r"another experiment: controller is .* here and 'class Pid, "):
-            gs.ensemble(EXPERIMENT, SHORT, controller=other, members=4, workers=1, out=tmp_path, resume=True)
-    found = gs.ensemble(EXPERIMENT, SHORT, controller=Pid, members=4, workers=1, out=tmp_path, resume=True)
+            gs.ensemble(EXPERIMENT, SHORT, controller=other, members=2, workers=1, out=tmp_path, resume=True)
+    found = gs.ensemble(EXPERIMENT, SHORT, controller=Pid, members=2, workers=1, out=tmp_path, resume=True)
     plan = plan_from(json.loads((tmp_path / "ensemble.json").read_text())["plan"])
     with pytest.raises(
         ExperimentError, match=r"controller: was class Pid, .* given in Python, which files do not keep"
     ):
         _ = plan.prepared
-    assert found.values(RMS).shape == (4,)
+    assert found.values(RMS).shape == (2,)
 
 
 def test_records_of_the_worst_members_agree_with_their_table(file: Path) -> None:
     """Expected: to 1e-12 each number of the table, of three members that run together and remember."""
     found = gs.ensemble(file, SHORT, members=6, workers=1)
-    worst = worst_members(found.members, "tracking.position.norm_peak", 3)
+    worst = found.worst_members("tracking.position.norm_peak", 3)
     for member, record in zip(worst, records_of(plan_from(found.metadata["plan"]), worst), strict=True):
         for name, value in flattened(metrics(record)).items():
             if name in found.metrics and value is not None:

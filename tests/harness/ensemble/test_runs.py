@@ -2,9 +2,10 @@
 
 import errno
 import json
+import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +13,19 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble import workers as processes
-from gough_stewart.harness.ensemble.chunk import FOLDER, ChunkBytes, ChunkFiles
-from gough_stewart.harness.ensemble.chunk import chunk as chunk_of_plan
-from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
-from gough_stewart.harness.ensemble.workers import Range, chunks_here
+from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkBytes, ChunkFiles
+from gough_stewart.harness.ensemble.ensemble import PLAN
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
-from gough_stewart.harness.experiment.members import EnsemblePlan
-from gough_stewart.harness.plants.isolated import Isolated
 from gough_stewart.harness.report.requirements import with_requirements
 from gough_stewart.model.errors import OutputError
-from tests.support.small_ensemble import small
+from tests.support.small_ensemble import MANY, small
 
-FILES = (MEMBERS, BANDS, SAMPLES, METADATA)
+FILES = {"members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"}
 
 
-@pytest.fixture(autouse=True)
-def _small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "SIZE", 16)
+def run(**options: Any) -> gs.Ensemble:
+    return gs.ensemble("heave_step", MANY, **{"workers": 1, **options})
 
 
 def files_in(folder: Path) -> Mapping[str, bytes]:
@@ -39,93 +34,167 @@ def files_in(folder: Path) -> Mapping[str, bytes]:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]:
-    """The files of a run in one process, in chunks of 16, 16 and 8 members."""
+    """The files of a run in one process."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "SIZE", 16)
-        gs.ensemble(small(), out=folder, workers=1)
+    run(out=folder)
     return files_in(folder)
 
 
 def test_it_leaves_its_files(undisturbed: Mapping[str, bytes]) -> None:
-    assert set(undisturbed) == set(FILES)
-    said = json.loads(undisturbed[METADATA])
-    assert sum(said["outcomes"].values()) == 40
+    assert set(undisturbed) == FILES
+    said = json.loads(undisturbed["ensemble.json"])
+    assert sum(said["outcomes"].values()) == 2 * SIZE + 40
+    assert said["outcomes"]["impossible"] > 20
     assert said["seed"] == 3
     assert len(said["features"]) == 1
-    assert [len(group) for group in said["groups"]] == [1, 3, 1, 18, 1, 1, 1, 1]
+    of_small = gs.ensemble(small(), members=4, workers=1).metadata
+    assert [len(group) for group in of_small["groups"]] == [1, 3, 1, 18, 1, 1, 1, 1]
 
 
-def test_two_workers_give_the_same_bytes_as_one(undisturbed: Mapping[str, bytes], tmp_path: Path) -> None:
+# A controller that ends the other processes, once or always, in the middle of a chunk.
+LAW = """
+import os, pathlib, signal
+
+mark = pathlib.Path({folder!r}, "str" + "uck")  # whose name is not one of a file that the controller needs
+
+def make(platform, sample_time):
+    if os.getpid() != {here} and (not mark.exists() or {always}):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return lambda sample: 1e5 * (sample.reference["leg_length"] - sample.measured["leg_length"])
+"""
+
+
+def with_law(folder: Path, always: bool) -> tuple[dict[str, Any], Any]:
+    """Settings with that controller, and a progress that goes on when it has struck."""
+    mark = folder / "struck"
+    (folder / "law.py").write_text(LAW.format(here=os.getpid(), folder=str(folder), always=always))
+    law = {"type": "python", "file": str(folder / "law.py"), "factory": "make"}
     seen = list[int]()
-    found = gs.ensemble(small(), out=tmp_path, workers=2, progress=lambda done, _total: seen.append(done))
-    assert files_in(tmp_path) == undisturbed
-    assert sorted(seen) == seen
-    assert seen[-1] == 40
-    assert found.members["member"].to_list() == list(range(40))
-    assert gs.read_ensemble(tmp_path).members.equals(found.members)
+
+    def progress(done: int, _total: int) -> None:
+        end = time.monotonic() + 60
+        while not mark.exists() and time.monotonic() < end:
+            time.sleep(0.02)
+        seen.append(done)
+
+    progress.seen = seen  # type: ignore[attr-defined]
+    return {**MANY, "controller": law}, progress
 
 
-def test_other_chunks_give_the_same_members(undisturbed: Mapping[str, bytes], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "SIZE", 256)
-    found = gs.ensemble(small(), workers=1)
-    assert found.members.equals(polars.read_parquet(undisturbed[MEMBERS]), null_equal=True)
-    assert found.bands.equals(polars.read_parquet(undisturbed[BANDS]), null_equal=True)
+def test_two_workers_give_the_same_bytes_as_one_though_one_is_killed(tmp_path: Path) -> None:
+    """Expected: this process begins with the last chunk, another one with the first, which is started again."""
+    settings, progress = with_law(tmp_path, always=False)
+    gs.ensemble("heave_step", settings, workers=1, out=tmp_path / "one")
+    found = gs.ensemble("heave_step", settings, workers=2, out=tmp_path / "two", progress=progress)
+    assert files_in(tmp_path / "two") == files_in(tmp_path / "one")
+    assert (tmp_path / "struck").exists()
+    assert (progress.seen[0], progress.seen[-1]) == (40, 2 * SIZE + 40)
+    assert progress.seen == sorted(progress.seen)
+    assert found.members["member"].to_list() == list(range(2 * SIZE + 40))
+    assert gs.read_ensemble(tmp_path / "two").members.equals(found.members)
 
 
-def interrupted(folder: Path, after: int, monkeypatch: pytest.MonkeyPatch) -> BaseException:
+def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path: Path) -> None:
+    settings, progress = with_law(tmp_path, always=True)
+    with pytest.raises(EnsembleError, match=r"members 0 to 511: .*SIGKILL.*tried 3 times\. Not enough memory"):
+        gs.ensemble("heave_step", settings, workers=2, progress=progress)
+
+
+def interrupted(folder: Path, chunks: int, **options: Any) -> BaseException:
     """What ends a run that is interrupted after so many chunks."""
-    with monkeypatch.context() as patch:
+    seen = list[int]()
 
-        def fails(*arguments: Any) -> Iterator[Any]:
-            for k, found in enumerate(chunks_here(*arguments)):
-                if k == after:
-                    raise KeyboardInterrupt
-                yield found
+    def progress(done: int, _total: int) -> None:
+        seen.append(done)
+        if len(seen) == chunks:
+            raise KeyboardInterrupt
 
-        patch.setattr(runner, "chunks_here", fails)
-        with pytest.raises(KeyboardInterrupt) as caught:
-            gs.ensemble(small(), out=folder, workers=1)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run(out=folder, progress=progress, **options)
     return caught.value
 
 
-def test_an_interrupted_run_goes_on_to_the_same_bytes(
-    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_run_goes_on_to_the_same_bytes(undisturbed: Mapping[str, bytes], tmp_path: Path) -> None:
     """Expected: finished chunks are kept, as the note says, not computed again, and the end is the same."""
-    caught = interrupted(tmp_path, 2, monkeypatch)
+    caught = interrupted(tmp_path, 2)
     assert "2 finished chunks are kept" in caught.__notes__[0]
     assert "--resume" in caught.__notes__[0]
-    assert not any((tmp_path / name).exists() for name in FILES)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / FOLDER).iterdir()}
-    asked = list[Any]()
-
-    def counted(plan: EnsemblePlan, ranges: Sequence[Range], workers: int) -> Iterator[Any]:
-        asked.extend(ranges)
-        return chunks_here(plan, ranges, workers)
-
-    monkeypatch.setattr(runner, "chunks_here", counted)
+    assert {path.name for path in tmp_path.iterdir()} == {FOLDER, PLAN}
+    kept = files_in(tmp_path / FOLDER)
     with pytest.raises(EnsembleError, match="finished chunks of an incomplete ensemble"):
-        gs.ensemble(small(), out=tmp_path, workers=1)
-    assert {path: path.stat().st_mtime_ns for path in (tmp_path / FOLDER).iterdir()} == kept
-    gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
-    assert asked == [(32, 40)]
+        run(out=tmp_path)
+    assert files_in(tmp_path / FOLDER) == kept
+    done = list[int]()
+    run(out=tmp_path, resume=True, progress=lambda members, _: done.append(members))
+    assert done == [2 * SIZE + 40]  # the last chunk alone
     assert files_in(tmp_path) == undisturbed
     # all is done: nothing is computed again
-    again = gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
-    assert len(again.members) == 40
-    assert len(asked) == 1
+    again = run(out=tmp_path, resume=True, workers=2, progress=lambda members, _: done.append(members))
+    assert (len(again.members), len(done)) == (2 * SIZE + 40, 1)
 
 
-@pytest.mark.parametrize("ending", ["parquet", "npz", "json"])
-def test_a_torn_chunk_is_made_again(
-    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
-) -> None:
-    interrupted(tmp_path, 2, monkeypatch)
-    torn = tmp_path / FOLDER / f"00000016.{ending}"
+@pytest.mark.parametrize("ending", ["parquet", "npz"])
+def test_a_torn_chunk_is_made_again(undisturbed: Mapping[str, bytes], tmp_path: Path, ending: str) -> None:
+    interrupted(tmp_path, 2)
+    torn = tmp_path / FOLDER / f"{SIZE:08d}.{ending}"
     torn.write_bytes(torn.read_bytes()[:-30])
-    gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
+    done = list[int]()
+    run(out=tmp_path, resume=True, progress=lambda members, _: done.append(members))
+    assert done == [2 * SIZE, 2 * SIZE + 40]
     assert files_in(tmp_path) == undisturbed
+
+
+def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path) -> None:
+    """Expected: what differs by its key and both values, the first three; the finished chunks stay."""
+    interrupted(tmp_path, 1)
+    before = files_in(tmp_path / FOLDER)
+
+    def refused(message: str, settings: dict[str, Any] | None = None, **options: Any) -> str:
+        with pytest.raises(EnsembleError, match=message) as caught:
+            gs.ensemble("heave_step", MANY | (settings or {}), out=tmp_path, resume=True, **options)
+        return str(caught.value)
+
+    varied = {**MANY["ensemble"], "platform_mass": {"normal": [1000, 500]}}
+    refused(r"another experiment: ensemble\.platform_mass\.normal is \[1", {"ensemble": varied})
+    refused(f"members is 80 here and {2 * SIZE + 40} there", members=80)
+    many = {"loop": {**MANY["loop"], "delay": 2, "duration": 0.011}, "title": "b", "sensors.seed": 77}
+    said = refused("another experiment", {**many, "controller.damping_ratio": 0.9})
+    told = re.findall(r"(?:: |; )([\w.]+) is \S+ here and \S+ there", said)
+    assert told == ["controller.damping_ratio", "loop.delay", "loop.duration"]
+    plan = json.loads((tmp_path / PLAN).read_text())
+    plan["made_with"]["numpy"] = "1.0"
+    (tmp_path / PLAN).write_text(json.dumps(plan))
+    refused(r"results of other versions: numpy .* here and 1\.0 there")
+    (tmp_path / PLAN).write_text("{}")
+    refused("is not the plan of an ensemble")
+    assert files_in(tmp_path / FOLDER) == before
+
+
+def test_a_full_disk_keeps_what_is_finished(
+    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: a clear error after the first chunk, no part of the second, and the same end after room was made."""
+    write = Path.write_bytes
+
+    def full(self: Path, content: Any) -> int:
+        if f"{SIZE:08d}.npz" in self.name:
+            write(self, content[:100])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(self, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises(OutputError, match=r"no space left on the disk; 1 finished chunk is kept in .*--resume"):
+            run(out=tmp_path)
+    files = ChunkFiles(tmp_path)
+    assert (files.features(SIZE), files.count()) == (None, 1)
+    assert files.features(0)
+    assert not list((tmp_path / FOLDER).glob("*.part"))
+    run(out=tmp_path, resume=True)
+    assert files_in(tmp_path) == undisturbed
+    files.write(0, ChunkBytes(b"rows", b"no archive", ""))
+    assert files.features(0) is None
 
 
 def test_causes_are_counted_the_most_frequent_first() -> None:
@@ -138,130 +207,6 @@ def test_causes_are_counted_the_most_frequent_first() -> None:
     assert second == (next(each for each in causes if "delay" in each), sum("delay" in each for each in causes))
     assert first[1] > second[1] > 0
     assert found.metadata["outcomes"]["impossible"] == first[1] + second[1]
-
-
-def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    interrupted(tmp_path, 1, monkeypatch)
-    before = files_in(tmp_path / FOLDER)
-    other = small(platform_mass={"normal": [1000, 500]})
-    with pytest.raises(EnsembleError, match=r"another experiment: ensemble\.platform_mass\.normal is \[1"):
-        gs.ensemble(other, out=tmp_path, resume=True)
-    with pytest.raises(EnsembleError, match="members is 80 here and 40 there"):
-        gs.ensemble(small(), out=tmp_path, members=80, resume=True)
-    many = {"loop.delay": 2, "loop.duration": 0.011, "controller.damping_ratio": 0.9, "title": "b", "sensors.seed": 77}
-    with pytest.raises(EnsembleError) as caught:
-        gs.ensemble(small(), many, out=tmp_path, resume=True)
-    told = re.findall(r"(?:: |; )([\w.]+) is \S+ here and \S+ there", str(caught.value))
-    assert told == ["controller.damping_ratio", "loop.delay", "loop.duration"]  # the first three
-    plan = json.loads((tmp_path / runner.PLAN).read_text())
-    plan["made_with"]["numpy"] = "1.0"
-    (tmp_path / runner.PLAN).write_text(json.dumps(plan))
-    with pytest.raises(EnsembleError, match=r"results of other versions: numpy .* here and 1\.0 there"):
-        gs.ensemble(small(), out=tmp_path, resume=True)
-    (tmp_path / runner.PLAN).write_text("{}")
-    with pytest.raises(EnsembleError, match="is not the plan of an ensemble"):
-        gs.ensemble(small(), out=tmp_path, resume=True)
-    assert files_in(tmp_path / FOLDER) == before
-
-
-def test_a_full_disk_keeps_what_is_finished(
-    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: a clear error after the first chunk, no file of the second, and the same end after room was made."""
-    with monkeypatch.context() as patch:
-        write = ChunkFiles.write
-
-        def full(self: ChunkFiles, first: int, chunk: ChunkBytes) -> None:
-            if first:
-                raise OSError(errno.ENOSPC, "No space left on device", str(self.rows(first)))
-            write(self, first, chunk)
-
-        patch.setattr(ChunkFiles, "write", full)
-        with pytest.raises(OutputError, match=r"no space left on the disk; 1 finished chunk is kept in .*--resume"):
-            gs.ensemble(small(), out=tmp_path, workers=1)
-    assert {path.stem for path in (tmp_path / FOLDER).iterdir()} == {"00000000"}
-    gs.ensemble(small(), out=tmp_path, workers=1, resume=True)
-    assert files_in(tmp_path) == undisturbed
-
-
-def test_a_disk_that_fills_up_leaves_no_torn_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: of a chunk whose second file cannot be written, nothing that counts."""
-    whole = ChunkBytes(b"rows", b"bands", "features")
-    files = ChunkFiles(tmp_path)
-    write = Path.write_bytes
-
-    def full(self: Path, content: bytes) -> int:
-        if content == b"bands":
-            write(self, content[:2])
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return write(self, content)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_bytes", full)
-        with pytest.raises(OSError, match="No space left"):
-            files.write(0, whole)
-    assert files.features(0) is None
-    assert not [path for path in files.folder.iterdir() if path.suffix == ".part"]
-    files.write(0, whole)
-    assert files.features(0) == "features"
-
-
-def test_a_killed_worker_is_replaced(
-    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: its chunk is computed by another process, and the bytes are the same."""
-    killed = list[int]()
-    call = Isolated.call
-
-    def kills(self: Isolated, method: str, *arguments: Any) -> Any:
-        if method == "chunk" and arguments[1] == 16 and not killed:
-            killed.append(self._process.pid)
-            self._process.kill()
-        return call(self, method, *arguments)
-
-    monkeypatch.setattr(Isolated, "call", kills)
-    monkeypatch.setattr(Future, "cancel", lambda _: False)  # the other process has to run them all
-    gs.ensemble(small(), out=tmp_path, workers=2)
-    assert len(killed) == 1
-    assert files_in(tmp_path) == undisturbed
-
-
-def test_this_process_is_one_of_the_workers(
-    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: it begins with the last chunk, each chunk is computed once, and the bytes are the same."""
-    own, elsewhere = list[int](), list[int]()
-    call = Isolated.call
-
-    def here(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Any:
-        own.append(first)
-        return chunk_of_plan(plan, first, last, threads)
-
-    def there(self: Isolated, method: str, *arguments: Any) -> Any:
-        elsewhere.extend([arguments[1]] if method == "chunk" else [])
-        return call(self, method, *arguments)
-
-    monkeypatch.setattr(processes, "chunk", here)
-    monkeypatch.setattr(Isolated, "call", there)
-    gs.ensemble(small(), out=tmp_path, workers=2)
-    assert own[0] == max(own + elsewhere)
-    assert sorted(own + elsewhere) == list(range(0, 16 * len(own + elsewhere), 16))
-    assert files_in(tmp_path) == undisturbed
-
-
-def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(processes, "_TRIES", 1)
-    call = Isolated.call
-
-    def kills(self: Isolated, method: str, *arguments: Any) -> Any:
-        if method == "chunk":
-            self._process.kill()
-        return call(self, method, *arguments)
-
-    monkeypatch.setattr(Isolated, "call", kills)
-    monkeypatch.setattr(Future, "cancel", lambda _: False)
-    with pytest.raises(EnsembleError, match=r"crashed \(SIGKILL\).*tried 1 times. Not enough memory"):
-        gs.ensemble(small(), out=tmp_path, workers=2)
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
@@ -305,55 +250,31 @@ def test_a_member_without_margins_is_a_row_with_its_cause() -> None:
     assert "2 of 4 members hold it; 2 of them without this number" in judged.note
 
 
-def test_the_number_of_cores_is_that_of_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: three of eight that the process may use; all eight where a system has no such choice; at least one."""
+def test_samples_belong_to_their_member_where_others_are_impossible() -> None:
+    """Expected: the rows of the member run alone, at the same times; masses below zero are no machines."""
+    settings = {
+        "loop.duration": 0.1,
+        "ensemble": {"members": 12, "seed": 3, "worst": 1, "platform_mass": {"uniform": [-800.0, 1500.0]}},
+    }
+    found = gs.ensemble("heave_step", settings, workers=1)
+    ran = found.members.filter(polars.col("outcome") != "impossible")["member"].to_list()
+    assert ran != list(range(len(ran)))
+    assert found.samples is not None
+    assert found.samples["member"].unique(maintain_order=True).to_list() == ran
+    alone = gs.run("heave_step", settings, member=ran[-1])
+    rows = found.samples.filter(polars.col("member") == ran[-1])
+    at = [int((alone["time"] < time - 1e-9).sum()) for time in rows["time"]]
+    error = (alone["error.position"] ** 2).sum(axis=1)[at] ** 0.5
+    assert rows["error.position.norm"].to_list() == pytest.approx(error, rel=1e-5, abs=1e-9)
+
+
+def test_processes_are_as_many_as_cores_that_have_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: of eight cores the three that this process may use; one for each four chunks of compiled loops."""
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 4, 6}, raising=False)
-    monkeypatch.setattr("os.cpu_count", lambda: 8)
     assert processes.cores() == 3
-    monkeypatch.delattr("os.sched_getaffinity")
-    assert processes.cores() == 8
-    monkeypatch.setattr("os.cpu_count", lambda: None)
-    assert processes.cores() == 1
-
-
-def test_a_number_of_workers_below_one_is_refused() -> None:
+    experiment = gs.load_experiment("heave_step")
+    numbers = [processes.processes_for(chunks, 3, experiment) for chunks in (1, 7, 8, 11, 12, 99)]
+    assert numbers == [0, 1, 2, 2, 3, 3]
+    assert processes.processes_for(2, 3, experiment, object()) == 2
     with pytest.raises(EnsembleError, match="workers is 0"):
         gs.ensemble(small(), workers=0)
-
-
-@pytest.mark.parametrize("way", ["one worker", "one chunk", "all is done", "elsewhere", "two workers"])
-def test_processes_are_started_only_where_chunks_wait_for_them(
-    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: two of them for three chunks; none for one worker or chunk, a finished run, or a scheduler."""
-    if way == "all is done":
-        gs.ensemble(small(), members=3, workers=1, out=tmp_path)
-
-    class Started(Exception):  # noqa: N818 - no error
-        pass
-
-    def start(number: int) -> None:
-        raise Started(number)
-
-    def ask(*_: Any) -> Iterator[Any]:
-        raise EnsembleError("asked")
-
-    monkeypatch.setattr(runner, "SIZE", 16 if way == "one chunk" else 1)
-    monkeypatch.setattr(runner, "Workers", start)
-    monkeypatch.setattr(processes.Workers, "__init__", lambda _, number: start(number))
-    monkeypatch.setattr(runner, "chunks_there", ask)
-
-    def run(**options: Any) -> gs.Ensemble:
-        return gs.ensemble(small(), members=3, out=tmp_path, **options)
-
-    if way == "two workers":
-        # they import while the run is planned
-        monkeypatch.setattr(runner, "plan_of", lambda *_: pytest.fail("planned before its processes were started"))
-        with pytest.raises(Started, match="2"):
-            run(workers=2)
-    elif way == "elsewhere":
-        with pytest.raises(EnsembleError, match="asked"):
-            run(workers=2, scheduler="tcp://127.0.0.1:8786")
-    else:
-        found = run(workers=1 if way == "one worker" else 2, resume=way == "all is done")
-        assert found.members["member"].to_list() == [0, 1, 2]

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
-from lxml import html
 from typer.testing import Result
 
 import gough_stewart as gs
@@ -23,7 +22,7 @@ from tests.harness.results.test_whole_run import MACHINE, tables_in
 from tests.support.commands import invoke
 from tests.support.ensembles import ensemble_of
 from tests.support.metric_definitions import as_one_number, defined_metrics
-from tests.support.page_arrays import data_of, unpacked
+from tests.support.page_arrays import data_of
 
 TOML = """
 title = "machines in trouble"
@@ -360,72 +359,6 @@ def test_the_worst_members_come_in_order(done: Done) -> None:
     (table,) = (each for each in page.split("<table")[1:] if "<caption>Worst " in each)
     named = re.findall(r'<a href="worst/member-(\d+)/report.html">\1</a>', table)
     assert [int(member) for member in named] == [*early, *rest.to_list()]
-
-
-def test_the_page_has_members_and_bands_in_their_units(done: Done) -> None:
-    """Expected: columns of the table and of the bands, by the charts' own factors in the units that they name."""
-    data, members = done.data, done.members
-
-    def values(number: int) -> FloatArray:
-        return unpacked(data["arrays"][number])
-
-    completed = np.array([each == "completed" for each in members["outcome"]])
-    merit = np.where(completed, members["force.rms"].cast(polars.Float64).fill_null(np.nan).to_numpy(), np.nan)
-    points = {chart["x"]["name"]: chart for chart in data["charts"] if chart["kind"] == "points"}
-    varied = [name.removeprefix("varied.") for name in members.columns if name.startswith("varied.")]
-    assert set(points) <= set(varied)
-    for name, chart in points.items():
-        drawn = members[f"varied.{name}"].to_numpy().astype(float)
-        np.testing.assert_allclose(values(chart["x"]["values"]), drawn, rtol=1e-9)
-        (series,) = chart["series"]
-        np.testing.assert_allclose(values(series["values"]), merit, rtol=1e-5)
-        assert chart["y"]["title"] == "RMS force [N]"
-    bands = polars.read_parquet(done.folder / "bands.parquet")
-    over_time = [chart for chart in data["charts"] if chart["isTime"] and "low" in chart["series"][0]]
-    assert len(over_time) == bands["signal"].n_unique()
-    (error,) = (chart for chart in over_time if chart["title"] == "error of orientation, norm")
-    part = bands.filter(polars.col("signal") == "error.orientation.norm")
-    np.testing.assert_allclose(values(error["x"]["values"]), 0.0025 * np.arange(121), rtol=1e-6)
-    assert (error["y"]["unit"], error["y"]["factor"]) == ("deg", pytest.approx(180 / np.pi))
-    step = np.ptp(part["highest"].to_numpy()) / 2**20 + 1e-6
-    for series, low, high in zip(error["series"][:3], ("lowest", "q05", "q25"), ("highest", "q95", "q75"), strict=True):
-        np.testing.assert_allclose(values(series["low"]), part[low].to_numpy(), atol=step)
-        np.testing.assert_allclose(values(series["high"]), part[high].to_numpy(), atol=step)
-    np.testing.assert_allclose(values(error["series"][3]["values"]), part["q50"].to_numpy(), atol=step)
-
-
-def test_the_page_says_what_its_numbers_are_of(done: Done) -> None:
-    """Expected: members, seed and sampling; what quantiles and bands leave out; the worst with what they ran with."""
-    page = (done.folder / "report.html").read_text()
-    text = re.sub('<span class="term"[^>]*>([^<]*)</span>', r"\1", page.partition("<script")[0])
-    text = re.sub("<[^>]*>", " ", text)
-    assert "14 members drawn at random, seed 11" in text
-    assert "Quantiles are without the 8 members not completed." in text
-    tables = html.fromstring(page).iter("table")
-    table = next(each for each in tables if "Worst members" in str(each.xpath("string(caption)")))
-    assert table.xpath("string(caption)") == "Worst members by RMS force"
-    heads, *rows = [["".join(map(str, cell.itertext())) for cell in row.iterchildren()] for row in table.iter("tr")]
-    first, shown = heads[:3], [head.partition(" [")[0] for head in heads[3:]]
-    assert [head.partition(" [")[0] for head in first] == ["member", "outcome", "RMS force"]
-    # those that matter most, in the order of the table above, where that is known
-    varied = [name for name in done.members.columns if name.startswith("varied.")]
-    sensitive = next((each for each in tables_of_inputs(page)), [name.removeprefix("varied.") for name in varied])
-    assert shown == sensitive[:5]
-    varied = [f"varied.{name}" for name in shown]
-    assert heads[2] == "RMS force [N]"
-    for cells in rows:
-        row = done.members.row(int(cells[0].partition(",")[0]), named=True)
-        assert cells[1] == row["outcome"]
-        assert [float(cell.replace("−", "-")) for cell in cells[2:]] == [
-            pytest.approx(row[name], rel=6e-4, abs=1e-12) for name in ("force.rms", *varied)
-        ]
-
-
-def tables_of_inputs(page: str) -> list[list[str]]:
-    """The first column of tables of sensitivities on a page."""
-    tables = [table for table in html.fromstring(page).iter("table") if "vary" in str(table.xpath("string(caption)"))]
-    rows = [[next(iter(row.iterchildren())) for row in table.iter("tr")][1:] for table in tables]
-    return [["".join(map(str, first.itertext())) for first in each] for each in rows]
 
 
 def test_ensemble_json_counts_what_happened(done: Done) -> None:
