@@ -13,28 +13,25 @@ model with it, and if no other hypothesis does nearly as well; if others of its 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
 
 from gough_stewart.harness.identify.hypotheses import (
-    FACTORS,
-    FRICTION_LAW,
     GEOMETRY,
-    LEGS,
-    STRIBECK,
-    TIMING,
-    Family,
+    TIMES,
+    Hypothesis,
+    at_several_places,
     leg_motion,
-    stribeck,
+    members_of,
+    reading_of,
+    rows_lost,
 )
 from gough_stewart.harness.identify.lack_of_fit import LEVEL, LackOfFit, basis_of, lack_of_fit
 from gough_stewart.harness.identify.names import unit_of, value_of
 from gough_stewart.harness.identify.noise import Whitened
 from gough_stewart.harness.identify.regressor import parameter_columns
-from gough_stewart.harness.identify.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # Residuals below this share of the forces are errors of the filters.
@@ -54,10 +51,8 @@ _PART = 0.05
 _STEPS, _LAGS, _VELOCITY = 4, 10, 0.5
 # Of columns that the fit has already, this share is left by rounding.
 _ROUNDING = 1e-4
-# Shares of the largest force at which forces may be clipped.
-_LEVELS = (0.98, 0.95, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7)
-# Times at which rows may be lost, at first, and afterwards at every row between them.
-_TIMES = 24
+# Units in which η are shown: their factors from SI, and SI.
+_SHOWN = {"%": (100.0, ""), "ms": (1e3, "s"), "mm": (1e3, "m"), "°": (180 / np.pi, "rad")}
 COLOURED = "coloured noise"
 
 
@@ -206,76 +201,51 @@ def _p(value: float) -> str:
     return f"= {value:.2g}" if value > 3e-4 else "< 0.0003"
 
 
-def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
-    """Test the fit, and name what is wrong if it is.
-
-    Parameters
-    ----------
-    covariance
-        Of the estimated parameters (p, p) [SI].
-    """
-    fit = rows.fit
-    D, families = rows.of(fit.columns), rows.whitened_families
-    raw = rows.model.residual(fit.values)[fit.is_fitted]
-    residual = rows.of(raw[..., None])[:, 0]
-    outcome = lack_of_fit(D, families, residual, fit.used)
-    error = np.sqrt(np.diag(covariance))
-    seen = _unseen(rows, D), fit.names, error, rows.noise.force, rows.noise.length
-    small = float((fit.used * raw**2).sum()) < _RESOLVED**2 * float((fit.used * fit.force[fit.is_fitted] ** 2).sum())
+def diagnosis_of(rows: Whitened, standard_errors: FloatArray) -> Diagnosis:
+    """Test the fit, and name what is wrong if it is."""
+    fit, residual = rows.fit, rows.fit.residual
+    D = rows.of(fit.columns)
+    outcome = lack_of_fit(D, rows.whitened_families, rows.of(residual[..., None])[:, 0], fit.used)
+    seen = _unseen(rows, D), fit.model.names, standard_errors, *rows.levels
+    load = float((fit.used * fit.force[fit.is_fitted] ** 2).sum())
+    small = float((fit.used * residual**2).sum()) < _RESOLVED**2 * load
     if outcome is None or small:
-        why = (
-            "the residuals are as small as what the filters themselves leave"
-            if small
-            else "too few rows; record longer"
-        )
+        filters = "the residuals are as small as what the filters themselves leave"
+        why = filters if small else "too few rows; record longer"
         return Diagnosis(None, "", (), 1.0, *seen, np.ones(6) if outcome is None else outcome[1], why)
     test, white, rest = outcome
     if not test.alarm:
         return Diagnosis(test, "", (), 1.0, *seen, white)
-    cause, findings, remains = _judged(rows, raw)
+    cause, findings, remains = _judged(rows, residual)
     if not cause and (coloured := _coloured(rows, rest, test.excess)) is not None:
         cause, findings = COLOURED, (coloured,)
     return Diagnosis(test, cause, findings, remains, *seen, white)
 
 
-class _Hypothesis(NamedTuple):
-    name: str
-    cause: str
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    remedy: str
-    columns: FloatArray  # (n, 6, q) of the fitted rows
-    sizes: FloatArray  # (q,)
-    members: float
-    kind: str = "linear"
-    at: float = 0.0  # the velocity, force or time of one of several
-    legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
-
-
 class _Refit(NamedTuple):
-    hypothesis: _Hypothesis
+    hypothesis: Hypothesis
     eta: FloatArray  # (q,)
     covariance: FloatArray  # of η (q, q)
     evidence: float  # over the fit alone
     chi_square: float
-    raw: FloatArray  # residual (n, 6) [N]
+    residual: FloatArray  # (n, 6) [N]
     columns: FloatArray  # whitened, of all parameters and η (6 n, p + q)
 
 
-def _judged(rows: Whitened, raw: FloatArray) -> tuple[str, tuple[Finding, ...], float]:
+def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, ...], float]:
     """The cause, what is of it or what else is possible, and the p-value of what is left after that."""
     fit = rows.fit
-    contenders = _contenders(rows, raw)
+    contenders = _contenders(rows, residual)
     if not contenders:
         return "", (), 1.0
 
     def compared() -> tuple[float, list[_Refit]]:
-        alone = _left(rows, fit.columns, raw)
+        alone = _left(rows, fit.columns, residual)
         return alone, sorted((_refit(rows, h, alone) for h in contenders), key=lambda refit: -refit.evidence)
 
     alone, refits = compared()
     # what only its own model describes was taken for noise
-    rows = rows.with_noise_of(refits[0].raw, refits[0].hypothesis.columns)
+    rows = rows.with_noise_of(refits[0].residual, refits[0].hypothesis.columns)
     least = _CONTENDS * refits[0].evidence - _NEAR
     contenders = [refits[0].hypothesis, *(refit.hypothesis for refit in refits[1:] if refit.evidence > least)]
     alone, refits = compared()
@@ -290,8 +260,14 @@ def _judged(rows: Whitened, raw: FloatArray) -> tuple[str, tuple[Finding, ...], 
         outcome = lack_of_fit(columns, families, rows.of(residual[..., None])[:, 0], fit.used)
         return outcome[0] if outcome else LackOfFit({}, 0.0, math.inf)
 
+    before = tested(D, residual).excess
+    excess = max(alone - float(fit.used.sum()), before if math.isfinite(before) else 0.0, 1e-300)
+
     def fits(test: LackOfFit) -> bool:
         return test.combined >= _FITS or test.excess <= _LEFT * excess
+
+    def finding(refit: _Refit) -> Finding:
+        return _finding(rows, refit, (alone - refit.chi_square - len(refit.eta)) / excess)
 
     def is_part(refit: _Refit, wider: _Refit) -> bool:
         """Whether all that one hypothesis can do another one can do, too."""
@@ -299,18 +275,15 @@ def _judged(rows: Whitened, raw: FloatArray) -> tuple[str, tuple[Finding, ...], 
         basis = basis_of(Y, np.linalg.norm(Y, axis=0))
         return float(np.linalg.norm(X - basis @ (basis.T @ X))) < _PART * float(np.linalg.norm(X))
 
-    before = tested(D, raw).excess
-    excess = max(alone - float(fit.used.sum()), before if math.isfinite(before) else 0.0, 1e-300)
     for simpler in refits[1:]:
         is_near = simpler.evidence > best.evidence - _NESTED and len(simpler.eta) < len(best.eta)
-        if is_near and is_part(simpler, best) and fits(tested(simpler.columns, simpler.raw)):
+        if is_near and is_part(simpler, best) and fits(tested(simpler.columns, simpler.residual)):
             best = simpler
-    after = tested(best.columns, best.raw)
-    is_far = "gain" not in best.hypothesis.name and bool((np.abs(best.eta) > _FAR * best.hypothesis.sizes).any())
+    after = tested(best.columns, best.residual)
     if best.hypothesis.cause == GEOMETRY:
-        share = (alone - best.chi_square - len(best.eta)) / excess
-        geometry = replace(_finding(rows, best, share), text=GEOMETRY)
+        geometry = replace(finding(best), text=GEOMETRY)
         return "", (geometry,) if fits(after) else (), after.combined
+    is_far = "gain" not in best.hypothesis.name and bool((np.abs(best.eta) > _FAR * best.hypothesis.sizes).any())
     most = max(alone - refit.chi_square for refit in refits)
     if is_far or not fits(after) or alone - best.chi_square < _EXPLAINS * most:
         return "", (), after.combined
@@ -320,30 +293,29 @@ def _judged(rows: Whitened, raw: FloatArray) -> tuple[str, tuple[Finding, ...], 
         is_alike = refit.chi_square < best.chi_square + _ALIKE and len(refit.eta) <= len(best.eta)
         if (is_near or is_alike) and not is_part(best, refit) and not is_part(refit, best):
             possible.append(refit)
-    findings = tuple(_finding(rows, refit, (alone - refit.chi_square - len(refit.eta)) / excess) for refit in possible)
     is_sure = len({refit.hypothesis.cause for refit in possible}) == 1
-    return best.hypothesis.cause if is_sure else "", findings, after.combined
+    return best.hypothesis.cause if is_sure else "", tuple(map(finding, possible)), after.combined
 
 
-def _left(rows: Whitened, columns: FloatArray, raw: FloatArray) -> float:
+def _left(rows: Whitened, columns: FloatArray, residual: FloatArray) -> float:
     """The sum of squares that a fit of these columns (n, 6, p) leaves of a residual (n, 6)."""
-    white = rows.of(np.concatenate([columns, raw[..., None]], axis=2))
+    white = rows.of(np.concatenate([columns, residual[..., None]], axis=2))
     Q = basis_of(white[:, :-1], np.linalg.norm(white[:, :-1], axis=0))
     left = white[:, -1] - Q @ (Q.T @ white[:, -1])
     return float(left @ left)
 
 
-def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
+def _contenders(rows: Whitened, residual: FloatArray) -> list[Hypothesis]:
     """The hypotheses with the most evidence by their columns at the fit; of those at several places the best."""
-    fit, time = rows.fit, rows.model.regression.rows.time[rows.fit.is_fitted]
+    fit, time = rows.fit, rows.fit.model.regression.time[rows.fit.is_fitted]
     D = rows.of(fit.columns)
     Q = basis_of(D, np.linalg.norm(D, axis=0))
-    r = rows.of(raw[..., None])[:, 0]
+    r = rows.of(residual[..., None])[:, 0]
     r = r - Q @ (Q.T @ r)
 
-    def evidence(hypothesis: _Hypothesis) -> float:
+    def evidence(hypothesis: Hypothesis) -> float:
         if hypothesis.kind == "exchange":
-            exchanged, _ = _model(rows, hypothesis, fit.values, np.zeros(0))
+            exchanged, _ = reading_of(hypothesis, fit, fit.values, np.zeros(0))
             return float(r @ r) - _left(rows, fit.columns, exchanged) - 2 * math.log(hypothesis.members)
         X = rows.of(hypothesis.columns * hypothesis.sizes)
         norms = np.linalg.norm(X, axis=0)
@@ -354,137 +326,26 @@ def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
         cost = float(np.linalg.slogdet(precision)[1]) + 2 * math.log(hypothesis.members)
         return float(b @ np.linalg.solve(precision, b)) - cost if X.shape[1] else -np.inf
 
-    def best_of(group: Sequence[_Hypothesis]) -> tuple[float, _Hypothesis]:
+    def best_of(group: Sequence[Hypothesis]) -> tuple[float, Hypothesis]:
         return max(((evidence(hypothesis), hypothesis) for hypothesis in group), key=lambda pair: pair[0])
 
-    weighed = [best_of([hypothesis]) for hypothesis in _of_table(rows.families)]
-    weighed += [best_of(group) for group in _at_several_places(rows, raw)]
-    lost = best_of(_lost(rows, np.linspace(time[0], time[-1], _TIMES + 2)[1:-1]))
-    near = time[np.abs(time - lost[1].at) < np.ptp(time) / _TIMES]
-    weighed.append(best_of([lost[1], *_lost(rows, near)]))
+    weighed = [(evidence(hypothesis), hypothesis) for hypothesis in members_of(rows.families)]
+    weighed += [best_of(group) for group in at_several_places(fit, residual)]
+    lost = best_of(rows_lost(fit, np.linspace(time[0], time[-1], TIMES + 2)[1:-1]))
+    near = time[np.abs(time - lost[1].at) < np.ptp(time) / TIMES]
+    weighed.append(best_of([lost[1], *rows_lost(fit, near)]))
     least = max(_CONTENDS * max(value for value, _ in weighed) - _NEAR, 0.0)
     return [hypothesis for value, hypothesis in weighed if value > least]
 
 
-def _of_table(families: Sequence[Family]) -> list[_Hypothesis]:
-    """The members of the families."""
-    return [
-        _Hypothesis(
-            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
-            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
-            sum(len(others) == len(chosen) for _, others in family.members.values()),
-            "exact" if family.is_estimable else "linear",
-        )
-        for family in families
-        for name, (cause, chosen) in family.members.items()
-    ]  # fmt: skip
-
-
-def _at_several_places(rows: Whitened, raw: FloatArray) -> list[list[_Hypothesis]]:
-    """Hypotheses of which the log tells a velocity, a level, or two legs."""
-    smooth = rows.model.platform.leg_friction_velocity
-    read = rows.model.regression.force_if_late(0.0)[rows.fit.is_fitted]
-    force, load = np.abs(read - raw), float(np.sqrt((read**2).mean()))
-    falling = [
-        _Hypothesis(
-            "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
-            ("N", "m/s"), "set leg_friction_model, or leave slow motions out", _stribeck_columns(rows, width),
-            np.array([0.02 * load]), len(STRIBECK), "stribeck", smooth * width,
-        )
-        for width in STRIBECK
-    ]  # fmt: skip
-    groups = [falling]
-    for legs in (range(6), *([leg] for leg in range(6))):
-        most = float(np.abs(read[:, legs]).max())
-        beyond = {level: np.maximum(force - level * most, 0.0) * np.isin(range(6), legs) for level in _LEVELS}
-        groups.append([
-            _Hypothesis(
-                "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped",
-                "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
-                (-np.sign(read) * more / (0.1 * level * most))[..., None], np.array([0.1 * level * most]),
-                len(_LEVELS) * 6 / len(legs), "clip", level * most, tuple(legs),
-            )
-            for level, more in beyond.items()
-        ])  # fmt: skip
-    exchanged = [
-        _Hypothesis(
-            f"forces of legs {a} and {b} exchanged", "order of the legs", (), (), "exchange their columns",
-            np.zeros((*read.shape, 0)), np.zeros(0), 15, "exchange", 0.0, (a - 1, b - 1),
-        )
-        for a, b in combinations(LEGS, 2)
-    ]  # fmt: skip
-    return [*groups, exchanged]
-
-
-def _lost(rows: Whitened, times: FloatArray) -> list[_Hypothesis]:
-    """Rows of all forces that are lost at one of these times [s]."""
-    fit = rows.fit
-    time, rate = rows.model.regression.rows.time[fit.is_fitted], fit.rate[fit.is_fitted]
-    # the filter mixes what is before and after the time
-    width = 1.5 * float(np.median(np.diff(time)))
-    return [
-        _Hypothesis(
-            "rows lost in the forces", TIMING, ("forces early from then on by", "near it by"), ("ms", "ms"),
-            f"check the logger at {at:.4g} s",
-            rate[..., None] * np.stack([time > at, np.abs(time - at) < width], axis=1)[:, None], np.full(2, 3e-3),
-            4 * _TIMES, "lost", float(at),
-        )
-        for at in times
-    ]  # fmt: skip
-
-
-def _stribeck_columns(rows: Whitened, width: float) -> FloatArray:
-    smooth = rows.model.platform.leg_friction_velocity
-    return rows.model.regression.filtered(lambda v, _h: stribeck(v, smooth, width), 0)[rows.fit.is_fitted][..., None]
-
-
-def _model(
-    rows: Whitened, hypothesis: _Hypothesis, theta: FloatArray, eta: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Residual (n, 6) and derivatives of the reading by θ and η (n, 6, p + q), by the hypothesis' own model."""
-    model, fitted, legs = rows.model, rows.fit.is_fitted, list(hypothesis.legs)
-    if hypothesis.kind == "exact":
-        # relative to the platform's file, and to perfect instruments
-        nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
-        names = (*model.names, *hypothesis.parameters)
-        wider = RowModel(model.regression, model.platform, model.elements, names, model.friction)
-        values = np.concatenate([theta, nominal + eta])
-        return wider.residual(values)[fitted], wider.columns(values)[fitted]
-    raw, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
-    match hypothesis.kind:
-        case "exchange":
-            read = model.regression.force_if_late(0.0)[fitted]
-            raw = raw.copy()
-            raw[:, legs] += read[:, legs[::-1]] - read[:, legs]
-            return raw, by_theta
-        case "clip":
-            read = model.regression.force_if_late(0.0)[fitted]
-            force, level = read - raw, hypothesis.at + eta[0]
-            is_clipped = np.zeros(force.shape, dtype=bool)
-            is_clipped[:, legs] = np.abs(force[:, legs]) > level
-            at_level = np.sign(force) * level
-            raw = np.where(is_clipped, read - at_level, raw)
-            by_theta = np.where(is_clipped[..., None], 0.0, by_theta)
-            return raw, np.concatenate([by_theta, (is_clipped * np.sign(force))[..., None]], axis=2)
-        case "stribeck":
-            smooth = model.platform.leg_friction_velocity
-            size, width = eta[0], hypothesis.at * math.exp(eta[1]) / smooth
-            X, wider_X = (_stribeck_columns(rows, width * math.exp(step)) for step in (0.0, 0.01))
-            columns = np.concatenate([by_theta, X, size * (wider_X - X) / 0.01], axis=2)
-            return raw - size * X[..., 0], columns
-        case _:
-            X = hypothesis.columns
-            return raw - X @ eta, np.concatenate([by_theta, X], axis=2)
-
-
-def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
+def _refit(rows: Whitened, hypothesis: Hypothesis, base: float) -> _Refit:
     """The hypothesis fitted together with all parameters by Gauss-Newton steps; `base` is what the fit alone leaves."""
     theta, p = rows.fit.values.copy(), len(rows.fit.values)
     # of a velocity its logarithm is fitted, too, from the second step on
     sizes = np.array([*hypothesis.sizes, *([_VELOCITY] if hypothesis.kind == "stribeck" else [])])
     eta = np.zeros(len(sizes))
     for _ in range({"exchange": 1, "stribeck": _STEPS + 2}.get(hypothesis.kind, _STEPS)):
-        raw, columns = _model(rows, hypothesis, theta, eta)
+        raw, columns = reading_of(hypothesis, rows.fit, theta, eta)
         white = rows.of(np.concatenate([columns, raw[..., None]], axis=2))
         A, r = white[:, :-1], white[:, -1]
         prior = np.zeros((len(sizes), p + len(sizes)))
@@ -507,33 +368,31 @@ def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
     return _Refit(hypothesis, eta, covariance, base - chi_square - cost, chi_square, raw - columns @ step, A)
 
 
-def _finding(rows: Whitened, fitted: _Refit, improvement: float) -> Finding:
+def _finding(rows: Whitened, refit: _Refit, improvement: float) -> Finding:
     """What was found in words, and as values of parameters."""
-    hypothesis, eta, J = fitted.hypothesis, fitted.eta, np.eye(len(fitted.eta))
+    hypothesis, eta, J = refit.hypothesis, refit.eta, np.eye(len(refit.eta))
     values, shown = eta.copy(), list(eta)
-    estimated = dict(zip(rows.fit.names, rows.fit.values.tolist(), strict=True))
+    estimated = dict(zip(rows.fit.model.names, rows.fit.values.tolist(), strict=True))
     for k, name in enumerate(hypothesis.parameters):
         stem = name.partition("[")[0]
         if hypothesis.kind == "exact" or stem in ("leg_viscous_friction", "leg_coulomb_friction"):
-            values[k] += estimated.get(stem, value_of(rows.model.platform, name))
+            values[k] += estimated.get(stem, value_of(rows.fit.model.platform, name))
     if hypothesis.kind == "clip":
         values, shown = values + hypothesis.at, [hypothesis.at + eta[0]]
     elif hypothesis.kind == "stribeck":
         values[1] = hypothesis.at * math.exp(eta[1])
         J[1, 1] = shown[1] = values[1]
-    covariance = J @ fitted.covariance @ J.T
+    covariance = J @ refit.covariance @ J.T
     half = 1.96 * np.sqrt(np.diag(covariance))
     texts = []
     for name, unit, value, width in zip(hypothesis.parameters, hypothesis.units, shown, half, strict=True):
-        factor, label = FACTORS.get(unit, 1.0), f"{name} " if len(shown) > 1 or "lost" in hypothesis.name else ""
+        factor, label = _SHOWN.get(unit, (1.0,))[0], f"{name} " if len(shown) > 1 or "lost" in hypothesis.name else ""
         # the interval's second digit is the last one
         decimals = int(np.clip(1 - math.floor(math.log10(factor * width)), 0, 9)) if width > 0 else 3
         number = f"{factor * value:+.{decimals}f} ± {factor * width:.{decimals}f}".replace("-", "−")
         texts.append(f"{label}{number} {unit}".rstrip())
     text = f"{hypothesis.name} {', '.join(texts)}".rstrip() + f"; {hypothesis.remedy}"
-    units = tuple(
-        {"%": "", "ms": "s", "mm": "m", "°": "rad"}.get(unit, unit.replace("·", ".")) for unit in hypothesis.units
-    )
+    units = tuple(_SHOWN[unit][1] if unit in _SHOWN else unit.replace("·", ".") for unit in hypothesis.units)
     share = float(np.clip(improvement, 0.0, 1.0))
     return Finding(hypothesis.name, hypothesis.cause, text, hypothesis.parameters, units, values, covariance, share)
 
@@ -559,7 +418,7 @@ def _coloured(rows: Whitened, rest: FloatArray, excess: float) -> Finding | None
     if min(float((quarters[0] / quarters[1]).min()), float(by_leg.min())) < 0.3 * correlation or correlation <= 0:
         return None
     error = 1 / math.sqrt(max(float((used[1:] * used[:-1]).sum()), 1.0))
-    spacing = float(np.median(np.diff(rows.model.regression.rows.time)))
+    spacing = float(np.median(np.diff(rows.fit.model.regression.time)))
     narrow = math.sqrt((1 + correlation) / max(1 - correlation, 1e-3))
     text = (
         f"{COLOURED}: residuals {1e3 * spacing:.3g} ms apart have a correlation of {correlation:.2f} ± "
@@ -573,9 +432,9 @@ def _coloured(rows: Whitened, rest: FloatArray, excess: float) -> Finding | None
 
 def _unseen(rows: Whitened, D: FloatArray) -> tuple[Unseen, ...]:
     """What errors that are alike everywhere would do to the estimates, which make up for their effect."""
-    fit, platform = rows.fit, rows.model.platform
-    by_legs, by_parameters = (values[fit.is_fitted] for values in fit.derivatives)
-    lengths = leg_motion(platform, rows.model.regression.motion[fit.is_fitted])
+    fit, platform = rows.fit, rows.fit.model.platform
+    by_legs, by_parameters = (values[fit.is_fitted] for values in fit.derivatives[:2])
+    lengths = leg_motion(platform, fit.model.regression.motion[fit.is_fitted])
     by_motion = np.einsum("nidj,dnj->dni", by_legs, lengths)  # by a common scale of L, of L̇ and of L̈
 
     def in_proportion(*names: str) -> FloatArray:

@@ -3,14 +3,18 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.causes import Diagnosis
+from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
+from gough_stewart.harness.identify.physical import BestFit
 from gough_stewart.harness.quantities import plain
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform, platform_to_toml
@@ -19,8 +23,8 @@ from gough_stewart.model.vectors import FloatArray
 CONFIDENCE = 0.95
 # Text of a combination: parts smaller than this share of the largest are left out.
 _SHOWN_PART = 0.1
-
-
+# A combination whose standard error exceeds this share of its scale is not identifiable.
+_UNSEEN = 1.0
 # Share of right fits whose validation raises a false alarm.
 VALIDATION_LEVEL = 0.005
 
@@ -134,11 +138,6 @@ class Estimate:
         -------
         Platform
             The nominal one with these values.
-
-        Raises
-        ------
-        PlatformError
-            The estimated values are not possible together with the rest of this platform.
         """
         pairs = zip(self.names, self.values.tolist(), strict=True)
         known = {name: value for name, value in pairs if not math.isnan(value)}
@@ -188,13 +187,7 @@ FILES = ("platform.toml", "estimate.json")
 
 
 def identification_files(estimate: Estimate, nominal: Platform) -> dict[str, bytes]:
-    """Contents by file name: the platform file for `run`, and the numbers.
-
-    Raises
-    ------
-    PlatformError
-        The estimated values are not possible together with the rest of the nominal platform.
-    """
+    """Contents by file name: the platform file for `run`, and the numbers."""
     return {"platform.toml": platform_to_toml(estimate.platform(nominal)).encode(), "estimate.json": estimate.to_json()}
 
 
@@ -211,8 +204,141 @@ def rms(residual: FloatArray) -> FloatArray:
 def combination_text(direction: FloatArray, names: Sequence[str]) -> str:
     """A combination of parameters as text, largest parts first."""
     order = np.argsort(-np.abs(direction))
-    largest = np.abs(direction).max()
-    shown = [k for k in order if np.abs(direction[k]) >= _SHOWN_PART * largest]
+    shown = [k for k in order if np.abs(direction[k]) >= _SHOWN_PART * np.abs(direction).max()]
     sign = np.sign(direction[shown[0]]) or 1.0
     parts = [f"{'+' if sign * direction[k] >= 0 else '−'} {abs(direction[k]):.2f} {names[k]}" for k in shown]
     return " ".join(parts).removeprefix("+ ")
+
+
+class Channels(NamedTuple):
+    """Signals (n, 6) that a fit explains, of all parts; some samples are fitted, others validate the fit."""
+
+    quantity: str
+    unit: str
+    time: FloatArray  # (n,) of all parts on one axis [s]
+    measured: FloatArray
+    residual: FloatArray  # measured − fitted
+    before: FloatArray  # what the nominal parameters predict
+    is_fitted: NDArray[np.bool_]  # (n,)
+    validating: list[tuple[float, float]]  # spans of time that are not fitted [s]
+
+
+def on_one_axis(parts: Sequence[Part], times: Sequence[FloatArray]) -> tuple[FloatArray, list[tuple[float, float]]]:
+    """Times (n,) of the rows of all parts for one chart, logs after each other, and the spans that validate [s]."""
+    shifted, spans, end, shift = [], [], -math.inf, 0.0
+    for k, (part, time) in enumerate(zip(parts, times, strict=True)):
+        if not len(time):
+            continue
+        if k and part.which != parts[k - 1].which:
+            shift = end - float(time[0]) + (float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+        shifted.append(time + shift)
+        end = float(shifted[-1][-1])
+        aside = np.flatnonzero(~part.is_fitted(time))
+        if aside.size:
+            spans.append((float(shifted[-1][aside[0]]), end))
+    return np.concatenate(shifted), spans
+
+
+def estimate_of(
+    names: tuple[str, ...],
+    nominal: FloatArray,
+    scale: FloatArray,
+    fit: BestFit,
+    regression: tuple[FloatArray, FloatArray, int],
+    channels: Channels,
+    *notes: str,
+) -> Estimate:
+    """The estimate of a fit, with its covariance s² (Dᵀ D)⁻¹, s² = |e|²/ν, and its residuals.
+
+    Parameters
+    ----------
+    nominal, scale
+        Values before the fit (p,), and sizes (p,) that their changes are measured against [SI].
+    regression
+        Whitened regressor D (m, p) in units of `scale`, and whitened residuals e (m,), of the fitted samples; and
+        the degrees of freedom ν of the residuals.
+    notes
+        Remarks on the fit; one on active bounds is added.
+    """
+    D, white, freedom = regression
+    _, sigma, directions = np.linalg.svd(D, full_matrices=False)
+    unseen = [k for k in range(len(sigma)) if not sigma[k] * _UNSEEN > 1]
+    if unseen:
+        involved = [name for j, name in enumerate(names) if any(abs(directions[k][j]) > 0.3 for k in unseen)]
+        texts = "; ".join(
+            f"{combination_text(directions[k], names)} (± {100 / sigma[k]:.0f} % of its size)" for k in unseen
+        )
+        raise IdentificationError(
+            f"too little excitation for {', '.join(involved)}: this log does not determine {texts}; estimate fewer "
+            "parameters, or record a motion designed for them (gough-stewart excite)",
+            involved,
+        )
+    variance = float((white**2).sum()) / max(freedom, 1)
+    if fit.at_bound:
+        notes = (*notes, f"at the bound of what is physical: {', '.join(fit.at_bound)}")
+    fitted, validating = channels.residual[channels.is_fitted], channels.residual[~channels.is_fitted]
+    return Estimate(
+        method="linear",
+        names=names,
+        values=fit.values,
+        nominal=nominal,
+        covariance=variance * (directions.T / sigma**2 @ directions) * np.outer(scale, scale),
+        freedom=max(freedom, 1),
+        singular_values=sigma,
+        directions=directions,
+        scale=scale,
+        rank=len(sigma),
+        residuals=Residuals(
+            channels.quantity,
+            channels.unit,
+            rms(fitted),
+            rms(validating) if len(validating) else None,
+            np.std(channels.measured[channels.is_fitted], axis=0),
+            None,
+        ),
+        notes=notes,
+        # of the inertia all elements, if as a whole it is at the limit of what a body has
+        at_bound=tuple(name for name in names if name in fit.at_bound or name.partition("[")[0] in fit.at_bound),
+        details={
+            "time": channels.time,
+            "measured": channels.measured,
+            "fitted": channels.measured - channels.residual,
+            "before": channels.before,
+            "validating": channels.validating,
+        },
+    )
+
+
+def with_all(
+    estimate: Estimate,
+    names: tuple[str, ...],
+    nominal: FloatArray,
+    scale: FloatArray,
+    not_excited: Sequence[str],
+    bias: FloatArray | float = 0.0,
+) -> Estimate:
+    """The estimate of all these elements, without a number for those that are not excited, or were not fitted.
+
+    Elements at a bound keep their value, but have no variance: that of the regression ignores the bound. `bias` (p,) is
+    the expected error by noise in the regressor, whose square is added to the variances.
+    """
+    at, p = [names.index(name) for name in estimate.names], len(names)
+    values, covariance = np.full(p, np.nan), np.full((p, p), np.nan)
+    directions = np.zeros((len(estimate.directions), p))
+    values[at], directions[:, at] = estimate.values, estimate.directions
+    covariance[np.ix_(at, at)] = estimate.covariance
+    covariance += np.outer(bias, bias)
+    values[[name in not_excited for name in names]] = np.nan
+    without = [name in {*not_excited, *estimate.at_bound} for name in names]
+    covariance[without] = covariance[:, without] = np.nan
+    return replace(
+        estimate,
+        names=names,
+        values=values,
+        nominal=nominal,
+        covariance=covariance,
+        directions=directions,
+        scale=scale,
+        not_excited=tuple(not_excited),
+        at_bound=tuple(name for name in estimate.at_bound if name not in not_excited),
+    )

@@ -1,6 +1,6 @@
 """A motion that excites parameters: Fourier coefficients of the largest information within all limits."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
@@ -8,12 +8,12 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
-from gough_stewart.harness.identify.fit import scales_of, used_rows
+from gough_stewart.harness.identify.blas import one_blas_thread
+from gough_stewart.harness.identify.fit import scales_of
 from gough_stewart.harness.identify.friction import ideal_of
-from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import expanded, unit_of
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
-from gough_stewart.harness.identify.regression import Regression, segment_of
 from gough_stewart.harness.identify.regressor import (
     FRICTION,
     elements_of,
@@ -25,6 +25,7 @@ from gough_stewart.harness.identify.regressor import (
     symbols,
     wrenches_function,
 )
+from gough_stewart.harness.identify.rows import Regression, segment_of
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
@@ -36,7 +37,7 @@ from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.kernel import parameter_vector
-from gough_stewart.model.kinematics import LegGeometry, jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
+from gough_stewart.model.kinematics import jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
@@ -76,6 +77,7 @@ class Excited(NamedTuple):
     standard_errors: FloatArray
 
 
+@one_blas_thread()
 def excite(
     platform: Platform,
     estimate: Sequence[str] | str = ESTIMATE,
@@ -133,9 +135,10 @@ def excite(
     names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
     rng = np.random.default_rng(seed)
     sizes = np.repeat([platform.characteristic_length, 1.0], 3)
-
-    def times(rows_a_period: int) -> FloatArray:
-        return np.linspace(0.0, duration, int(np.ceil(rows_a_period * duration * frequency * harmonics)) + 1)
+    coarse, fine = (
+        np.linspace(0.0, duration, int(np.ceil(rows * duration * frequency * harmonics)) + 1)
+        for rows in (_COARSE, _FINE)
+    )
 
     def reference_of(coefficients: FloatArray) -> Excitation:
         a, b = coefficients
@@ -149,31 +152,47 @@ def excite(
             orientation_cosine=b[:, 3:].tolist(),
         )
 
+    def motion_at(coefficients: FloatArray, time: FloatArray) -> Motion:
+        return reference_of(coefficients).about(platform)(time)
+
     def within(coefficients: FloatArray, time: FloatArray) -> FloatArray:
         """The coefficients, scaled to the limits; 0 if none are kept."""
 
         def keeps(scale: float) -> bool:
-            return within_limits(platform, time, reference_of(scale / _SHARE * coefficients).about(platform)(time))
+            return within_limits(platform, time, motion_at(scale / _SHARE * coefficients, time))
 
-        return coefficients * _largest(keeps)
+        if keeps(1.0):
+            return coefficients
+        low, high = 0.0, 1.0
+        for _ in range(_BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if keeps(middle) else (low, middle)
+        return low * coefficients
 
     best: tuple[float, FloatArray] | None = None
     search: _Search | None = None
     for _ in range(trials):
         drawn = rng.standard_normal((2, harmonics, 6)) * _START * sizes / np.sqrt(2 * harmonics)
-        start = within(drawn, times(_COARSE))
+        start = within(drawn, coarse)
         if not start.any():
             continue
         if search is None:
-            search = _search_of(platform, names, times(_COARSE), reference_of, start, criterion)
+            # the profile of each coefficient in time, which is the same in all coordinates
+            profiles = np.zeros((3, len(coarse), 2 * harmonics))
+            for k in range(2 * harmonics):
+                unit = np.zeros_like(start)
+                unit.reshape(-1, 6)[k, 0] = 1.0
+                alone = motion_at(unit, coarse)
+                profiles[:, :, k] = [values[:, 0] for values in (alone.position, alone.velocity, alone.acceleration)]
+            profiles[0] -= platform.home_position[0]
+            search = _search_of(platform, names, profiles, motion_at(start, coarse), criterion)
         for tried in (start, search.improved(start)):
-            coefficients = within(tried, times(_FINE))
+            coefficients = within(tried, fine)
             cost = search.cost(coefficients)
             if np.isfinite(cost) and (best is None or cost < best[0]):
                 best = cost, coefficients
                 if status is not None:
-                    motion = reference_of(coefficients).about(platform)(times(_COARSE))
-                    number, _ = criteria(platform, names, motion)
+                    number, _ = criteria(platform, names, motion_at(coefficients, coarse))
                     status(f"condition number {number:.3g}")
     if best is None:
         raise IdentificationError(
@@ -181,8 +200,9 @@ def excite(
             "parameters, or try more motions or harmonics",
             names,
         )
-    reference = reference_of(np.round(best[1], 6))
-    measures = criteria(platform, names, reference.about(platform)(times(_COARSE)))
+    coefficients = np.round(best[1], 6)
+    measures = criteria(platform, names, motion_at(coefficients, coarse))
+    reference = reference_of(coefficients)
     return Excited(reference, *measures, promised_errors(platform, names, reference))
 
 
@@ -206,40 +226,36 @@ class _Search(NamedTuple):
 
 
 def _search_of(
-    platform: Platform,
-    names: Sequence[str],
-    time: FloatArray,
-    reference_of: Callable[[FloatArray], Excitation],
-    start: FloatArray,
-    criterion: Criterion,
+    platform: Platform, names: Sequence[str], profiles: FloatArray, first: Motion, criterion: Criterion
 ) -> _Search:
     """The nonlinear programme of the coefficients over the reserve: limits are those of this larger motion.
 
     The pose and its rates are linear in the coefficients, information and limits are functions of them row by row.
+    `profiles` (3, n, k) are each coefficient's part in a coordinate, its velocity and its acceleration.
     """
-    first = reference_of(start).about(platform)(time)
     _, phi, scaled, force = _scaled(platform, names, first)
     row, low, high = _row_of(platform, scaled / force, phi)
-
-    # the profile of each coefficient in time, which is the same in all coordinates
-    profiles = np.zeros((3, len(time), start[..., 0].size))
-    for k in range(profiles.shape[2]):
-        unit = np.zeros_like(start)
-        unit.reshape(-1, 6)[k, 0] = 1.0
-        alone = reference_of(unit).about(platform)(time)
-        profiles[:, :, k] = [values[:, 0] for values in (alone.position, alone.velocity, alone.acceleration)]
-    profiles[0] -= platform.home_position[0]
+    count, size = profiles.shape[1:]
     home = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(12)])
-    mapped, count, measured = row.map(len(time)), len(time), _criterion(len(names), criterion)
+    mapped = row.map(count)
     by_coefficients = np.einsum("dtk,ab->tdakb", profiles, np.eye(6)).reshape(count, 18, -1)
 
+    # information (p, p) -> −log det, or the trace of the inverse, by its Cholesky factor
+    M = casadi.SX.sym("M", len(names), len(names))
+    R = casadi.chol(M)
+    if criterion == "determinant":
+        measure = -2 * casadi.sum1(casadi.log(casadi.diag(R)))
+    else:
+        measure = casadi.sumsqr(casadi.solve(R.T, casadi.SX.eye(len(names))))
+    measured = casadi.Function("criterion", [M], [measure])
+
     def evaluated(x: Any) -> tuple[Any, Any, Any]:
-        by_coordinate = casadi.reshape(x, 6, profiles.shape[2])
+        by_coordinate = casadi.reshape(x, 6, size)
         motion = casadi.vertcat(*(casadi.mtimes(by_coordinate, profile.T) for profile in profiles))
         columns, limited, slopes = mapped(motion + np.tile(home[:, None], count))
         return measured(casadi.mtimes(columns, columns.T) / count), casadi.vec(limited), slopes
 
-    x, none = casadi.MX.sym("x", start.size), casadi.MX.sym("p", 0)
+    x, none = casadi.MX.sym("x", 6 * size), casadi.MX.sym("p", 0)
     _, limited, slopes = evaluated(x)
     by_rows = [
         casadi.mtimes(of_row, casadi.DM(P))
@@ -253,26 +269,6 @@ def _search_of(
     solver = casadi.nlpsol("excitation", "ipopt", programme, options)
     cost = casadi.Function("cost", [x], [evaluated(x)[0]])
     return _Search(solver, cost, (np.tile(low, count), np.tile(high, count)))
-
-
-def _scaled(
-    platform: Platform, names: Sequence[str], motion: Motion
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """W (n, 6, SIZE) of a motion, φ (SIZE,), ∂φ/∂θ (SIZE, p) in units of the parameters' scale, and the RMS force."""
-    W, elements = regressor(platform, State(*motion[:4]), Acceleration(*motion[4:])), elements_of(platform, names)
-    phi = np.asarray(linear_parameters(elements), dtype=float)
-    force = W @ phi
-    scaled = gradient(elements, names) * scales_of(W, force, platform, names)
-    return W, phi, scaled, float(np.sqrt((force**2).mean()))
-
-
-def _criterion(size: int, criterion: Criterion) -> casadi.Function:
-    """CasADi Function: information (p, p) -> −log det, or the trace of the inverse, by its Cholesky factor."""
-    M = casadi.SX.sym("M", size, size)
-    R = casadi.chol(M)
-    if criterion == "determinant":
-        return casadi.Function("criterion", [M], [-2 * casadi.sum1(casadi.log(casadi.diag(R)))])
-    return casadi.Function("criterion", [M], [casadi.sumsqr(casadi.solve(R.T, casadi.SX.eye(size)))])
 
 
 def _row_of(
@@ -304,7 +300,12 @@ def _row_of(
     ends = (of_legs(platform, name, absent) for name, absent in (("leg_length_min", 0.0), ("leg_length_max", np.inf)))
     limited.append((casadi.vertcat(*legs.length[0]), *ends))
     if platform.joint_angle_max is not None:
-        limited.append((_cosines(platform, legs, state), np.cos(platform.joint_angle_max), np.inf))
+        # cosines of the angles of the joints from home
+        at_home = leg_geometry(platform, platform.home_position, platform.home_orientation).direction
+        in_platform = apply(transpose(matrix_from_orientation(platform.home_orientation))[None], at_home)
+        turned = apply(transpose(matrix_from_orientation(state.orientation))[:, None], legs.direction)
+        cosines = casadi.vertcat(*dot(legs.direction, at_home)[0], *dot(turned, in_platform)[0])
+        limited.append((cosines, np.cos(platform.joint_angle_max), np.inf))
     for limit, values in (
         (platform.leg_velocity_max, speed),
         (platform.leg_acceleration_max, casadi.vertcat(*accelerations[0])),
@@ -322,12 +323,24 @@ def _row_of(
     return casadi.Function("row", [q], [columns, quantities, slopes]), lows, highs
 
 
-def _cosines(platform: Platform, legs: LegGeometry, state: State) -> Any:
-    """Cosines of the angles of the joints from home (12)."""
-    at_home = leg_geometry(platform, platform.home_position, platform.home_orientation).direction
-    in_platform = apply(transpose(matrix_from_orientation(platform.home_orientation))[None], at_home)
-    turned = apply(transpose(matrix_from_orientation(state.orientation))[:, None], legs.direction)
-    return casadi.vertcat(*dot(legs.direction, at_home)[0], *dot(turned, in_platform)[0])
+def _scaled(
+    platform: Platform, names: Sequence[str], motion: Motion
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """W (n, 6, SIZE) of a motion, φ (SIZE,), ∂φ/∂θ (SIZE, p) in units of the parameters' scale, and the RMS force."""
+    W, elements = regressor(platform, State(*motion[:4]), Acceleration(*motion[4:])), elements_of(platform, names)
+    phi = np.asarray(linear_parameters(elements), dtype=float)
+    force = W @ phi
+    scaled = gradient(elements, names) * scales_of(W, force, platform, names)
+    return W, phi, scaled, float(np.sqrt((force**2).mean()))
+
+
+def criteria(platform: Platform, names: Sequence[str], motion: Motion) -> tuple[float, float]:
+    """Condition number of a motion's regressor, and log det(Dᵀ D/n), with scaled columns."""
+    W, _, scaled, force = _scaled(platform, names, motion)
+    sigma = np.linalg.svd((W @ scaled).reshape(-1, len(names)) / np.sqrt(len(W)), compute_uv=False)
+    with np.errstate(divide="ignore"):
+        number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
+        return number, float(2 * np.log(sigma / force).sum())
 
 
 def promised_errors(platform: Platform, names: Sequence[str], reference: Excitation) -> FloatArray:
@@ -340,28 +353,18 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
     force = np.asarray(inverse_dynamics(platform, state, acceleration))
     length = np.asarray(leg_geometry(platform, state.position, state.orientation).length)
-    segment = segment_of(Log(length, time, force), platform)
+    segment = segment_of(Part(time, length, force), platform)
     noise = segment.noise._replace(force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=_ENCODER / np.sqrt(12))
-    regression = Regression((replace(segment, noise=noise),))
-    elements = elements_of(platform, names)
-    D = regression.rows.regressor @ gradient(elements, names)
-    used = used_rows(regression.rows, platform, names)
-    there = regression.rows.regressor @ linear_parameters(elements)
-    by_legs = force_derivatives(regression.motion, parameter_vector(platform), there).by_legs
-    _, parts = noises_of(regression, by_legs, np.ones(len(used), dtype=bool), used)
-    white = whitened_by([part.factor(1.0, 1.0) for part in parts], (used[..., None] * D).reshape(-1, len(names)))
+    regression, elements = Regression.of([replace(segment, noise=noise)]), elements_of(platform, names)
+    used = regression.used(platform, names)
+    forces = regression.W @ linear_parameters(elements)
+    by_legs = force_derivatives(regression.motion, parameter_vector(platform), forces).by_legs
+    parts = noises_of(regression, by_legs, np.ones(len(used), dtype=bool), used)
+    columns = used[..., None] * (regression.W @ gradient(elements, names))
+    white = whitened_by([part.factor(1.0, 1.0) for part in parts], columns.reshape(-1, len(names)))
     size = np.linalg.norm(white, axis=0)
     R = np.linalg.qr(white / size, mode="r")
     return np.asarray(np.linalg.norm(np.linalg.pinv(R), axis=1) / size)
-
-
-def criteria(platform: Platform, names: Sequence[str], motion: Motion) -> tuple[float, float]:
-    """Condition number of a motion's regressor, and log det(Dᵀ D/n), with scaled columns."""
-    W, _, scaled, force = _scaled(platform, names, motion)
-    sigma = np.linalg.svd((W @ scaled).reshape(-1, len(names)) / np.sqrt(len(W)), compute_uv=False)
-    with np.errstate(divide="ignore"):
-        number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
-        return number, float(2 * np.log(sigma / force).sum())
 
 
 def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
@@ -373,18 +376,7 @@ def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
     if platform.actuator_force_max is None:
         return True
     force = inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:]))
-    return bool(np.abs(force).max() <= platform.actuator_force_max)
-
-
-def _largest(keeps: Callable[[float], bool]) -> float:
-    """The largest factor on the amplitudes, up to 1, that keeps the limits; 0 if none was found."""
-    if keeps(1.0):
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if keeps(middle) else (low, middle)
-    return low
+    return bool((np.abs(force) <= platform.actuator_force_max).all())
 
 
 def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], duration: float) -> Report:
@@ -405,28 +397,25 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
             f"condition number {condition:.3g}; up to {LARGEST:g} is good",
         ]
     )
+    quantities = [replace(of_unit(unit) if (unit := unit_of(name)) else NUMBER, digits=2) for name in names]
+    rows = zip(names, found.standard_errors.tolist(), quantities, strict=True)
     promised = Table(
         "Standard errors that a log promises, from rows of 1 ms with 1 % of noise in forces and 1 µm steps in lengths",
         (Column(""), Column("standard error")),
-        tuple(
-            (name, Value(float(error), replace(of_unit(unit) if (unit := unit_of(name)) else NUMBER, digits=2)))
-            for name, error in zip(names, found.standard_errors, strict=True)
-        ),
+        tuple((name, Value(error, quantity)) for name, error, quantity in rows),
     )
     time = np.linspace(0.0, duration, _ROWS)
     motion = found.reference.about(platform)(time)
-    charts = tuple(
-        Chart(
-            what,
-            time_axis(time),
-            tuple(Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components)),
-            y=Axis(what, quantity),
-            group="pose",
-        )
-        for what, quantity, values, components in (
-            ("position", LENGTH, motion.position, ("x", "y", "z")),
-            ("orientation", ANGLE, motion.orientation, ("roll", "pitch", "yaw")),
-        )
+
+    def chart(what: str, quantity: Any, values: FloatArray, components: tuple[str, ...]) -> Chart:
+        series = tuple(
+            Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components)
+        )  # fmt: skip
+        return Chart(what, time_axis(time), series, y=Axis(what, quantity), group="pose")
+
+    charts = (
+        chart("position", LENGTH, motion.position, ("x", "y", "z")),
+        chart("orientation", ANGLE, motion.orientation, ("roll", "pitch", "yaw")),
     )
     return Report(
         f"Excitation of {platform.name}",
@@ -478,12 +467,11 @@ def experiment_text(found: Excited, platform: Platform, chosen: str, names: str,
     sine, cosine = reference.coefficients
     parts = {"position_sine": sine[:, :3], "position_cosine": cosine[:, :3]}
     parts |= {"orientation_sine": sine[:, 3:], "orientation_cosine": cosine[:, 3:]}
-    title = "excitation of " + platform.name
     return _TEXT.format(
         seed=seed,
         names=names,
         number=found.condition_number,
-        title=toml_item(title).as_string(),
+        title=toml_item("excitation of " + platform.name).as_string(),
         platform=chosen,
         frequency=float(reference.frequency),
         duration=float(reference.duration),

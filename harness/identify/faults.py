@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.log import Log, sample_time_of
-from gough_stewart.harness.identify.regression import edge, smoothed
+from gough_stewart.harness.identify.log import Part
+from gough_stewart.harness.identify.lowpass import edge, smoothed
 from gough_stewart.model.vectors import FloatArray
 
 Mask = NDArray[np.bool_]
@@ -33,22 +33,17 @@ _SIDE, _SURE, _SUDDEN = 6, 12.0, 1e-6
 _ROUNDING, _FAR = 1e-9, 1e-4
 # Readings that change at least this often tell how long each is held, if this share of changes keeps the rhythm.
 _CHANGES, _RHYTHM = 40, 0.995
-_LONGEST = 60  # rows
+_LONGEST_HOLD = 60  # rows
 # Faster signals pass a low-pass before rows are left out: gain 1 up to half of it, 0 from the new Nyquist frequency on.
 _CUTOFF = 2 / 3
+# The cubic through four neighbours, and its effect on white noise together with the reading.
+_NEIGHBOURS = np.array([-1.0, 4.0, 4.0, -1.0]) / 6
+_GAIN = float(np.sqrt(1 + (_NEIGHBOURS**2).sum()))
 
 
 def runs_of(mask: Mask) -> NDArray[np.intp]:
     """The first row of each run of marked rows, and the one after its last (k, 2)."""
     return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]))).reshape(-1, 2)
-
-
-class MissingRows(NamedTuple):
-    """Rows that are missing before row `row`, though times go on."""
-
-    row: int
-    number: float  # of rows; negative if rows are repeated
-    legs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)  # all, or one
 
 
 def noise_of(values: FloatArray) -> FloatArray:
@@ -67,11 +62,6 @@ def step_of(values: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(smallest), smallest, 0.0))
 
 
-# The cubic through four neighbours, and its effect on white noise together with the reading.
-_NEIGHBOURS = np.array([-1.0, 4.0, 4.0, -1.0]) / 6
-_GAIN = float(np.sqrt(1 + (_NEIGHBOURS**2).sum()))
-
-
 def _against_neighbours(values: FloatArray) -> FloatArray:
     """Readings (n − 4, 6) less the cubic through two neighbours on either side."""
     sides = (values[:-4], values[1:-3], values[3:-1], values[4:])
@@ -79,14 +69,9 @@ def _against_neighbours(values: FloatArray) -> FloatArray:
 
 
 def spikes(values: FloatArray, known_bad: Mask, smallest: float) -> tuple[Mask, FloatArray]:
-    """Single or few readings off what their neighbours on both sides agree on; and readings without them.
+    """Single or few readings off what their neighbours on both sides agree on, by more than `smallest`; and the rest.
 
-    Parameters
-    ----------
-    known_bad
-        Readings (n, 6) that are not looked at.
-    smallest
-        The least error that counts, in the unit of the readings.
+    Readings that are `known_bad` (n, 6) are not looked at.
     """
     is_spike, mended = np.zeros(values.shape, dtype=bool), values.copy()
     if len(values) < 4 * _AROUND:
@@ -107,23 +92,20 @@ def spikes(values: FloatArray, known_bad: Mask, smallest: float) -> tuple[Mask, 
 
 def _outliers(y: FloatArray, limit: float) -> tuple[Mask, FloatArray]:
     """Readings off a cubic through the others by more than `limit`, and the cubic; none if the others disagree too."""
-    t = np.linspace(-1.0, 1.0, len(y))
-    basis = np.polynomial.legendre.legvander(t, 3)
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(y)), 3)
     weights = np.ones(len(y))
     for _ in range(20):
         # least absolute deviations: the majority decides
         expected = basis @ np.linalg.lstsq(basis * weights[:, None], y * weights, rcond=None)[0]
         weights = 1 / np.sqrt(np.maximum(np.abs(y - expected), 1e-3 * limit))
     off = np.abs(y - expected) > limit
-    none = np.zeros(len(y), dtype=bool)
     for _ in range(3):
         if off.sum() > min(_LONGEST_SPIKE, len(y) // 3) or off[:3].any() or off[-3:].any():
-            return none, y
+            return np.zeros(len(y), dtype=bool), y
         expected = basis @ np.linalg.lstsq(basis[~off], y[~off], rcond=None)[0]
         error = y - expected
         # a step or a kink of the signal leaves as much beside the suspects
-        usual = _SPIKE * float(np.sqrt((error[~off] ** 2).mean()))
-        off = np.abs(error) > max(limit, usual)
+        off = np.abs(error) > max(limit, _SPIKE * float(np.sqrt((error[~off] ** 2).mean())))
     return off, expected
 
 
@@ -131,20 +113,13 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
     """Readings that stay at a value while the leg moves on.
 
     Where noise should change a reading it does not, or, of a signal that cannot jump, it jumps to where the leg has
-    moved meanwhile.
-
-    Parameters
-    ----------
-    is_continuous
-        Whether the signal cannot jump: lengths cannot, forces can.
-    not_looked_at
-        Readings (n, 6) that repeat for another reason.
+    moved meanwhile. A signal that `is_continuous` cannot jump: lengths cannot, forces can.
     """
     is_frozen = np.zeros(values.shape, dtype=bool)
+    size = float(np.abs(values).max())
     changes = np.abs(np.diff(values, axis=0))
-    changes[changes < _ROUNDING * np.abs(values).max()] = 0.0
+    changes[changes < _ROUNDING * size] = 0.0
     steps = step_of(values)
-    far = np.maximum(20 * steps, _FAR * np.abs(values).max())
     for leg in range(values.shape[1]):
         moved = np.flatnonzero(changes[:, leg]) + 1
         for begin, end in zip(np.append(0, moved), np.append(moved, len(values)), strict=True):
@@ -152,14 +127,14 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
                 continue
             before, after = changes[max(0, begin - 12) : begin, leg], changes[end : end + 11, leg]
             around = np.concatenate([before, after])
-            usual = max(float(around.max(initial=0.0)), float(steps[leg]), _ROUNDING * float(np.abs(values).max()))
+            usual = max(float(around.max(initial=0.0)), float(steps[leg]), _ROUNDING * size)
             jumps = is_continuous and end < len(values) and changes[end - 1, leg] > _JUMP * usual
             is_noisy = len(around) >= 10 and (around == 0).mean() < 0.1 and _alternates(values[:, leg], begin, end)
             silent = is_noisy and end - begin >= 2 * _FROZEN
             # up to the end of the log only the others tell that it should have moved
             stops = is_continuous and end == len(values) and end - begin >= 4 * _FROZEN
             if stops:
-                others = np.delete(np.ptp(values[begin:], axis=0) > far, leg)
+                others = np.delete(np.ptp(values[begin:], axis=0) > np.maximum(20 * steps, _FAR * size), leg)
                 stops = others.sum() >= 4 and (before > 0).mean() > 0.5
             if jumps or silent or stops:
                 is_frozen[begin + 1 : end, leg] = True
@@ -190,8 +165,7 @@ def clipped(force: FloatArray, actuator_limit: FloatArray) -> Mask:
             level = float(top[-1])
             if abs(level) >= (1 - 1e-6) * actuator_limit[leg]:
                 continue
-            below = count[-4:-1].max(initial=1)
-            if len(top) < 4 or count[-1] < _CLIPPED or count[-1] <= _MORE_THAN_BELOW * below:
+            if len(top) < 4 or count[-1] < _CLIPPED or count[-1] <= _MORE_THAN_BELOW * count[-4:-1].max(initial=1):
                 continue
             at = y == level
             entries = np.abs(np.diff(y))[at[1:] != at[:-1]]
@@ -199,10 +173,17 @@ def clipped(force: FloatArray, actuator_limit: FloatArray) -> Mask:
                 continue  # a force that comes to rest at its largest value
             # noise takes some readings below the limit while the force is beyond it
             mean = np.convolve(np.pad(y, 10, mode="edge"), np.full(21, 1 / 21), mode="valid")
-            near = at | (mean > level - 3 * spread[leg])
-            for begin, end in runs_of(near):
+            for begin, end in runs_of(at | (mean > level - 3 * spread[leg])):
                 is_clipped[begin:end, leg] |= at[begin:end].any()
     return is_clipped
+
+
+class MissingRows(NamedTuple):
+    """Rows that are missing before row `row`, though times go on."""
+
+    row: int
+    number: float  # of rows; negative if rows are repeated
+    legs: tuple[int, ...]  # all, or one
 
 
 def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
@@ -211,8 +192,7 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     Quadratics through the rows on either side, extrapolated to the middle, differ by L̇ τ if a time τ is missing; their
     slopes agree. All legs jump alike, or one alone. Rows near `known_bad` readings (n, 6) are not looked at.
     """
-    n = len(length)
-    if n < 6 * _SIDE:
+    if len(length) < 6 * _SIDE:
         return []
     t = np.arange(_SIDE) + 0.5
     inverse = np.linalg.pinv(np.stack([np.ones(_SIDE), t, t**2], axis=1))
@@ -228,119 +208,91 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     is_near_bad = np.asarray(bad.any(axis=1))[: len(right)]
     others = np.sqrt(np.maximum((jump**2).sum(axis=1, keepdims=True) - jump**2, 0.0))
     places: list[MissingRows] = []
-    for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
+    for legs in (tuple(range(6)), *((leg,) for leg in range(6))):
         v = velocity[:, legs]
         speed = np.maximum(np.linalg.norm(v, axis=1), 1e-300)
         along = (jump[:, legs] * v).sum(axis=1) / speed
-        number = along / speed
+        number, size = along / speed, np.abs(along)
+        from_whole = np.abs(number - np.rint(number))
         rest = np.linalg.norm(jump[:, legs] - number[:, None] * v, axis=1)
-        size = np.abs(along)
         # times that jitter make every row look a little early or late
         jitter = 1.4826 * float(np.median(np.abs(number[speed >= np.median(speed)])))
         sure = (size > _SURE * spread) & (np.abs(number) > max(0.5, _SURE * jitter))
         sure &= (np.linalg.norm(bend[:, legs], axis=1) < 0.3 * speed) & (rest < 0.3 * size + 6 * spread) & ~is_near_bad
-        sure &= np.abs(number - np.rint(number)) < 0.15 + 4 * spread / speed
+        sure &= from_whole < 0.15 + 4 * spread / speed
         if len(legs) == 1:
-            sure &= (others[:, legs[0]] < 6 * spread) & (np.abs(number - np.rint(number)) < 0.1)
+            sure &= (others[:, legs[0]] < 6 * spread) & (from_whole < 0.1)
         for k in np.flatnonzero(sure):
             if size[k] == size[max(0, k - _SIDE) : k + _SIDE + 1].max():
                 places.append(MissingRows(int(k) + _SIDE, float(number[k]), legs))
     return places
 
 
-class ReadingHold(NamedTuple):
-    """Readings change at rows `phase`, `phase` + `rows`, `phase` + 2 `rows` only."""
-
-    rows: int
-    phase: int
-
-
-def hold_of(values: FloatArray) -> ReadingHold:
-    """How many rows each reading of a sensor (n,) is held; 1 if it may change at every row.
+def hold_of(values: FloatArray) -> tuple[int, int]:
+    """How many rows each reading of a sensor (n,) is held, and the first row at which it changes; 1 if at every row.
 
     An encoder that moves slowly repeats its readings too, but changes them at any row; a held reading changes them at
     every k-th row only.
     """
     changes = np.flatnonzero(np.diff(values)) + 1
-    if len(changes) >= _CHANGES:
-        for rows in range(_LONGEST, 1, -1):
-            count = np.bincount(changes % rows, minlength=rows)
-            if count.max() >= _RHYTHM * len(changes):
-                return ReadingHold(rows, int(count.argmax()))
-    return ReadingHold(1, 0)
+    for rows in range(_LONGEST_HOLD, 1, -1) if len(changes) >= _CHANGES else ():
+        count = np.bincount(changes % rows, minlength=rows)
+        if count.max() >= _RHYTHM * len(changes):
+            return rows, int(count.argmax())
+    return 1, 0
 
 
-def without_held_rows(log: Log) -> tuple[Log, list[str]]:
-    """The log at the rows at which its slower signal was read, and notes on what was recognised.
+def without_held_rows(part: Part) -> tuple[Part, list[str]]:
+    """The rows at which the slower signal was read, and notes on what was recognised.
 
     The faster signal, lengths or forces, passes a low-pass with zero phase before rows are left out.
-
-    Raises
-    ------
-    LogError
-        The legs' sensors are held unequally, so that their common rows are unknown.
     """
-    h = sample_time_of(log)
-    assert log.time is not None  # checked by sample_time_of
-    signals = {"leg_length": log.leg_length, "actuator_force": log.actuator_force}
-    holds = {name: _common(name, values, log.where) for name, values in signals.items() if values is not None}
-    slow = max(holds, key=lambda name: holds[name].rows)
-    rows = holds[slow].rows
-    if rows == 1:
-        return log, []
+    signals = {"length": part.length, "force": part.force}
+    words = {"length": "leg lengths", "force": "forces"}
+    holds: dict[str, tuple[int, int]] = {}
+    for name, values in signals.items():
+        # legs that hardly move have no rhythm of their own; a longer rhythm contains the shorter one of others
+        held = sorted({hold for hold in map(hold_of, values.T) if hold[0] > 1})
+        if len(held) > 1 and held[0][0] == held[-1][0]:
+            raise LogError(
+                f"{part.where}: {words[name]} are held for {held[0][0]} rows, but legs change at different rows "
+                f"({', '.join(str(phase + 1) for _, phase in held)}); expected sensors that are read at the same "
+                "time: log each reading once, with its own time"
+            )
+        holds[name] = held[0] if held else (1, 0)
+    slow = max(holds, key=lambda name: holds[name][0])
+    every, phase = holds[slow]
+    if every == 1:
+        return part, []
+    h, n = part.step, len(part.time)
     notes = [
-        f"{log.where}: {_TEXT[name]} change at every {hold.rows}. row only, so sensors are read every "
-        f"{1e3 * hold.rows * h:.4g} ms"
-        for name, hold in holds.items()
-        if hold.rows > 1
+        f"{part.where}: {words[name]} change at every {rows}. row only, so sensors are read every {1e3 * rows * h:.4g} "
+        "ms"
+        for name, (rows, _) in holds.items()
+        if rows > 1
     ]
-    at = np.arange(holds[slow].phase, len(log), rows)
-    values: dict[str, FloatArray] = {}
+    at = np.arange(phase, n, every)
+    changed: dict[str, Any] = {}
     first, last = 0, len(at)
-    for name, readings in signals.items():
-        if readings is None or name == slow or holds[name] == holds[slow]:
+    for name, (rows, start) in holds.items():
+        if (rows, start) == (every, phase):
             continue
-        is_held_force = log.holds_force and name == "actuator_force"
-        values[name], begin, end = _resampled(readings, holds[name], at, h, is_held_force)
-        first, last = max(first, begin), min(last, end)
+        # the place of the first target between the signal's own rows
+        offset = (phase - start) % rows
+        is_held_force = part.holds_force and name == "force"
+        delay = offset * h - (rows * h / 2 if is_held_force else 0.0)
+        cutoff = _CUTOFF * 0.5 / (every * h)
+        filtered = smoothed(signals[name][start::rows], rows * h, cutoff, 1, 0, delay)
+        index = (at - start - offset) // rows - edge(rows * h, cutoff)
+        inside = np.flatnonzero((index >= 0) & (index < len(filtered)))
+        values = np.full((len(at), 6), np.nan)
+        values[inside] = filtered[index[inside]]
+        changed[name] = values
+        first = max(first, int(inside[0]) if inside.size else 0)
+        last = min(last, int(inside[-1]) + 1 if inside.size else 0)
     if last - first < 2:
-        raise LogError(f"{log.where}: {len(log)} rows are too few for readings that are held for {rows} of them")
-    changed: dict[str, Any] = {name: readings[first:last] for name, readings in values.items()}
+        raise LogError(f"{part.where}: {n} rows are too few for readings that are held for {every} of them")
+    kept = slice(phase + first * every, phase + (last - 1) * every + 1, every)
     # a force that was brought to other rows belongs to its row; one that is held as long as lengths are stays held
-    changed["holds_force"] = log.holds_force and "actuator_force" not in values
-    return replace(log.rows(at[first:last]), **changed), notes
-
-
-_TEXT = {"leg_length": "leg lengths", "actuator_force": "forces"}
-
-
-def _common(name: str, values: FloatArray, where: str) -> ReadingHold:
-    holds = {hold_of(column) for column in values.T}
-    # legs that hardly move have no rhythm of their own
-    held = sorted(hold for hold in holds if hold.rows > 1)
-    if len(held) > 1 and held[0].rows == held[-1].rows:
-        raise LogError(
-            f"{where}: {_TEXT[name]} are held for {held[0].rows} rows, but legs change at different rows "
-            f"({', '.join(str(hold.phase + 1) for hold in held)}); expected sensors that are read at the same time: "
-            "log each reading once, with its own time"
-        )
-    # a longer rhythm contains the shorter one of a leg that moves more
-    return held[0] if held else ReadingHold(1, 0)
-
-
-def _resampled(
-    values: FloatArray, hold: ReadingHold, at: NDArray[np.intp], h: float, is_held_force: bool
-) -> tuple[FloatArray, int, int]:
-    """Values at rows `at`, NaN where the filter does not reach, and the first and the last (exclusive) that it does."""
-    sampled = values[hold.phase :: hold.rows]
-    step, target = hold.rows * h, int(at[1] - at[0])
-    cutoff = _CUTOFF * 0.5 / (target * h)
-    # the place of the first target between the signal's own rows
-    offset = (at[0] - hold.phase) % hold.rows
-    delay = offset * h - (step / 2 if is_held_force else 0.0)
-    filtered = smoothed(sampled, step, cutoff, 1, 0, delay)
-    index = (at - hold.phase - offset) // hold.rows - edge(step, cutoff)
-    inside = np.flatnonzero((index >= 0) & (index < len(filtered)))
-    result = np.full((len(at), values.shape[1]), np.nan)
-    result[inside] = filtered[index[inside]]
-    return result, int(inside[0]) if inside.size else 0, int(inside[-1]) + 1 if inside.size else 0
+    changed = {name: values[first:last] for name, values in changed.items()}
+    return replace(part.rows(kept), holds_force=part.holds_force and "force" not in changed, **changed), notes

@@ -12,7 +12,7 @@ and steady sliding are exact. ∂z/∂θ follows with it [model.friction; `leg_b
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi
 import numpy as np
@@ -38,13 +38,6 @@ _SMALL, _STEP = 1e-9, 1e-6
 _DISTANCES = 4.0
 
 
-class Bent(NamedTuple):
-    """The bristles along a log, and their derivatives by the elements."""
-
-    deflection: FloatArray  # z (j, 6) [m]
-    by: FloatArray  # ∂z/∂θ (j, 6, q)
-
-
 def sticks(platform: Platform) -> bool:
     """Whether the platform's friction sticks."""
     return Variant.of(platform).bristles
@@ -54,11 +47,6 @@ def ideal_of(platform: Platform) -> Platform:
     """The platform with rigid legs, and without friction that sticks: the equations that are linear in parameters."""
     rigid = platform.with_parameters(RIGID) if Variant.of(platform).springs else platform
     return rigid.with_parameters(SLIDING) if sticks(platform) else rigid
-
-
-def is_of_bristles(name: str, platform: Platform) -> bool:
-    """Whether an element belongs to the law of friction that sticks; viscous friction is linear."""
-    return sticks(platform) and name.partition("[")[0] in (COULOMB, *STICTION)
 
 
 def resolved(platform: Platform) -> Platform:
@@ -76,24 +64,24 @@ class StickingFriction:
     platform: Platform
     names: tuple[str, ...]  # (q,)
     # what was bent last, by the number of rows: each log's
-    _last: dict[int, tuple[tuple[bytes, bytes, float], Bent]] = field(default_factory=dict, compare=False)
+    _last: dict[int, tuple[tuple[bytes, bytes, float], FloatArray]] = field(default_factory=dict, compare=False)
 
     def law(self, values: FloatArray) -> Bristles:
         """The law at these values (q,), each of its fields (6,)."""
         return _law(self.platform, dict(zip(self.names, values.tolist(), strict=True)))
 
-    def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
-        """The bristles at rows with these velocities (j, 6) [m/s], `step` [s] apart; unbent at the first."""
-        key, kept = (values.tobytes(), velocity.tobytes(), step), self._last.get(len(velocity))
-        if kept is not None and kept[0] == key:
-            return kept[1]
-        law, moved, q = self.law(values), self._by_values(values), len(self.names)
+    def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
+        """Deflections z [m] and ∂z/∂θ (j, 6, 1 + q) at rows with these velocities (j, 6) [m/s], unbent at the first."""
+        key, last = (values.tobytes(), velocity.tobytes(), step), self._last.get(len(velocity))
+        if last is not None and last[0] == key:
+            return last[1]
+        law, by_values, q = self.law(values), self._law_by_values(values), len(self.names)
         X = np.zeros((6, 1 + q), order="F")
         v, after = np.zeros((6, 2), order="F"), np.zeros((6, 1 + q), order="F")
-        directions = np.asfortranarray(np.concatenate([moved[name] for name in _FIELDS], axis=0))
+        directions = np.asfortranarray(np.concatenate([by_values[name] for name in _FIELDS], axis=0))
         of_law = np.concatenate([*(getattr(law, name) for name in _FIELDS), law.is_lugre * np.ones(6), [step]])
         buffer: Any  # its type stubs do not accept NumPy arrays
-        buffer, call = _step(q).buffer()
+        buffer, call = _bristle_step(q).buffer()
         for k, argument in enumerate((X, v, of_law, directions)):
             buffer.set_arg(k, argument.reshape(-1, order="F").data)
         buffer.set_res(0, after.reshape(-1, order="F").data)
@@ -102,32 +90,30 @@ class StickingFriction:
             v[:] = velocity[k : k + 2].T
             call()
             X[:] = bristles[k + 1] = after
-        self._last[len(velocity)] = key, Bent(bristles[:, :, 0], bristles[:, :, 1:])
-        return self._last[len(velocity)][1]
+        self._last[len(velocity)] = key, bristles
+        return bristles
 
     def force(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
-        """Friction without its viscous part, and its derivatives (j, 6 (1 + q)) [N], leg after leg.
+        """Friction without its viscous part, and its derivatives (j, 6, 1 + q) [N].
 
         ż is that between the rows beside, so that σ1 takes the momentum σ1 Δz, however quickly a leg breaks away.
         """
-        law, moved, bent = self.law(values), self._by_values(values), self.bent(values, velocity, step)
-        z, by = bent.deflection, bent.by
-        rate, rate_by = np.gradient(z, step, axis=0), np.gradient(by, step, axis=0)
-        force = law.stiffness * z + law.damping * rate
-        by_values = law.stiffness[:, None] * by + law.damping[:, None] * rate_by
-        by_values = by_values + z[..., None] * moved["stiffness"] + rate[..., None] * moved["damping"]
-        return np.concatenate([force[..., None], by_values], axis=2).reshape(len(velocity), -1)
+        law, by_values, bent = self.law(values), self._law_by_values(values), self.bent(values, velocity, step)
+        rate = np.gradient(bent, step, axis=0)
+        force = law.stiffness[:, None] * bent + law.damping[:, None] * rate
+        force[..., 1:] += bent[..., :1] * by_values["stiffness"] + rate[..., :1] * by_values["damping"]
+        return np.asarray(force)
 
     def by_lengths(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
-        """∂f/∂(L, L̇) (j, 12) [N/m], [N s/m]: where a leg sticks that of its bristle, else the slope of the curve."""
-        law, z = self.law(values), self.bent(values, velocity, step).deflection
+        """∂f/∂(L, L̇) (j, 6, 2) [N/m], [N s/m]: where a leg sticks that of its bristle, else the slope of the curve."""
+        law, z = self.law(values), self.bent(values, velocity, step)[:, :, 0]
         moving = np.where(velocity == 0, np.finfo(float).tiny, velocity)
         elastic = np.clip(1 - bristle_decay(law, moving, z) * z / moving, 0.0, 1.0)
         slip = np.exp(-((velocity / law.stribeck_velocity) ** 2))
         slope = -2 * np.abs(velocity) / law.stribeck_velocity**2 * (law.static - law.coulomb) * slip
-        return np.concatenate([law.stiffness * elastic, law.damping * elastic + (1 - elastic) * slope], axis=1)
+        return np.stack([law.stiffness * elastic, law.damping * elastic + (1 - elastic) * slope], axis=-1)
 
-    def _by_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
+    def _law_by_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
         """Derivatives (6, q) of the law's fields."""
         columns = {name: np.zeros((6, len(self.names))) for name in (*_FIELDS, "damping")}
         for k, step in enumerate(np.diag(_STEP * values)):
@@ -140,8 +126,7 @@ class StickingFriction:
 def unit_friction(platform: Platform, velocity: FloatArray, step: float) -> FloatArray:
     """Friction (j, 6) for unit Coulomb friction of each leg, by the platform's law."""
     friction = StickingFriction(platform, ())
-    nothing = np.zeros(0)
-    return friction.force(nothing, velocity, step) / friction.law(nothing).coulomb
+    return friction.force(np.zeros(0), velocity, step)[..., 0] / friction.law(np.zeros(0)).coulomb
 
 
 def travel_since_reversal(velocity: FloatArray) -> FloatArray:
@@ -161,6 +146,7 @@ def sliding_rows(platform: Platform, velocity: FloatArray, step: float) -> Float
 
 
 def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
+    """The platform's law with other values of some elements, each of its fields (6,)."""
     changed: dict[str, Any] = {row.name: getattr(platform, row.name) for row in PHYSICAL}
     if any(name.startswith(f"{COULOMB}[") for name in values):
         legs = [f"{COULOMB}[{k}]" for k in range(1, 7)]
@@ -168,32 +154,32 @@ def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
         changed |= {COULOMB: coulomb.mean(), f"{COULOMB}_factor": coulomb / coulomb.mean()}
     changed |= {name: value for name, value in values.items() if "[" not in name}
     law = law_of_bristles(Variant.of(platform), Parameters(**changed))
-    return Bristles(*(np.broadcast_to(np.asarray(field, dtype=float), (6,)) for field in law))
+    return Bristles(*(np.broadcast_to(np.asarray(part, dtype=float), (6,)) for part in law))
 
 
 @cache
 @interrupts_held_back()
-def _step(q: int) -> casadi.Function:
+def _bristle_step(q: int) -> casadi.Function:
     """CasADi Function: ([z, ∂z/∂θ] (6, 1+q), v at both ends (6, 2), law (36) and h, ∂law/∂θ (30, q)) -> the former."""
     X, v, p, D = (casadi.SX.sym(*size) for size in (("X", 6, 1 + q), ("v", 6, 2), ("p", 37), ("D", 30, q)))
     fields = {name: symbols(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
     law = Bristles(**fields, damping=np.zeros(6), viscous=np.zeros(6))
     h = np.array([[p[36]]], dtype=object) / _SUBSTEPS
+
+    def after(velocity: Any, z: Any, decay: Any, step: Any) -> Any:
+        """Exact for constant velocity and decay."""
+        x = np.array([[casadi.fmax(exponent, _SMALL) for exponent in (decay * step).reshape(-1)]], dtype=object)
+        share = np.array([[-casadi.expm1(-exponent) / exponent for exponent in x.reshape(-1)]], dtype=object)
+        return z + (velocity - decay * z) * step * share
+
     z = casadi.SX.sym("z", 6)
     bent = symbols(z)
     for part in range(_SUBSTEPS):
         share = (part + 0.5) / _SUBSTEPS
         velocity = symbols((1 - share) * v[:, 0] + share * v[:, 1])
-        middle = _after(velocity, bent, bristle_decay(law, velocity, bent), h / 2)
-        bent = _after(velocity, bent, bristle_decay(law, velocity, middle), h)
-    after = casadi.vertcat(*bent.reshape(-1))
-    moved = casadi.jtimes(after, casadi.vertcat(z, p[:30]), casadi.vertcat(X[:, 1:], D)) if q else casadi.SX(6, 0)
-    whole = casadi.Function("whole", [z, X, v, p, D], [casadi.horzcat(after, moved)])(X[:, 0], X, v, p, D)
+        middle = after(velocity, bent, bristle_decay(law, velocity, bent), h / 2)
+        bent = after(velocity, bent, bristle_decay(law, velocity, middle), h)
+    end = casadi.vertcat(*bent.reshape(-1))
+    by_values = casadi.jtimes(end, casadi.vertcat(z, p[:30]), casadi.vertcat(X[:, 1:], D)) if q else casadi.SX(6, 0)
+    whole = casadi.Function("whole", [z, X, v, p, D], [casadi.horzcat(end, by_values)])(X[:, 0], X, v, p, D)
     return casadi.Function("step", [X, v, p, D], [casadi.densify(casadi.cse(whole))])
-
-
-def _after(v: Any, z: Any, decay: Any, step: Any) -> Any:
-    """Exact for constant v and decay."""
-    x = np.array([[casadi.fmax(exponent, _SMALL) for exponent in (decay * step).reshape(-1)]], dtype=object)
-    share = np.array([[-casadi.expm1(-exponent) / exponent for exponent in x.reshape(-1)]], dtype=object)
-    return z + (v - decay * z) * step * share

@@ -34,7 +34,13 @@ from gough_stewart.model.vectors import FloatArray, cross, skew
 
 PoseFrame = Literal["world", "own"]
 GEOMETRY = ("base_points", "platform_points", "leg_length_offset")
-_N_GEOMETRY, _N_FRAMES, _N_ROWS = 42, 12, 12
+_UNKNOWNS = (
+    *(f"{name}[{i + 1},{j + 1}]" for name in GEOMETRY[:2] for i in range(6) for j in range(3)),
+    *(f"{GEOMETRY[2]}[{i + 1}]" for i in range(6)),
+)
+# Standard errors of leg length [m], position [m] and orientation [rad], by default that of the position over the
+# platform's characteristic length; only their ratios matter for the values.
+ACCURACY = (5e-6, 5e-5, None)
 # Default uncertainty of the nominal geometry, as a share of the platform's size.
 _NOMINAL_SHARE = 0.01
 # An element has no interval if what is unobservable may move it by more than this share of its standard error.
@@ -54,85 +60,53 @@ _REMEDY = (
 )
 
 
-class PoseAccuracy(NamedTuple):
-    """Standard errors of the measurements; only their ratios matter for the values."""
+class Setting(NamedTuple):
+    """All unknowns: the geometry, the frames of the measured poses, and the true poses of n rows."""
 
-    leg_length: float = 5e-6  # [m]
-    position: float = 5e-5  # [m]
-    orientation: float | None = None  # [rad]; that of the position over the platform's characteristic length
-
-
-class Geometry(NamedTuple):
-    """The calibrated geometry, in the order of the unknowns."""
-
-    base: FloatArray  # B (6, 3) [m]
-    platform: FloatArray  # p (6, 3) [m]
-    offset: FloatArray  # o (6,) [m], encoder reading minus length
-
-    @property
-    def numbers(self) -> FloatArray:
-        """All unknowns (42,)."""
-        return np.concatenate([self.base.ravel(), self.platform.ravel(), self.offset])
-
-    def plus(self, change: FloatArray) -> "Geometry":
-        """Changed by (42,) [m]."""
-        return Geometry(
-            self.base + change[:18].reshape(6, 3),
-            self.platform + change[18:36].reshape(6, 3),
-            self.offset + change[36:],
-        )
-
-
-class Poses(NamedTuple):
-    """True poses of n rows."""
-
-    position: FloatArray  # t (n, 3) [m]
-    rotation: FloatArray  # R (n, 3, 3)
-
-    def plus(self, change: FloatArray) -> "Poses":
-        """Moved by δt, rotated by exp(δφ~) R, (n, 6) [m, rad]."""
-        return Poses(self.position + change[:, :3], _turned(self.rotation, change[:, 3:]))
-
-
-class Frames(NamedTuple):
-    """The frames of the measured poses: the tracker's frame, and the place of its target on the platform."""
-
-    X_t: FloatArray
-    X: FloatArray
+    geometry: FloatArray  # B, p and o (42,) [m]; o is encoder reading minus length
+    X_t: FloatArray  # (3,) [m]
+    X: FloatArray  # (3, 3)
     y: FloatArray
     Y: FloatArray
+    t: FloatArray  # (n, 3) [m]
+    R: FloatArray  # (n, 3, 3)
 
-    def plus(self, change: FloatArray) -> "Frames":
-        """Changed by (12,): δX_t, X ← exp(δ~) X, δy, Y ← exp(δ~) Y."""
-        return Frames(
-            self.X_t + change[:3], _turned(self.X, change[3:6]), self.y + change[6:9], _turned(self.Y, change[9:])
+    @property
+    def legs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """B (6, 3), p (6, 3) and o (6,)."""
+        return self.geometry[:18].reshape(6, 3), self.geometry[18:36].reshape(6, 3), self.geometry[36:]
+
+    def moved(self, geometry: FloatArray, frames: FloatArray, poses: FloatArray) -> "Setting":
+        """Changed by (42,), by δX_t, X ← exp(δ~) X, δy, Y ← exp(δ~) Y (12,), and by δt, R ← exp(δ~) R (n, 6)."""
+        turn_X, turn_Y, turn_R = (
+            Rotation.from_rotvec(turn).as_matrix() for turn in (frames[3:6], frames[9:], poses[:, 3:])
         )
-
-
-SAME = Frames(np.zeros(3), np.eye(3), np.zeros(3), np.eye(3))
+        X_t, y, t = self.X_t + frames[:3], self.y + frames[6:9], self.t + poses[:, :3]
+        return Setting(self.geometry + geometry, X_t, turn_X @ self.X, y, turn_Y @ self.Y, t, turn_R @ self.R)
 
 
 class Measured(NamedTuple):
-    """Rows of a log; NaN where not measured."""
+    """Lengths, positions and orientations of a log; NaN where not measured."""
 
-    length: FloatArray  # (n, 6) [m]
-    position: FloatArray  # (n, 3) [m]
-    orientation: FloatArray  # (n, 3) [rad]
+    values: FloatArray  # (n, 12) [m, rad]
     deviation: FloatArray  # standard errors of the twelve numbers (12,) [m, rad]
-
-    def rows(self, chosen: NDArray[np.intp]) -> "Measured":
-        """Some of the rows."""
-        return Measured(self.length[chosen], self.position[chosen], self.orientation[chosen], self.deviation)
 
     @property
     def is_known(self) -> NDArray[np.bool_]:
         """Which of the twelve numbers of a row are measured (n, 12)."""
-        return np.asarray(np.isfinite(np.concatenate([self.length, self.position, self.orientation], axis=1)))
+        return np.asarray(np.isfinite(self.values))
 
     @property
     def has_rotation(self) -> NDArray[np.bool_]:
         """Which rows have a full orientation (n,)."""
-        return np.asarray(np.isfinite(self.orientation).all(axis=1))
+        return np.asarray(self.is_known[:, 9:].all(axis=1))
+
+    @property
+    def rotations(self) -> FloatArray:
+        """Of the rows with a full orientation (k, 3, 3)."""
+        if not self.has_rotation.any():
+            return np.zeros((0, 3, 3))
+        return np.asarray(Rotation.from_euler("xyz", self.values[self.has_rotation, 9:]).as_matrix())
 
 
 class Equations(NamedTuple):
@@ -144,18 +118,18 @@ class Equations(NamedTuple):
     by_frames: FloatArray  # (n, 12, 12)
 
 
-def equations(geometry: Geometry, frames: Frames, poses: Poses, measured: Measured) -> Equations:
+def equations(now: Setting, measured: Measured) -> Equations:
     """The twelve equations of every row: six lengths, position, orientation; linear about the present values."""
-    n = len(measured.length)
-    t, R, X = poses.position, poses.rotation, frames.X
-    r, A = np.zeros((n, _N_ROWS)), np.zeros((n, _N_ROWS, 6))
-    G, F = np.zeros((n, _N_ROWS, _N_GEOMETRY)), np.zeros((n, _N_ROWS, _N_FRAMES))
+    n, R, X = len(measured.values), now.R, now.X
+    r, A = np.zeros((n, 12)), np.zeros((n, 12, 6))
+    G, F = np.zeros((n, 12, 42)), np.zeros((n, 12, 12))
 
-    arm = np.einsum("nab,ib->nia", R, geometry.platform)
-    l = t[:, None] + arm - geometry.base
+    base, platform, offset = now.legs
+    arm = np.einsum("nab,ib->nia", R, platform)
+    l = now.t[:, None] + arm - base
     L = np.linalg.norm(l, axis=-1)
     u = l / L[..., None]
-    r[:, :6] = measured.length - L - geometry.offset
+    r[:, :6] = measured.values[:, :6] - L - offset
     A[:, :6] = np.concatenate([u, cross(arm, u)], axis=-1)
     back = np.einsum("nab,nia->nib", R, u)  # Rᵀ u
     for i in range(6):
@@ -163,13 +137,24 @@ def equations(geometry: Geometry, frames: Frames, poses: Poses, measured: Measur
         G[:, i, 18 + 3 * i : 21 + 3 * i] = back[:, i]
         G[:, i, 36 + i] = 1.0
 
-    target = R @ frames.y
-    seen = (t + target) @ X.T
-    r[:, 6:9] = measured.position - seen - frames.X_t
+    target = R @ now.y
+    seen = (now.t + target) @ X.T
+    r[:, 6:9] = measured.values[:, 6:9] - seen - now.X_t
     A[:, 6:9] = np.concatenate([np.broadcast_to(X, R.shape), -X @ skew(target)], axis=-1)
     F[:, 6:9, :3], F[:, 6:9, 3:6], F[:, 6:9, 6:9] = np.eye(3), -skew(seen), X @ R
 
-    r[:, 9:], A[:, 9:, 3:] = _orientation_rows(frames, R, measured)
+    # of the rotation if it is full, by the vector from the predicted to the measured one; single angles, of
+    # inclinometers, are in world
+    whole = measured.has_rotation
+    if whole.any():
+        predicted = Rotation.from_matrix(X @ R[whole] @ now.Y)
+        r[whole, 9:] = (Rotation.from_matrix(measured.rotations) * predicted.inv()).as_rotvec()
+        A[whole, 9:, 3:] = X
+    if not whole.all():
+        angles = orientation_from_matrix(R[~whole])
+        r[~whole, 9:] = np.remainder(measured.values[~whole, 9:] - angles + np.pi, 2 * np.pi) - np.pi
+        units = [orientation_rate_from_angular_velocity(angles, np.broadcast_to(e, angles.shape)) for e in np.eye(3)]
+        A[~whole, 9:, 3:] = np.stack(units, axis=-1)
     F[:, 9:, 3:6], F[:, 9:, 9:] = np.eye(3), X @ R
 
     weight = np.where(measured.is_known, 1 / measured.deviation, 0.0)
@@ -177,98 +162,54 @@ def equations(geometry: Geometry, frames: Frames, poses: Poses, measured: Measur
     return Equations(r, A * weight[..., None], G * weight[..., None], F * weight[..., None])
 
 
-def _orientation_rows(frames: Frames, R: FloatArray, measured: Measured) -> tuple[FloatArray, FloatArray]:
-    """Residuals (n, 3) [rad] and derivatives by δφ (n, 3, 3): of the rotation if it is full, else of single angles.
-
-    The rotation vector from the predicted to the measured rotation; single angles, of inclinometers, are in world.
-    """
-    whole = measured.has_rotation
-    r, by_turn = np.zeros((len(R), 3)), np.zeros((len(R), 3, 3))
-    if whole.any():
-        predicted = frames.X @ R[whole] @ frames.Y
-        shown = Rotation.from_euler("xyz", measured.orientation[whole])
-        r[whole] = (shown * Rotation.from_matrix(predicted).inv()).as_rotvec()
-        by_turn[whole] = frames.X
-    if not whole.all():
-        angles = orientation_from_matrix(R[~whole])
-        gap = measured.orientation[~whole] - angles
-        r[~whole] = np.remainder(gap + np.pi, 2 * np.pi) - np.pi
-        units = [orientation_rate_from_angular_velocity(angles, np.broadcast_to(e, angles.shape)) for e in np.eye(3)]
-        by_turn[~whole] = np.stack(units, axis=-1)
-    return r, by_turn
-
-
-def _turned(rotation: FloatArray, turn: FloatArray) -> FloatArray:
-    """exp(turn~) R."""
-    return np.asarray(Rotation.from_rotvec(turn).as_matrix() @ rotation)
-
-
-def guessed_frames(geometry: Geometry, poses: Poses, measured: Measured) -> Frames:
+def with_guessed_frames(start: Setting, measured: Measured) -> Setting:
     """The better of two guesses of X and (y, Y), which map poses in world to measured ones.
 
     One from the positions alone (Kabsch, Acta Cryst. A32, 1976, 922), accurate if the target is near Op; one from the
     rotations alone (Shah, J. Mechanisms Robotics 5, 2013, 031007), accurate if they differ enough.
     """
-    at, turned = np.asarray(np.isfinite(measured.position).all(axis=1)), measured.has_rotation
-    shown = np.zeros((len(at), 3, 3))
-    if turned.any():
-        shown[turned] = Rotation.from_euler("xyz", measured.orientation[turned]).as_matrix()
-    R = poses.rotation
+
+    def nearest_rotation(matrix: FloatArray) -> FloatArray:
+        U, _, Vh = np.linalg.svd(matrix)
+        return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vh)]) @ Vh)
+
+    at, turned, shown = measured.is_known[:, 6:9].all(axis=1), measured.has_rotation, measured.rotations
+    seen, true, R = measured.values[at, 6:9], start.t[at], start.R[turned]
     guesses = []
     if at.any():
-        seen, true = (place[at] - place[at].mean(axis=0) for place in (measured.position, poses.position))
-        guesses.append(_nearest_rotation(seen.T @ true))
+        guesses.append(nearest_rotation((seen - seen.mean(axis=0)).T @ (true - true.mean(axis=0))))
     if turned.any():
         # shown Yᵀ = X R: vec X and vec Yᵀ are the first singular vectors of the sum of shown ⊗ R
-        K = sum(np.kron(a, b) for a, b in zip(shown[turned], R[turned], strict=True))
+        K = sum(np.kron(a, b) for a, b in zip(shown, R, strict=True))
         X = np.linalg.svd(K)[0][:, 0].reshape(3, 3)
-        guesses.append(_nearest_rotation(X * np.sign(np.linalg.det(X))))
-    made = [_with_the_rest(X, poses, measured, shown, at, turned) for X in guesses]
-    return min(made, key=lambda frames: float((equations(geometry, frames, poses, measured).residual ** 2).sum()))
-
-
-def _with_the_rest(
-    X: FloatArray, poses: Poses, measured: Measured, shown: FloatArray, at: NDArray[np.bool_], turned: NDArray[np.bool_]
-) -> Frames:
-    """Y as the mean of Rᵀ Xᵀ shown; X_t and y by least squares of X_t + X R y = seen − X t."""
-    frames = SAME._replace(X=X)
-    if turned.any():
-        Y = (np.swapaxes(X @ poses.rotation[turned], 1, 2) @ shown[turned]).sum(axis=0)
-        frames = frames._replace(Y=_nearest_rotation(Y))
-    if at.any():
-        blocks = X @ poses.rotation[at]
-        rows = np.concatenate([np.broadcast_to(np.eye(3), blocks.shape), blocks], axis=-1).reshape(-1, 6)
-        gap = (measured.position[at] - poses.position[at] @ X.T).reshape(-1)
-        places = np.linalg.lstsq(rows, gap, rcond=1e-6)[0]
-        frames = frames._replace(X_t=places[:3], y=places[3:])
-    return frames
-
-
-def _nearest_rotation(matrix: FloatArray) -> FloatArray:
-    """The rotation with the largest scalar product with a matrix."""
-    U, _, Vh = np.linalg.svd(matrix)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vh)]) @ Vh)
+        guesses.append(nearest_rotation(X * np.sign(np.linalg.det(X))))
+    made = []
+    for X in guesses:
+        # Y is the mean of Rᵀ Xᵀ shown; X_t and y are least squares of X_t + X R y = seen − X t
+        guess = start._replace(X=X)
+        if turned.any():
+            guess = guess._replace(Y=nearest_rotation((np.swapaxes(X @ R, 1, 2) @ shown).sum(axis=0)))
+        if at.any():
+            blocks = X @ start.R[at]
+            rows = np.concatenate([np.broadcast_to(np.eye(3), blocks.shape), blocks], axis=-1).reshape(-1, 6)
+            places = np.linalg.lstsq(rows, (seen - true @ X.T).reshape(-1), rcond=1e-6)[0]
+            guess = guess._replace(X_t=places[:3], y=places[3:])
+        made.append(guess)
+    return min(made, key=lambda guess: float((equations(guess, measured).residual ** 2).sum()))
 
 
 @dataclass(frozen=True, eq=False)
 class GeometryFit:
     """The geometry that explains a log best, and stays nominal where it is unobservable."""
 
-    geometry: Geometry
-    frames: Frames
-    poses: Poses
+    found: Setting
     singular_values: FloatArray  # (k,) in units of 1/scale
     directions: FloatArray  # (p, p), of the unknowns, the observable ones first
     rank: int  # of these, how many are observable
     cost: float  # ∑ (residual / standard error)²
     redundant: int  # measured numbers of poses
-    of_frames: int  # numbers of the frames that are observable
+    freedom: int  # of the residuals
     is_converged: bool
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom of the residuals."""
-        return self.redundant - self.rank - self.of_frames
 
     @property
     def factor(self) -> float:
@@ -281,17 +222,15 @@ class _Calibration:
     """A log of poses, and what is estimated from it."""
 
     measured: Measured
-    nominal: Geometry
-    frames: Frames  # to start from
-    poses: Poses  # to start from
+    start: Setting  # with the nominal geometry
     unknowns: NDArray[np.intp]  # which of the 42 numbers are estimated (p,)
     scale: float  # uncertainty of the nominal geometry [m]
     is_frame_known: bool
 
     def rows(self, chosen: NDArray[np.intp]) -> "_Calibration":
         """The same with some of the rows."""
-        poses = Poses(self.poses.position[chosen], self.poses.rotation[chosen])
-        return replace(self, measured=self.measured.rows(chosen), poses=poses)
+        start = self.start._replace(t=self.start.t[chosen], R=self.start.R[chosen])
+        return replace(self, measured=self.measured._replace(values=self.measured.values[chosen]), start=start)
 
     def fitted(self) -> GeometryFit:
         """The best fit among the geometries that differ from the nominal one in observable combinations only.
@@ -301,84 +240,74 @@ class _Calibration:
         error 1/S below 1, that is, `scale`, are observable; in these the fit is repeated without prior knowledge.
         """
         p = len(self.unknowns)
-        d, frames, poses, is_near = self._minimised(np.zeros(p), self.frames, self.poses, np.eye(p), prior=1.0)
-        _, _, Z, F = self._equations(d, frames, poses)
+        near, is_near = self._minimised(self.start, np.eye(p), prior=1.0)
+        _, _, Z, F = self._eliminated(near)
         tall = np.pad(_beside(Z, F), ((0, max(0, p - len(Z))), (0, 0)))
         _, S, V = np.linalg.svd(np.linalg.qr(tall, mode="r"))
         rank = int((S > 1).sum())
-        start = V[:rank].T @ (V[:rank] @ d)
-        d, frames, poses, is_best = self._minimised(start, frames, poses, V[:rank], prior=0.0)
-        now, _, Z, F = self._equations(d, frames, poses)
+        seen = V[:rank].T @ (V[:rank] @ self._change(near))
+        best, is_best = self._minimised(near._replace(geometry=self._geometry(seen)), V[:rank], prior=0.0)
+        now, _, Z, F = self._eliminated(best)
         if rank:
             _, S[:rank], turned = np.linalg.svd(np.linalg.qr(_beside(Z, F) @ V[:rank].T, mode="r"))
             V[:rank] = turned @ V[:rank]
-        return GeometryFit(
-            self._geometry(d),
-            frames,
-            poses,
-            S,
-            V,
-            rank,
-            float((now.residual**2).sum()),
-            int(self.measured.is_known[:, 6:].sum()),
-            int(np.linalg.matrix_rank(F, tol=1e-9 * np.linalg.norm(F))) if F.size else 0,
-            is_near and is_best,
-        )
+        redundant = int(self.measured.is_known[:, 6:].sum())
+        of_frames = int(np.linalg.matrix_rank(F, tol=1e-9 * np.linalg.norm(F))) if F.size else 0
+        cost, freedom = float((now.residual**2).sum()), redundant - rank - of_frames
+        return GeometryFit(best, S, V, rank, cost, redundant, freedom, is_near and is_best)
 
-    def _minimised(
-        self, d: FloatArray, frames: Frames, poses: Poses, basis: FloatArray, prior: float
-    ) -> tuple[FloatArray, Frames, Poses, bool]:
+    def _change(self, now: Setting) -> FloatArray:
+        """How far the unknowns d (p,) are from nominal, in units of `scale`."""
+        return (now.geometry - self.start.geometry)[self.unknowns] / self.scale
+
+    def _geometry(self, d: FloatArray) -> FloatArray:
+        geometry = self.start.geometry.copy()
+        geometry[self.unknowns] += self.scale * d
+        return geometry
+
+    def _minimised(self, now: Setting, basis: FloatArray, prior: float) -> tuple[Setting, bool]:
         """Gauss–Newton over d in the span of `basis` (k, p), frames and poses; whether it converged.
 
         Minimises the sum of squared residuals + prior |d|².
         """
-
-        def cost_of(d: FloatArray, now: Equations) -> float:
-            return float((now.residual**2).sum() + prior * d @ d)
-
         for _ in range(_MOST_STEPS):
-            now, z, Z, F = self._equations(d, frames, poses)
+            d = self._change(now)
+            linear, z, Z, F = self._eliminated(now)
             columns = np.block([[Z @ basis.T, F], [np.sqrt(prior) * basis.T, np.zeros((len(d), F.shape[1]))]])
             x = np.linalg.lstsq(columns, np.concatenate([z, -np.sqrt(prior) * d]), rcond=1e-12)[0]
-            step, turn = x[: len(basis)] @ basis, np.zeros(_N_FRAMES)
-            turn[: F.shape[1]] = x[len(basis) :]
-            change = self.scale * now.by_geometry[:, :, self.unknowns] @ step + now.by_frames @ turn
-            Q, R = np.linalg.qr(now.by_pose)
-            of_poses = np.swapaxes(Q, 1, 2) @ (now.residual - change)[..., None]
-            move = np.linalg.solve(R, of_poses)[..., 0]
+            step, frames = x[: len(basis)] @ basis, np.zeros(12)
+            frames[: F.shape[1]] = x[len(basis) :]
+            change = self.scale * linear.by_geometry[:, :, self.unknowns] @ step + linear.by_frames @ frames
+            Q, R = np.linalg.qr(linear.by_pose)
+            of_poses = np.swapaxes(Q, 1, 2) @ (linear.residual - change)[..., None]
+            poses = np.linalg.solve(R, of_poses)[..., 0]
             left = float(((columns @ x) ** 2).sum() + (of_poses**2).sum())
-            before, share = cost_of(d, now), 1.0
+            before, share = float((linear.residual**2).sum() + prior * d @ d), 1.0
             for _ in range(_MOST_HALVINGS):
-                moved = d + share * step, frames.plus(share * turn), poses.plus(share * move)
-                then = equations(self._geometry(moved[0]), *moved[1:], self.measured)
-                if cost_of(moved[0], then) <= before * (1 + 1e-9) + 1e-12:
+                geometry = self._geometry(d + share * step) - now.geometry
+                tried, e = now.moved(geometry, share * frames, share * poses), d + share * step
+                cost = float((equations(tried, self.measured).residual ** 2).sum() + prior * e @ e)
+                if cost <= before * (1 + 1e-9) + 1e-12:
                     break
                 share /= 2
             else:
-                return d, frames, poses, False
-            d, frames, poses = moved
+                return now, False
+            now = tried
             if left <= _CONVERGED * (1 + before):
-                return d, frames, poses, True
-        return d, frames, poses, False
+                return now, True
+        return now, False
 
-    def _geometry(self, d: FloatArray) -> Geometry:
-        change = np.zeros(_N_GEOMETRY)
-        change[self.unknowns] = self.scale * d
-        return self.nominal.plus(change)
-
-    def _equations(
-        self, d: FloatArray, frames: Frames, poses: Poses
-    ) -> tuple[Equations, FloatArray, FloatArray, FloatArray]:
+    def _eliminated(self, now: Setting) -> tuple[Equations, FloatArray, FloatArray, FloatArray]:
         """The equations; and without poses their residual (6 n,), Z (6 n, p), and F (6 n, 12), or (6 n, 0) in world.
 
         Without poses: Nᵀ times every row's equations, where Nᵀ A = 0 with A the derivatives by the pose.
         """
-        now = equations(self._geometry(d), frames, poses, self.measured)
-        back = np.swapaxes(np.linalg.qr(now.by_pose, mode="complete")[0][:, :, 6:], 1, 2)
-        Z = self.scale * (back @ now.by_geometry[:, :, self.unknowns])
-        F = back @ now.by_frames[:, :, : 0 if self.is_frame_known else _N_FRAMES]
-        z = (back @ now.residual[..., None]).ravel()
-        return now, z, Z.reshape(len(z), -1), F.reshape(len(z), -1)
+        linear = equations(now, self.measured)
+        back = np.swapaxes(np.linalg.qr(linear.by_pose, mode="complete")[0][:, :, 6:], 1, 2)
+        Z = self.scale * (back @ linear.by_geometry[:, :, self.unknowns])
+        F = back @ linear.by_frames[:, :, : 0 if self.is_frame_known else 12]
+        z = (back @ linear.residual[..., None]).ravel()
+        return linear, z, Z.reshape(len(z), -1), F.reshape(len(z), -1)
 
     def outlier(self, fit: GeometryFit) -> tuple[int, float] | None:
         """The row that the others contradict most, and its residuals in standard errors; None if none does.
@@ -386,10 +315,9 @@ class _Calibration:
         A fit without row k has a cost that is smaller by Δ = eᵀ (1 − H)⁻¹ e, e and H = Q Qᵀ its residuals and its
         block of the hat matrix; (Δ/q)/((cost − Δ)/(ν − q)) has the distribution F(q, ν − q).
         """
-        d = (fit.geometry.numbers - self.nominal.numbers)[self.unknowns] / self.scale
-        _, z, Z, F = self._equations(d, fit.frames, fit.poses)
+        _, z, Z, F = self._eliminated(fit.found)
         Q = orth(np.concatenate([Z @ fit.directions[: fit.rank].T, F], axis=1), rcond=1e-10)
-        e = (z - Q @ (Q.T @ z)).reshape(len(self.measured.length), -1)
+        e = (z - Q @ (Q.T @ z)).reshape(len(self.measured.values), -1)
         Q = Q.reshape(*e.shape, -1)
         left = np.eye(e.shape[1]) - Q @ np.swapaxes(Q, 1, 2)
         decrease = (e * (np.linalg.pinv(left, rcond=1e-6, hermitian=True) @ e[..., None])[..., 0]).sum(axis=1)
@@ -401,6 +329,24 @@ class _Calibration:
         is_outlier = p[worst] * len(p) < _OUTLIER
         return (worst, float(np.sqrt(decrease[worst] / numbers[worst] / rest[worst]))) if is_outlier else None
 
+    def moved_by_unseen(self, fit: GeometryFit) -> FloatArray:
+        """By how much unobservable combinations of unit size move each unknown (p,).
+
+        In a tracker's own frame, motions of the base and of the platform as a whole are no errors of the geometry.
+        """
+        unseen = fit.directions[fit.rank :]
+        if not self.is_frame_known:
+            motions = np.zeros((12, 42))
+            for k, points in enumerate(self.start.legs[:2]):
+                for j, axis in enumerate(np.eye(3)):
+                    motions[6 * k + j, 18 * k : 18 * k + 18] = np.tile(axis, 6)
+                    motions[6 * k + 3 + j, 18 * k : 18 * k + 18] = np.cross(axis, points).ravel()
+            others = np.delete(motions, self.unknowns, axis=1)
+            possible = null_space(others.T) if others.size else np.eye(12)
+            rigid = orth((possible.T @ motions[:, self.unknowns]).T) if possible.size else np.zeros((len(unseen.T), 0))
+            unseen = unseen - (unseen @ rigid) @ rigid.T
+        return np.asarray(np.linalg.norm(unseen, axis=0))
+
 
 def _beside(Z: FloatArray, F: FloatArray) -> FloatArray:
     """What of the columns Z the columns F do not explain."""
@@ -408,12 +354,12 @@ def _beside(Z: FloatArray, F: FloatArray) -> FloatArray:
     return np.asarray(Z - Q @ (Q.T @ Z))
 
 
-def identify_geometry(
+def identify_geometry(  # noqa: PLR0915 - one station after the other
     log: Log,
     platform: Platform,
     names: Sequence[str] = GEOMETRY,
     *,
-    accuracy: tuple[float, float, float | None] = PoseAccuracy(),
+    accuracy: tuple[float, float, float | None] = ACCURACY,
     pose_frame: PoseFrame = "world",
     nominal_error: float | None = None,
 ) -> Estimate:
@@ -429,7 +375,7 @@ def identify_geometry(
     names
         `base_points`, `platform_points`, `leg_length_offset` (encoder reading minus length [m]), or elements.
     accuracy
-        Standard errors of the log: leg length [m], position [m], orientation [rad]; see `PoseAccuracy`.
+        Standard errors of the log: leg length [m], position [m], orientation [rad]; see `ACCURACY`.
     pose_frame
         "world": poses are those of the platform in world. "own": a tracker's frame and the place of its target are
         unknown, and estimated as far as fixed joints determine them; the other joints stay as close as possible to
@@ -437,15 +383,16 @@ def identify_geometry(
     nominal_error
         Uncertainty of the nominal geometry [m]; combinations with a larger standard error count as unobservable, and
         elements that they move have no interval. By default 1 % of the platform's characteristic length.
-
-    Raises
-    ------
-    IdentificationError
-        No poses, names that are not geometry, nothing observable, or a geometry that the log contradicts.
     """
     elements = expanded(names, platform)
-    unknowns = _unknowns(elements)
-    accuracy = PoseAccuracy(*accuracy)
+    foreign = [name for name in elements if name not in _UNKNOWNS]
+    if foreign:
+        raise IdentificationError(
+            f"estimate: {', '.join(foreign)} with the method geometry; expected {', '.join(GEOMETRY)} or elements "
+            "of them: poses at rest carry no information on masses and friction",
+            foreign,
+        )
+    unknowns = np.array([_UNKNOWNS.index(name) for name in elements])
     sigma_length, sigma_position, sigma_turn = accuracy
     sigma_turn = sigma_position / platform.characteristic_length if sigma_turn is None else sigma_turn
     deviations = np.repeat([sigma_length, sigma_position, sigma_turn], [6, 3, 3]).astype(float)
@@ -455,17 +402,19 @@ def identify_geometry(
     scale = _NOMINAL_SHARE * platform.characteristic_length if nominal_error is None else nominal_error
     if not (np.isfinite(scale) and scale > 0):
         raise IdentificationError(f"nominal_error is {scale!r} m; expected > 0")
-    nominal = Geometry(platform.base_points, platform.platform_points, np.zeros(6))
+    nominal = np.concatenate([platform.base_points.ravel(), platform.platform_points.ravel(), np.zeros(6)])
     poses = _first_poses(platform, measured, pose_frame, log.where)
+    start = Setting(nominal, np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), *poses)
     is_known = pose_frame == "world"
-    frames = SAME if is_known else guessed_frames(nominal, poses, measured)
-    whole = _Calibration(measured, nominal, frames, poses, unknowns, scale, is_known)
+    start = start if is_known else with_guessed_frames(start, measured)
+    whole = _Calibration(measured, start, unknowns, scale, is_known)
 
-    kept, notes = np.arange(len(log)), list[str]()
+    # rows that the others contradict are left out, one after the other
+    kept, left_out = np.arange(len(log)), list[str]()
     used, fit = whole, whole.fitted()
-    while (worst := used.outlier(fit)) is not None and len(notes) < max(1, int(_MOST_OUTLIERS * len(log))):
+    while (worst := used.outlier(fit)) is not None and len(left_out) < max(1, int(_MOST_OUTLIERS * len(log))):
         row, size = worst
-        notes.append(
+        left_out.append(
             f"row {kept[row] + 1} is left out: the other rows contradict it by {size:.3g} standard errors; it was not "
             "at rest, or was read wrongly"
         )
@@ -475,27 +424,36 @@ def identify_geometry(
     alarms: tuple[str, ...] = ()
     if worst is not None:
         alarms = (
-            f"{len(notes)} of {len(log)} rows were left out, and others are contradicted as strongly, row "
+            f"{len(left_out)} of {len(log)} rows were left out, and others are contradicted as strongly, row "
             f"{kept[worst[0]] + 1} by {worst[1]:.3g} standard errors: errors of the poses are not those of noise",
         )
-    values, before = fit.geometry.numbers[unknowns], nominal_values(elements, platform)
-    _check(fit, elements, log, used.measured, values - before, scale)
+    values, before = fit.found.geometry[unknowns], nominal_values(elements, platform)
+    errors = rms(_length_error(fit.found, used.measured))
+    _check(fit, elements, log, errors, values - before, scale)
+
+    # a second fit, without the last rows
     aside = np.arange(max(1, round(_KEPT_ASIDE * len(kept))))[::-1]
     without = used.rows(np.arange(len(kept) - len(aside))).fitted()
-    validation = _length_error(
-        without.geometry, without.frames, without.poses, used.measured.rows(len(kept) - 1 - aside)
-    )
+    last = used.measured._replace(values=used.measured.values[len(kept) - 1 - aside])
+    validation = _length_error(without.found, last)
+
     V, S = fit.directions[: fit.rank], fit.singular_values[: fit.rank]
     covariance = (fit.factor * scale) ** 2 * (V.T / S**2) @ V
-    is_moved = _moved_by_unseen(fit, nominal, unknowns, is_known) * scale > _MOVED * np.sqrt(np.diag(covariance))
+    is_moved = used.moved_by_unseen(fit) * scale > _MOVED * np.sqrt(np.diag(covariance))
     covariance[is_moved] = covariance[:, is_moved] = np.nan
-    notes = [
-        f"residuals are {fit.factor:.3g} times the stated standard errors; intervals are scaled by this factor",
-        *_unseen(
-            fit, elements, scale, pose_frame, [name for name, is_it in zip(elements, is_moved, strict=True) if is_it]
-        ),
-        *notes,
-    ]
+    notes = [f"residuals are {fit.factor:.3g} times the stated standard errors; intervals are scaled by this factor"]
+    unseen = fit.directions[fit.rank :]
+    if len(unseen):
+        own = "; pose_frame 'own' makes the positions of base and platform unobservable" if not is_known else ""
+        notes.append(
+            f"{fit.rank} of {len(elements)} combinations are observable, to better than {scale:.3g} m{own}; "
+            "the others keep their nominal values: "
+            + "; ".join(combination_text(row, elements) for row in unseen[:_SHOWN_UNSEEN])
+            + ("; …" if len(unseen) > _SHOWN_UNSEEN else "")
+        )
+    moved = [name for name, is_it in zip(elements, is_moved, strict=True) if is_it]
+    if moved:
+        notes.append(f"no interval, since combinations that keep their nominal values move them: {', '.join(moved)}")
     return Estimate(
         method="geometry",
         names=elements,
@@ -510,66 +468,27 @@ def identify_geometry(
         residuals=Residuals(
             "length of leg",
             "m",
-            rms(_length_error(fit.geometry, fit.frames, fit.poses, used.measured)),
+            errors,
             rms(validation) if len(validation) else None,
-            used.measured.length.std(axis=0),
+            used.measured.values[:, :6].std(axis=0),
             None,
         ),
-        notes=tuple(notes),
+        notes=(*notes, *left_out),
         alarms=alarms,
         details={
-            "poses": fit.poses,
-            "frames": fit.frames,
-            "nominal_rms": rms(_length_error(nominal, frames, fit.poses, used.measured)),
+            "found": fit.found,
+            "nominal_rms": rms(_length_error(start._replace(t=fit.found.t, R=fit.found.R), used.measured)),
             "equations": fit.redundant,
             "factor": fit.factor,
         },
     )
 
 
-def _moved_by_unseen(
-    fit: GeometryFit, nominal: Geometry, unknowns: NDArray[np.intp], is_frame_known: bool
-) -> FloatArray:
-    """By how much unobservable combinations of unit size move each unknown (p,).
-
-    In a tracker's own frame, motions of the base and of the platform as a whole are no errors of the geometry.
-    """
-    unseen = fit.directions[fit.rank :]
-    if not is_frame_known:
-        motions = np.zeros((12, _N_GEOMETRY))
-        for at, points in ((0, nominal.base), (18, nominal.platform)):
-            for k, axis in enumerate(np.eye(3)):
-                motions[at // 3 + k, at : at + 18] = np.tile(axis, 6)
-                motions[at // 3 + 3 + k, at : at + 18] = np.cross(axis, points).ravel()
-        others = np.delete(motions, unknowns, axis=1)
-        possible = null_space(others.T) if others.size else np.eye(12)
-        rigid = orth((possible.T @ motions[:, unknowns]).T) if possible.size else np.zeros((len(unknowns), 0))
-        unseen = unseen - (unseen @ rigid) @ rigid.T
-    return np.asarray(np.linalg.norm(unseen, axis=0))
-
-
-def _unknowns(elements: Sequence[str]) -> NDArray[np.intp]:
-    """The positions of the elements in the 42 unknowns."""
-    every = [f"{name}[{i + 1},{j + 1}]" for name in GEOMETRY[:2] for i in range(6) for j in range(3)]
-    every += [f"{GEOMETRY[2]}[{i + 1}]" for i in range(6)]
-    foreign = [name for name in elements if name not in every]
-    if foreign:
-        raise IdentificationError(
-            f"estimate: {', '.join(foreign)} with the method geometry; expected {', '.join(GEOMETRY)} or elements "
-            "of them: poses at rest carry no information on masses and friction",
-            foreign,
-        )
-    return np.array([every.index(name) for name in elements])
-
-
 def _measured(log: Log, deviations: FloatArray, pose_frame: PoseFrame) -> Measured:
+    """What the log has of each pose; refuses rows that carry no information."""
     none = np.full((len(log), 3), np.nan)
-    measured = Measured(
-        log.leg_length,
-        none if log.position is None else log.position,
-        none if log.orientation is None else log.orientation,
-        deviations,
-    )
+    pose = (none if values is None else values for values in (log.position, log.orientation))
+    measured = Measured(np.concatenate([log.leg_length, *pose], axis=1), deviations)
     known = measured.is_known
     if not known[:, :6].all():
         row = int(np.argmin(known[:, :6].all(axis=1))) + 1
@@ -588,28 +507,30 @@ def _measured(log: Log, deviations: FloatArray, pose_frame: PoseFrame) -> Measur
     return measured
 
 
-def _first_poses(platform: Platform, measured: Measured, pose_frame: PoseFrame, where: str) -> Poses:
+def _first_poses(
+    platform: Platform, measured: Measured, pose_frame: PoseFrame, where: str
+) -> tuple[FloatArray, FloatArray]:
     """The measured poses if they are full and in world, else those of the nominal platform at these lengths."""
-    position, orientation = np.empty((2, len(measured.length), 3))
-    near = platform.home_position, platform.home_orientation
-    for k, length in enumerate(measured.length):
-        if pose_frame == "world" and measured.is_known[k].all():
-            position[k], orientation[k] = measured.position[k], measured.orientation[k]
+    poses = measured.values[:, 6:].copy()
+    for k, is_full in enumerate(measured.is_known.all(axis=1)):
+        if pose_frame == "world" and is_full:
             continue
+        near = platform.home_position, platform.home_orientation
         try:
-            pose = forward_kinematics(platform, length, *near)
+            pose = forward_kinematics(platform, measured.values[k, :6], *near)
         except GoughStewartError as error:
             raise IdentificationError(
                 f"{where}: row {k + 1}: the nominal platform has no pose with these leg lengths ({error}); expected a "
                 "log of this platform, legs in its order, lengths from joint to joint"
             ) from None
-        position[k], orientation[k] = pose.position, pose.orientation
-    return Poses(position, matrix_from_orientation(orientation))
+        poses[k] = np.concatenate([pose.position, pose.orientation])
+    return poses[:, :3], matrix_from_orientation(poses[:, 3:])
 
 
 def _check(
-    fit: GeometryFit, elements: Sequence[str], log: Log, measured: Measured, change: FloatArray, scale: float
+    fit: GeometryFit, elements: Sequence[str], log: Log, errors: FloatArray, change: FloatArray, scale: float
 ) -> None:
+    """Refuse a fit that is none; `errors` are those of each leg's lengths (6,) [m]."""
     if fit.rank == 0:
         raise IdentificationError(
             f"{log.where}: {len(log)} poses with {fit.redundant} measured numbers do not determine "
@@ -617,11 +538,10 @@ def _check(
             elements,
         )
     if fit.factor > _CONTRADICTION:
-        worst = rms(_length_error(fit.geometry, fit.frames, fit.poses, measured))
-        leg = int(worst.argmax())
+        leg = int(errors.argmax())
         raise IdentificationError(
             f"{log.where}: contradicts any geometry near the nominal one: residuals are {fit.factor:.3g} times their "
-            f"standard errors, leg {leg + 1} the worst with {worst[leg]:.3g} m; {_REMEDY}"
+            f"standard errors, leg {leg + 1} the worst with {errors[leg]:.3g} m; {_REMEDY}"
         )
     farthest = int(np.abs(change).argmax())
     if abs(change[farthest]) > _FAR * scale:
@@ -636,39 +556,20 @@ def _check(
         )
 
 
-def _length_error(geometry: Geometry, frames: Frames, poses: Poses, measured: Measured) -> FloatArray:
+def _length_error(found: Setting, measured: Measured) -> FloatArray:
     """Measured minus predicted lengths (n, 6) [m] in the measured poses, or in fitted ones if some are partial.
 
     Of rows that have no fitted poses, with partial ones among them, there are none (0, 6).
     """
-    t, R = measured.position, np.zeros((len(measured.length), 3, 3))
     full = np.asarray(measured.is_known.all(axis=1))
-    R[full] = matrix_from_orientation(measured.orientation[full])
-    R[full] = frames.X.T @ R[full] @ frames.Y.T
-    t = (t - frames.X_t) @ frames.X - R @ frames.y
+    R = np.zeros((len(full), 3, 3))
+    R[full] = found.X.T @ matrix_from_orientation(measured.values[full, 9:]) @ found.Y.T
+    t = (measured.values[:, 6:9] - found.X_t) @ found.X - R @ found.y
     if not full.all():
-        if len(poses.position) != len(t):
+        if len(found.t) != len(t):
             return np.zeros((0, 6))
-        t = np.where(full[:, None], t, poses.position)
-        R = np.where(full[:, None, None], R, poses.rotation)
-    l = t[:, None] + np.einsum("nab,ib->nia", R, geometry.platform) - geometry.base
-    return np.asarray(measured.length - np.linalg.norm(l, axis=-1) - geometry.offset)
-
-
-def _unseen(
-    fit: GeometryFit, elements: Sequence[str], scale: float, pose_frame: PoseFrame, moved: Sequence[str]
-) -> list[str]:
-    """What is unobservable, and which elements have no interval for it."""
-    unseen = fit.directions[fit.rank :]
-    if not len(unseen):
-        return []
-    why = "; pose_frame 'own' makes the positions of base and platform unobservable" if pose_frame == "own" else ""
-    notes = [
-        f"{fit.rank} of {len(elements)} combinations are observable, to better than {scale:.3g} m{why}; "
-        "the others keep their nominal values: "
-        + "; ".join(combination_text(row, elements) for row in unseen[:_SHOWN_UNSEEN])
-        + ("; …" if len(unseen) > _SHOWN_UNSEEN else "")
-    ]
-    if moved:
-        notes.append(f"no interval, since combinations that keep their nominal values move them: {', '.join(moved)}")
-    return notes
+        t = np.where(full[:, None], t, found.t)
+        R = np.where(full[:, None, None], R, found.R)
+    base, platform, offset = found.legs
+    l = t[:, None] + np.einsum("nab,ib->nia", R, platform) - base
+    return np.asarray(measured.values[:, :6] - np.linalg.norm(l, axis=-1) - offset)

@@ -1,20 +1,24 @@
-"""What may be wrong with a log or with the model: the table of hypotheses.
+"""What may be wrong with a log or with the model: the table of hypotheses, and how each changes what is read.
 
 A family extends the model by parameters η, which are 0 if the model is right: its columns are ∂(reading of forces)/∂η
 at a fit, in the rows of the regression. Its members are hypotheses: a choice of its columns, such as the gain of one
 leg, each of a cause. What one cause may do is hard to separate: a cause is named first, then its member if the log
 separates it. Sizes of η are those of errors that are common, as shares of the machine's own size, load and speed.
+Other hypotheses have a velocity, a force or a time that the log tells: friction that falls as a leg begins to slide,
+forces that are clipped, rows that were lost; or exchange the forces of two legs.
 """
 
+import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.identify.friction import travel_since_reversal
-from gough_stewart.harness.identify.names import expanded, unit_of
+from gough_stewart.harness.identify.names import expanded, unit_of, value_of
 from gough_stewart.harness.identify.regressor import INERTIAL, parameter_columns, states_of
-from gough_stewart.harness.identify.row_model import RowFit, RowModel, tilt_directions
+from gough_stewart.harness.identify.rows import RowFit, tilt_directions
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -23,7 +27,7 @@ LEGS = range(1, 7)
 # Parameters of the platform that may be wrong if they are not estimated.
 MASSES = ("platform_mass", "platform_com", "platform_inertia", "leg_armature")
 # Velocities over which friction falls as a leg begins to slide, in those that smooth its sign.
-STRIBECK = np.geomspace(2.0, 200.0, 9)
+_STRIBECK = np.geomspace(2.0, 200.0, 9)
 # Travel over which friction builds up after a reversal, by elastic contact [m].
 _TRAVELS = (3e-5, 1e-4, 3e-4)
 # Where the delay of the forces may change, as shares of the log: rows are lost at any time.
@@ -36,8 +40,10 @@ _JOINT, _OFFSET, _COM = 1.5e-3, 2e-3, 0.1
 _MOMENT, _PRODUCT, _ARMATURE, _PAYLOAD = 0.08, 0.025, 1 / 12, 0.1
 # Of offsets and of friction in loads of a leg, at its usual velocity.
 _LOAD, _FRICTION = 0.01, 0.02
-# Factors of units from SI.
-FACTORS = {"%": 100.0, "ms": 1e3, "mm": 1e3, "°": 180 / np.pi}
+# Shares of the largest force at which forces may be clipped.
+_LEVELS = (0.98, 0.95, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7)
+# Times at which rows may be lost, at first, and afterwards at every row between them.
+TIMES = 24
 
 PAYLOAD = "payload, centre of mass or inertia"
 GEOMETRY = "geometry: several errors of joints and encoders, calibrate by poses; or something that is not listed"
@@ -61,11 +67,12 @@ class Family(NamedTuple):
     is_estimable: bool = False  # the parameters are elements, of which the model of the rows knows the exact effect
 
 
-def families_of(model: RowModel, fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
+def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     """The families at a fit; what is estimated is none, nor is what has columns of nothing but noise."""
-    regression, derivatives, force, platform = model.regression, fit.derivatives, fit.force, model.platform
-    tilt, names = model.instruments(fit.values).tilt, (*fit.names, *not_excited)
-    W, time = regression.rows.regressor, regression.rows.time
+    model, derivatives, force = fit.model, fit.derivatives, fit.force
+    regression, platform = model.regression, model.platform
+    tilt, names = model.instruments(fit.values).tilt, (*model.names, *not_excited)
+    W, time = regression.W, regression.time
     eye, by_legs, ones = np.eye(6), derivatives.by_legs, np.ones(6)
     rho, mass = platform.characteristic_length, platform.platform_mass
     load = float(np.sqrt((force**2).mean()))
@@ -89,10 +96,10 @@ def families_of(model: RowModel, fit: RowFit, not_excited: Sequence[str]) -> lis
     def of_laws(velocity: FloatArray, step: float) -> FloatArray:
         travel = travel_since_reversal(velocity) * step
         later = [-np.sign(velocity) * np.exp(-travel / over) for over in _TRAVELS]
-        falling = [stribeck(velocity, platform.leg_friction_velocity, width) for width in STRIBECK[[1, 4, 6]]]
-        return np.concatenate([velocity * np.abs(velocity), np.abs(velocity), *falling, *later], axis=1)
+        falling = [_stribeck(velocity, platform.leg_friction_velocity, width) for width in _STRIBECK[[1, 4, 6]]]
+        return np.stack([velocity * np.abs(velocity), np.abs(velocity), *falling, *later], axis=-1)
 
-    laws = regression.filtered(of_laws, 0).reshape(len(W), -1, 6).swapaxes(1, 2)
+    laws = regression.filtered(of_laws)
     laws = np.concatenate([laws, (np.abs(force)[..., None] * coulomb).sum(axis=2)[..., None]], axis=2)
     law_names = ("quadratic friction", "friction of one direction", *("",) * 6, "friction in proportion to the load")
     joints = {
@@ -207,25 +214,22 @@ def families_of(model: RowModel, fit: RowFit, not_excited: Sequence[str]) -> lis
             "not what the platform's file has: estimate it, too", True,
         ),
     ]  # fmt: skip
-    kept = (_without(family, names) for family in families)
+    kept = []
+    for family in families:
+        left = [k for k, name in enumerate(family.parameters) if name not in names]
+        members = {
+            name: (cause, tuple(left.index(k) for k in chosen))
+            for name, (cause, chosen) in family.members.items()
+            if set(chosen) <= set(left)
+        }
+        kept.append(family._replace(
+            parameters=tuple(family.parameters[k] for k in left), units=tuple(family.units[k] for k in left),
+            columns=family.columns[:, :, left], sizes=family.sizes[left], members=members,
+        ))  # fmt: skip
     return [family for family in kept if family.parameters]
 
 
-def _without(family: Family, names: Sequence[str]) -> Family:
-    """The family without what is estimated."""
-    left = [k for k, name in enumerate(family.parameters) if name not in names]
-    members = {
-        name: (cause, tuple(left.index(k) for k in chosen))
-        for name, (cause, chosen) in family.members.items()
-        if set(chosen) <= set(left)
-    }
-    return family._replace(
-        parameters=tuple(family.parameters[k] for k in left), units=tuple(family.units[k] for k in left),
-        columns=family.columns[:, :, left], sizes=family.sizes[left], members=members,
-    )  # fmt: skip
-
-
-def stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
+def _stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
     """What is more than Coulomb friction while a leg begins to slide, for a unit (n, 6); widths in velocities."""
     v = velocity / smooth
     return np.asarray(np.tanh(v) * np.exp(-((v / width) ** 2)))
@@ -237,3 +241,124 @@ def leg_motion(platform: Platform, motion: FloatArray) -> FloatArray:
     legs = leg_geometry(platform, state.position, state.orientation)
     rates = rates_of_legs(legs, state)
     return np.array([legs.length, rates.length_rate, leg_accelerations(legs, state, *acceleration)])
+
+
+class Hypothesis(NamedTuple):
+    """One error, with the columns of the fitted rows at the fit."""
+
+    name: str
+    cause: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    remedy: str
+    columns: FloatArray  # (n, 6, q)
+    sizes: FloatArray  # (q,)
+    members: float  # how many there are of this kind
+    kind: str = "linear"
+    at: float = 0.0  # the velocity, force or time of one of several
+    legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
+
+
+def members_of(families: Sequence[Family]) -> list[Hypothesis]:
+    """The members of the families."""
+    return [
+        Hypothesis(
+            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
+            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
+            sum(len(others) == len(chosen) for _, others in family.members.values()),
+            "exact" if family.is_estimable else "linear",
+        )
+        for family in families
+        for name, (cause, chosen) in family.members.items()
+    ]  # fmt: skip
+
+
+def at_several_places(fit: RowFit, residual: FloatArray) -> list[list[Hypothesis]]:
+    """Hypotheses of which the log tells a velocity, a level, or two legs: in each list one of them."""
+    smooth, read = fit.model.platform.leg_friction_velocity, fit.model.regression.force[fit.is_fitted]
+    force, load = np.abs(read - residual), float(np.sqrt((read**2).mean()))
+    falling = [
+        Hypothesis(
+            "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
+            ("N", "m/s"), "set leg_friction_model, or leave slow motions out", _stribeck_columns(fit, width),
+            np.array([_FRICTION * load]), len(_STRIBECK), "stribeck", smooth * width,
+        )
+        for width in _STRIBECK
+    ]  # fmt: skip
+    groups = [falling]
+    for legs in (tuple(range(6)), *((leg,) for leg in range(6))):
+        most = float(np.abs(read[:, legs]).max())
+        beyond = {level: np.maximum(force - level * most, 0.0) * np.isin(range(6), legs) for level in _LEVELS}
+        groups.append([
+            Hypothesis(
+                "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped",
+                "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
+                (-np.sign(read) * more / (0.1 * level * most))[..., None], np.array([0.1 * level * most]),
+                len(_LEVELS) * 6 / len(legs), "clip", level * most, legs,
+            )
+            for level, more in beyond.items()
+        ])  # fmt: skip
+    exchanged = [
+        Hypothesis(
+            f"forces of legs {a} and {b} exchanged", "order of the legs", (), (), "exchange their columns",
+            np.zeros((*read.shape, 0)), np.zeros(0), 15, "exchange", 0.0, (a - 1, b - 1),
+        )
+        for a, b in combinations(LEGS, 2)
+    ]  # fmt: skip
+    return [*groups, exchanged]
+
+
+def rows_lost(fit: RowFit, times: FloatArray) -> list[Hypothesis]:
+    """Rows of all forces that are lost at one of these times [s]."""
+    time, rate = fit.model.regression.time[fit.is_fitted], fit.rate[fit.is_fitted]
+    # the filter mixes what is before and after the time
+    width = 1.5 * float(np.median(np.diff(time)))
+    return [
+        Hypothesis(
+            "rows lost in the forces", TIMING, ("forces early from then on by", "near it by"), ("ms", "ms"),
+            f"check the logger at {at:.4g} s",
+            rate[..., None] * np.stack([time > at, np.abs(time - at) < width], axis=1)[:, None],
+            np.full(2, 2 * _DELAY), 4 * TIMES, "lost", float(at),
+        )
+        for at in times
+    ]  # fmt: skip
+
+
+def _stribeck_columns(fit: RowFit, width: float) -> FloatArray:
+    smooth = fit.model.platform.leg_friction_velocity
+    return fit.model.regression.filtered(lambda v, _h: _stribeck(v, smooth, width))[fit.is_fitted][..., None]
+
+
+def reading_of(
+    hypothesis: Hypothesis, fit: RowFit, theta: FloatArray, eta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residual (n, 6) and derivatives of the reading by θ and η (n, 6, p + q), by the hypothesis' own model."""
+    model, fitted, legs = fit.model, fit.is_fitted, list(hypothesis.legs)
+    if hypothesis.kind == "exact":
+        # relative to the platform's file, and to perfect instruments
+        nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
+        wider, values = model.extended(hypothesis.parameters), np.concatenate([theta, nominal + eta])
+        return wider.residual(values)[fitted], wider.columns(values)[fitted]
+    residual, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
+    match hypothesis.kind:
+        case "exchange":
+            read = model.regression.force[fitted]
+            residual = residual.copy()
+            residual[:, legs] += read[:, legs[::-1]] - read[:, legs]
+            return residual, by_theta
+        case "clip":
+            read = model.regression.force[fitted]
+            force, level = read - residual, hypothesis.at + eta[0]
+            is_clipped = np.zeros(force.shape, dtype=bool)
+            is_clipped[:, legs] = np.abs(force[:, legs]) > level
+            residual = np.where(is_clipped, read - np.sign(force) * level, residual)
+            by_theta = np.where(is_clipped[..., None], 0.0, by_theta)
+            return residual, np.concatenate([by_theta, (is_clipped * np.sign(force))[..., None]], axis=2)
+        case "stribeck":
+            width = hypothesis.at * math.exp(eta[1]) / model.platform.leg_friction_velocity
+            X, wider_X = (_stribeck_columns(fit, width * math.exp(step)) for step in (0.0, 0.01))
+            columns = np.concatenate([by_theta, X, eta[0] * (wider_X - X) / 0.01], axis=2)
+            return residual - eta[0] * X[..., 0], columns
+        case _:
+            X = hypothesis.columns
+            return residual - X @ eta, np.concatenate([by_theta, X], axis=2)

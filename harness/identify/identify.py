@@ -10,30 +10,22 @@ import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
 from gough_stewart.harness.identify.blas import one_blas_thread
-from gough_stewart.harness.identify.estimate import Estimate, nominal_values
-from gough_stewart.harness.identify.fit import identify_linear, scales, with_all
+from gough_stewart.harness.identify.estimate import Estimate, nominal_values, with_all
+from gough_stewart.harness.identify.fit import identify_linear, scales
 from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
 from gough_stewart.harness.identify.hypotheses import MASSES
-from gough_stewart.harness.identify.log import VALIDATION, Log, check_finite, check_poses, log_of, read_log
+from gough_stewart.harness.identify.log import VALIDATION, Log, check_poses, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.observability import (
-    MotionRows,
-    check_separable,
-    identifiability,
-    is_linear,
-    motion_rows,
-)
-from gough_stewart.harness.identify.regression import cutoff_within_noise
-from gough_stewart.harness.identify.screen import Screened, check_order_of_forces, screened
+from gough_stewart.harness.identify.observability import check_separable, identifiability, motion_rows
+from gough_stewart.harness.identify.regressor import is_linear
+from gough_stewart.harness.identify.screen import Screened, compared_forces, cutoff_within_noise, screened
 from gough_stewart.harness.identify.springs import SPRINGS, with_both_sides, with_springs
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 
 AnyLog = Log | Record | Path | str
 Method = Literal["linear", "geometry"]
-_METHODS = ("linear", "geometry")
 _PRESLIDING = (
     "presliding is set in the platform; of friction that sticks, " + ", ".join((COULOMB, *STICTION)) + " are estimated"
 )
@@ -53,6 +45,7 @@ _NOT_SHOWN = "not shown by this log, so without a number"
 _SLOW = "Slow motions show static friction: some mm/s, and forces and lengths at 500 Hz or more"
 
 
+@one_blas_thread()
 def identify(
     log: AnyLog | Sequence[AnyLog],
     platform: Platform,
@@ -114,38 +107,50 @@ def identify(
     >>> found = gs.identify(record, nominal, "platform_mass,leg_viscous_friction")
     >>> found.values, found.interval, found.platform(nominal).platform_mass
     """
-    if method not in _METHODS:
+    if method not in ("linear", "geometry"):
         raise IdentificationError(
             f"method is {method!r}; expected linear, for masses, friction and instruments, or geometry, for joints and "
             "offsets of lengths"
         )
     names = [name.strip() for name in (estimate.split(",") if isinstance(estimate, str) else estimate)]
-    if method == "linear" and all(name.partition("[")[0] in GEOMETRY for name in names):
+    if all(name.partition("[")[0] in GEOMETRY for name in names):
         method = "geometry"
     options: dict[str, Any] = {"pose_frame": pose_frame, "accuracy": accuracy, "nominal_error": nominal_error}
-    of_geometry = {name: value for name, value in options.items() if value is not None}
-    with one_blas_thread():
-        if method == "linear":
-            if of_geometry:
-                raise IdentificationError(
-                    f"{next(iter(of_geometry))} is an option of method geometry only; this one is linear"
-                )
-            result = _identified_from_forces(log, platform, names, validation, cutoff)
-        else:
-            if cutoff is not None:
-                raise IdentificationError("cutoff is an option of method linear only; this one is geometry")
-            logs = _logs(log)
-            if len(logs) != 1 or validation != VALIDATION:
-                raise IdentificationError(
-                    f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
-                    f"{'of a log' if not isinstance(validation, float) else validation}"
-                )
-            if pose_frame != "own":
-                check_poses(logs[0], platform)
-            result = identify_geometry(logs[0], platform, names, **of_geometry)
+    foreign = {"cutoff": cutoff} if method == "geometry" else options
+    for name, value in foreign.items():
+        if value is not None:
+            other = "linear" if method == "geometry" else "geometry"
+            raise IdentificationError(f"{name} is an option of method {other} only; this one is {method}")
+    if method == "linear":
+        result = _identified_from_forces(log, platform, names, validation, cutoff)
+    else:
+        logs = _logs(log)
+        if len(logs) != 1 or validation != VALIDATION:
+            raise IdentificationError(
+                f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
+                f"{'of a log' if not isinstance(validation, float) else validation}"
+            )
+        if pose_frame != "own":
+            check_poses(logs[0], platform)
+        result = identify_geometry(
+            logs[0], platform, names, **{name: value for name, value in options.items() if value is not None}
+        )
     for alarm in result.alarms:
-        warnings.warn(f"values and intervals are not to be trusted: {alarm}", IdentificationWarning, stacklevel=2)
+        warnings.warn(f"values and intervals are not to be trusted: {alarm}", IdentificationWarning, stacklevel=3)
     return result
+
+
+def _logs(logs: AnyLog | Sequence[AnyLog]) -> list[Log]:
+    """The logs of files and records; those of equal origin are told apart by a number."""
+    sources = [logs] if isinstance(logs, Log | Record | Path | str) else logs
+    read = [log_of(s) if isinstance(s, Record) else s if isinstance(s, Log) else read_log(s) for s in sources]
+    if not read:
+        raise LogError("no logs; expected one or several")
+    origins = [log.where for log in read]
+    return [
+        replace(log, where=f"{log.where} {k + 1}") if origins.count(log.where) > 1 else log
+        for k, log in enumerate(read)
+    ]
 
 
 def _identified_from_forces(
@@ -160,27 +165,24 @@ def _identified_from_forces(
     _check_names(platform, names)
     logs = _logs(log)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
-    for recorded in (*logs, *aside):
-        check_finite(recorded)
     # what is screened is the motion, and the forces that it needs but for friction
     smooth = ideal_of(platform)
     if cutoff is None and sticks(platform):
         cutoff = min(cutoff_within_noise(recorded, smooth) for recorded in logs)
     usable = screened(logs, smooth, share, aside, cutoff)
-    measured = usable.parts
-    check_order_of_forces(measured, smooth, usable.cutoff)
+    alarms = [*usable.alarms, *compared_forces(usable.parts, smooth, usable.cutoff)]
     without_springs = tuple(name for name in names if name not in SPRINGS)
     fit = None
     if without_springs:
-        sides = usable._replace(parts=with_both_sides(measured, platform, usable.cutoff))
+        sides = usable._replace(parts=with_both_sides(usable.parts, platform, usable.cutoff))
         fit = _fit_of_determined(sides, platform, without_springs)
-        if sides.parts != measured and all(part.log.motor_position is None for part in measured):
+        if sides.parts != usable.parts and all(part.motor is None for part in usable.parts):
             # the other side once more, by the masses that were found
-            sides = sides._replace(parts=with_both_sides(measured, fit.platform(platform), usable.cutoff))
+            sides = usable._replace(parts=with_both_sides(usable.parts, fit.platform(platform), usable.cutoff))
             fit = _fit_of_determined(sides, platform, without_springs)
     if fit is None or len(without_springs) < len(names):
-        fit = with_springs(fit, measured, platform, names, usable.cutoff)
-    return replace(fit, notes=(*usable.notes, *fit.notes), alarms=(*usable.alarms, *fit.alarms))
+        fit = with_springs(fit, usable.parts, platform, names, usable.cutoff)
+    return replace(fit, notes=(*usable.notes, *fit.notes), alarms=(*alarms, *fit.alarms))
 
 
 def _check_names(platform: Platform, names: Sequence[str]) -> None:
@@ -213,13 +215,26 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
         check_separable(smooth, linear)
     rows = motion_rows(usable.parts, smooth, usable.cutoff) if linear else None
     nominal = nominal_values(names, resolved(platform))
+    scale = scales(platform, names, rows.force, rows.velocity) if rows else scales(platform, names, 1.0, 1.0)
     if rows is None:
         fit, hidden = _fit_of_shown(usable, platform, names)
-        return _with_note(with_all(fit, names, nominal, scales(platform, names, 1.0, 1.0), hidden), hidden)
-    scale = scales(platform, names, rows.force, rows.velocity)
+        return _with_note(with_all(fit, names, nominal, scale, hidden), hidden)
+
+    # what of the platform's masses the motion does not excite, estimated or not
+    others = [name for name in expanded(MASSES, platform) if name not in names]
     at = [names.index(name) for name in linear]
+    sizes = np.concatenate([scale[at], scales(platform, others, rows.force, rows.velocity)])
+    every = [*linear, *others]
+    not_excited = identifiability(rows, smooth, every, nominal_values(every, smooth), sizes).not_excited
+
+    def none_excited() -> IdentificationError:
+        return IdentificationError(
+            f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed for "
+            "them (gough-stewart excite)",
+            names,
+        )
+
     values = nominal.copy()
-    untold = _not_told(rows, smooth, names, scale)
     now = identifiability(rows, smooth, linear, values[at], scale[at])
     held: set[str] = set()
     unknown: set[str] = set()
@@ -228,8 +243,8 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
         unknown |= {*now.held, *now.not_excited}
         kept = tuple(name for name in names if name not in held)
         if not kept:
-            raise _not_excited(names)
-        fit, hidden = _fit_of_shown(usable, platform, kept, untold)
+            raise none_excited()
+        fit, hidden = _fit_of_shown(usable, platform, kept, not_excited)
         held |= set(hidden)
         values[[names.index(name) for name in fit.names]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
@@ -242,15 +257,15 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     hidden = tuple(name for name in names if name in held and not is_linear(name, platform))
     lacking = [name for name in names if name in unknown]
     if len(lacking) + len(hidden) == len(names):
-        raise _not_excited(names)
+        raise none_excited()
     fit = _with_note(with_all(fit, names, nominal, scale, (*lacking, *hidden), bias), hidden)
-    if lacking:
-        note = (
-            f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "
-            f"designed by gough-stewart excite --estimate {','.join(linear)}"
-        )
-        fit = replace(fit, notes=(*fit.notes, note))
-    return fit
+    if not lacking:
+        return fit
+    note = (
+        f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "
+        f"designed by gough-stewart excite --estimate {','.join(linear)}"
+    )
+    return replace(fit, notes=(*fit.notes, note))
 
 
 def _fit_of_shown(
@@ -297,33 +312,3 @@ def not_shown(fit: Estimate) -> tuple[str, ...]:
 def _with_note(fit: Estimate, hidden: Sequence[str]) -> Estimate:
     """The estimate with a remark on what of friction its log does not show, and which would."""
     return replace(fit, notes=(*fit.notes, f"{_NOT_SHOWN}: {', '.join(hidden)}. {_SLOW}")) if hidden else fit
-
-
-def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale: FloatArray) -> tuple[str, ...]:
-    """What of the platform's masses the motion does not excite, estimated or not."""
-    others = [name for name in expanded(MASSES, platform) if name not in names]
-    known = [k for k, name in enumerate(names) if is_linear(name, platform)]
-    every = [*(names[k] for k in known), *others]
-    sizes = np.concatenate([scale[known], scales(platform, others, rows.force, rows.velocity)])
-    return identifiability(rows, platform, every, nominal_values(every, platform), sizes).not_excited
-
-
-def _not_excited(names: Sequence[str]) -> IdentificationError:
-    return IdentificationError(
-        f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed for them "
-        "(gough-stewart excite)",
-        names,
-    )
-
-
-def _logs(logs: AnyLog | Sequence[AnyLog]) -> list[Log]:
-    """The logs of files and records; those of equal origin are told apart by a number."""
-    sources = [logs] if isinstance(logs, Log | Record | Path | str) else logs
-    read = [log_of(s) if isinstance(s, Record) else s if isinstance(s, Log) else read_log(s) for s in sources]
-    if not read:
-        raise LogError("no logs; expected one or several")
-    origins = [log.where for log in read]
-    return [
-        replace(log, where=f"{log.where} {k + 1}") if origins.count(log.where) > 1 else log
-        for k, log in enumerate(read)
-    ]

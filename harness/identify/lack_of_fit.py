@@ -74,14 +74,20 @@ def lack_of_fit(
     variance = max(float(rest @ rest) / freedom, np.finfo(float).tiny)
     white = whiteness(left.reshape(-1, 6), used)
     tested = [U.T @ basis for basis in bases.values()]
-    p_values = dict(zip(bases, _p_values(tested, z[None] / np.sqrt(variance), 1.0, freedom)[0].tolist(), strict=True))
+
+    def of_families(z: FloatArray, variance: FloatArray | float) -> FloatArray:
+        """p-values (n, families) of residuals z (n, k)."""
+        F = [fdtrc(B.shape[1], freedom, ((z @ B) ** 2).sum(axis=1) / B.shape[1] / variance) for B in tested]
+        return np.stack(F, axis=1) if F else np.empty((len(z), 0))
+
+    p_values = dict(zip(bases, of_families(z[None] / np.sqrt(variance), 1.0)[0].tolist(), strict=True))
     p_values["whiteness"] = float(_simes(white[None])[0])
-    observed = _simes(np.array([list(p_values.values())]))[0]
     rng = np.random.default_rng(0)
     drawn = rng.standard_normal((_SIMULATED, rank))
     variances = rng.chisquare(freedom, _SIMULATED) / freedom
-    simulated = np.column_stack([_p_values(tested, drawn, variances, freedom), rng.uniform(size=_SIMULATED)])
-    combined = float((1 + (_simes(simulated) <= observed).sum()) / (1 + _SIMULATED))
+    simulated = _simes(np.column_stack([of_families(drawn, variances), rng.uniform(size=_SIMULATED)]))
+    below = int((simulated <= _simes(np.array([list(p_values.values())]))[0]).sum())
+    combined = (1 + below) / (1 + _SIMULATED)
     return LackOfFit(p_values, combined, float(z @ z) / variance - rank), white, rest
 
 
@@ -97,12 +103,6 @@ def basis_of(X: FloatArray, norms: FloatArray, smallest: float = 0.0) -> FloatAr
     return np.asarray(U[:, sigma > _DEPENDENT])
 
 
-def _p_values(tested: list[FloatArray], z: FloatArray, variance: FloatArray | float, freedom: int) -> FloatArray:
-    """p-values (n, families) of residuals z (n, k) by orthonormal bases (k, q)."""
-    columns = [fdtrc(B.shape[1], freedom, ((z @ B) ** 2).sum(axis=1) / B.shape[1] / variance) for B in tested]
-    return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))
-
-
 def _simes(p_values: FloatArray) -> FloatArray:
     """min_i m p_(i)/i of rows of p-values."""
     m = p_values.shape[1]
@@ -115,10 +115,9 @@ def whiteness(residuals: FloatArray, used: FloatArray, lags: int = 10) -> FloatA
     n_l is the number of pairs of rows that are used (n, k), about n − l [Ljung & Box, Biometrika 65(2), 1978].
     """
     r = residuals * used
-    n = used.sum(axis=0)
     lags = min(lags, len(r) - 2)
     with np.errstate(all="ignore"):
-        power = (r**2).sum(axis=0) / n
+        power = (r**2).sum(axis=0) / used.sum(axis=0)
         Q = np.zeros(r.shape[1])
         for lag in range(1, lags + 1):
             pairs = (used[lag:] * used[:-lag]).sum(axis=0)

@@ -13,7 +13,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import Platform
 
-_ROWS = {row.name: row for row in PHYSICAL if not row.words}
+_UNITS = {row.name: row.unit for row in PHYSICAL if not row.words}
 # Quantities of a log, not of the platform: shape and unit. Their nominal value is 0, that of a gain 1.
 OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {
     "leg_length_offset": ((6,), "m"),
@@ -31,26 +31,29 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
     """The elements of these names: `platform_com` means its three, `leg_viscous_friction[1..6]` one per leg.
 
     For the symmetric inertia, the six with ascending indices.
-
-    Raises
-    ------
-    IdentificationError
-        An unknown parameter, or a repeated one; names it, and the nearest.
     """
+
+    def elements_of(stem: str, *, is_each_leg: bool = False) -> list[str]:
+        shape = OF_LOGS[stem][0] if stem in OF_LOGS else np.shape(getattr(platform, stem))
+        indices = product(*(range(1, n + 1) for n in ((6,) if is_each_leg else shape)))
+        return [
+            f"{stem}[{','.join(map(str, index))}]" if index else stem
+            for index in indices
+            if stem != "platform_inertia" or index[0] <= index[1]
+        ]
+
     elements: list[str] = []
     for name in map(str.strip, names):
         stem = name.partition("[")[0]
-        if stem not in _ROWS and stem not in OF_LOGS:
-            raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, [*_ROWS, *OF_LOGS])}", [name])
+        if stem not in _UNITS and stem not in OF_LOGS:
+            raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, [*_UNITS, *OF_LOGS])}", [name])
         if name in (stem, f"{stem}[1..6]"):
-            six = name != stem and stem in PER_LEG
-            elements += _elements(stem, (6,) if six else _shape(stem, platform))
-        elif name in _elements(stem, (6,) if stem in PER_LEG else _shape(stem, platform)):
+            elements += elements_of(stem, is_each_leg=name != stem and stem in PER_LEG)
+        elif name in elements_of(stem, is_each_leg=stem in PER_LEG):
             elements.append(name)
         else:
             raise IdentificationError(
-                f"estimate: no element '{name}'; {stem} has {', '.join(_elements(stem, _shape(stem, platform)))}",
-                [name],
+                f"estimate: no element '{name}'; {stem} has {', '.join(elements_of(stem))}", [name]
             )
     twice = sorted({n for n in elements if elements.count(n) > 1 or (n in PER_LEG and f"{n}[" in "".join(elements))})
     if twice:
@@ -60,10 +63,19 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
     return tuple(elements)
 
 
+def place_of(element: str) -> tuple[str, tuple[int, ...]]:
+    """The parameter, and the index of the element in it, from 0."""
+    match = _ELEMENT.fullmatch(element)
+    if match is None:
+        return element, ()
+    stem, *digits = match.groups()
+    return stem, tuple(int(digit) - 1 for digit in digits if digit is not None)
+
+
 def unit_of(element: str) -> str:
     """The unit of an element [SI]."""
     stem = element.partition("[")[0]
-    return _ROWS[stem].unit if stem in _ROWS else OF_LOGS[stem][1]
+    return _UNITS[stem] if stem in _UNITS else OF_LOGS[stem][1]
 
 
 def value_of(platform: Platform, element: str) -> float:
@@ -78,13 +90,7 @@ def value_of(platform: Platform, element: str) -> float:
 
 
 def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
-    """The platform with other values, validated again; quantities of a log are left out.
-
-    Raises
-    ------
-    PlatformError
-        Impossible values.
-    """
+    """The platform with other values, validated again; quantities of a log are left out."""
     changed: dict[str, Any] = {}
     for element, value in values.items():
         stem, index = place_of(element)
@@ -103,23 +109,3 @@ def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
         mean = of_legs.mean()
         changed |= {stem: mean, f"{stem}_factor": of_legs / mean if mean > 0 else np.ones(6)}
     return replace(platform, **{stem: value if value.ndim else value.item() for stem, value in changed.items()})
-
-
-def _shape(stem: str, platform: Platform) -> tuple[int, ...]:
-    return OF_LOGS[stem][0] if stem in OF_LOGS else np.shape(getattr(platform, stem))
-
-
-def _elements(stem: str, shape: tuple[int, ...]) -> list[str]:
-    indices = product(*(range(1, n + 1) for n in shape))
-    if stem == "platform_inertia":
-        indices = ((a, b) for a, b in indices if a <= b)  # type: ignore[assignment]
-    return [f"{stem}[{','.join(map(str, index))}]" if index else stem for index in indices]
-
-
-def place_of(element: str) -> tuple[str, tuple[int, ...]]:
-    """The parameter, and the index of the element in it, from 0."""
-    match = _ELEMENT.fullmatch(element)
-    if match is None:
-        return element, ()
-    stem, *digits = match.groups()
-    return stem, tuple(int(d) - 1 for d in digits if d is not None)

@@ -3,14 +3,14 @@
 A row k is F̃ − W φ at its time. Force noise reaches it through the low-pass g, length noise through the combined kernels
 c_d of value, velocity and acceleration (d = 0, 1, 2) and through inverse dynamics, A_d = ∂F/∂L⁽ᵈ⁾ at this motion:
 
-    cov(e_k, e_{k+m}) = s_F diag(σ_F²) (g ⋆ g)(m) + s_L σ_L² Σ_dd' A_d(k) (c_d ⋆ c_d')(m) A_d'(k + m)ᵀ
+    cov(e_k, e_{k+m}) = s_F diag(σ_F²) (g ⋆ g)(m) + s_L Σ_dd' A_d(k) diag(σ_L²) (c_d ⋆ c_d')(m) A_d'(k + m)ᵀ
 
 The motion is slow against the kernels, so A is that of the row's time. Covariances vanish beyond a few rows, so the
-matrix is banded. The shares s_F and s_L are fitted by restricted maximum likelihood [Patterson & Thompson,
+matrix is banded. The shares s_F and s_L of each log are fitted by restricted maximum likelihood [Patterson & Thompson,
 Biometrika 58(3), 1971]: ℓ = −½ [log|V| + log|Xᵀ V⁻¹ X| + (n − k) log(rᵀ V⁻¹ r)].
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -21,12 +21,13 @@ from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import minimize_scalar
 
 from gough_stewart.harness.identify.hypotheses import Family, families_of
-from gough_stewart.harness.identify.regression import RawNoise, Regression
-from gough_stewart.harness.identify.row_model import RowFit, RowModel
+from gough_stewart.harness.identify.rows import RawNoise, Regression, RowFit
 from gough_stewart.model.vectors import FloatArray
 
-# The shares are fitted from so many windows of so many rows, spread over all parts; more would hardly improve them.
+# The shares are fitted from so many windows of so many rows, spread over a log; more would hardly improve them.
 _WINDOWS, _ROWS_A_WINDOW = 4, 80
+# A log with fewer readings per column takes the shares of the others.
+_ENOUGH = 3
 # Logarithm of how much the ratio of both noises may differ from that of the raw signals.
 _LIKELY, _RATIOS = (-1.5, 1.5), (-18.0, 18.0)
 _CLOSE = 0.05
@@ -36,34 +37,26 @@ _DEPENDENT = 1e-9
 _CUT_OFF = 3e-5
 
 
-class TwoNoises(NamedTuple):
-    """Covariances of rows by noise of forces and of lengths with the levels of the raw signals.
+class PartNoise(NamedTuple):
+    """Covariances of a part's rows by noise of forces and of lengths with the levels of the raw signals.
 
     Lower bands (b, 6 n) as in `scipy.linalg.cholesky_banded`; 0 for rows that are not used, which have 1 in `unused`.
     """
 
+    which: int  # the log of the part
+    raw: RawNoise
     of_force: FloatArray
     of_length: FloatArray
     unused: FloatArray  # (6 n,)
 
     def factor(self, force: float, length: float) -> FloatArray:
-        """The Cholesky factor L of V = s_F V_F + s_L V_L, as lower bands.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            The matrix is not positive definite.
-        """
+        """The Cholesky factor L of V = s_F V_F + s_L V_L, as lower bands."""
         V = force * self.of_force + length * self.of_length
         V[0] = V[0] * (1 + _CUT_OFF) + self.unused
         return np.asarray(cholesky_banded(V, lower=True, overwrite_ab=True, check_finite=False))
 
-    def window(self, start: int, end: int) -> "TwoNoises":
-        """Those of a range of rows."""
-        return TwoNoises(*(bands[..., 6 * start : 6 * end] for bands in self))
 
-
-def two_noises(raw: RawNoise, by_legs: FloatArray, used: FloatArray) -> TwoNoises:
+def part_noise(which: int, raw: RawNoise, by_legs: FloatArray, used: FloatArray) -> PartNoise:
     """The covariances of n rows by noise of forces, and by noise of lengths.
 
     Parameters
@@ -73,29 +66,46 @@ def two_noises(raw: RawNoise, by_legs: FloatArray, used: FloatArray) -> TwoNoise
     used
         1 for rows that are used, else 0 (n, 6).
     """
-    n, reach = len(by_legs), min(len(raw.correlations.force), len(by_legs)) - 1
+    n, reach = len(by_legs), min(len(raw.of_force), len(by_legs)) - 1
     A = raw.length * by_legs
     bands = np.zeros((2, 6 * reach + 11, n, 6))
     for m in range(reach + 1):
         pairs = used[: n - m, :, None] * used[m:, None, :]
-        mixed = np.einsum("nidj,de->niej", A[: n - m], raw.correlations.length[m]).reshape(n - m, 6, -1)
+        mixed = np.einsum("nidj,de->niej", A[: n - m], raw.of_length[m]).reshape(n - m, 6, -1)
         of_length = pairs * (mixed @ A[m:].reshape(n - m, 6, -1).swapaxes(1, 2))
-        of_force = pairs * (raw.correlations.force[m] * np.diag(raw.force**2))
+        of_force = pairs * (raw.of_force[m] * np.diag(raw.force**2))
         # element (6 (k + m) + b, 6 k + a) of the matrix is in band 6 m + b − a
         for a in range(6):
             for b in range(a if m == 0 else 0, 6):
                 bands[:, 6 * m + b - a, : n - m, a] = of_force[:, a, b], of_length[:, a, b]
     of_force, of_length = bands[:, : 6 * reach + 6].reshape(2, 6 * reach + 6, 6 * n)
-    return TwoNoises(of_force, of_length, 1 - used.ravel())
+    return PartNoise(which, raw, of_force, of_length, 1 - used.ravel())
+
+
+def noises_of(
+    regression: Regression, by_legs: FloatArray, chosen: NDArray[np.bool_], used: FloatArray
+) -> list[PartNoise]:
+    """The noises of the chosen rows of each segment that has some."""
+    ends = np.cumsum(regression.sizes)[:-1]
+    chosen_of = np.split(chosen, ends)
+    used_of = np.split(used, np.cumsum([rows.sum() for rows in chosen_of])[:-1])
+    of_segments = zip(regression.segments, np.split(by_legs, ends), chosen_of, used_of, strict=True)
+    return [
+        part_noise(segment.part.which, segment.noise, A[rows], kept)
+        for segment, A, rows, kept in of_segments
+        if rows.any()
+    ]
 
 
 class RowNoise(NamedTuple):
-    """The fitted covariance of the rows of all parts of a log."""
+    """The fitted covariance of rows."""
 
-    factors: tuple[FloatArray, ...]  # lower bands of the Cholesky factor L of each part
-    force: FloatArray  # standard deviation of the raw forces (6,) [N]
-    length: float  # of the raw lengths [m]
-    shares: tuple[float, float]  # s_F, s_L
+    factors: list[FloatArray]  # lower bands of the Cholesky factor L of each part
+    shares: Mapping[int, tuple[float, float]]  # s_F, s_L of each log
+
+    def of(self, which: int) -> tuple[float, float]:
+        """The shares of a log; of one that was not fitted, what the others have."""
+        return self.shares.get(which) or _usual(self.shares.values())
 
 
 def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArray:
@@ -105,17 +115,13 @@ def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArra
     return np.concatenate(white)
 
 
-def fitted_noise(
-    parts: Sequence[TwoNoises], raw: RawNoise, columns: FloatArray, residual: FloatArray, used: FloatArray
-) -> RowNoise:
-    """The covariance with the shares of both noises that fit best, by restricted maximum likelihood.
+def fitted_noise(parts: Sequence[PartNoise], columns: FloatArray, residual: FloatArray, used: FloatArray) -> RowNoise:
+    """The covariance with the shares of both noises that fit each log best, by restricted maximum likelihood.
 
     Parameters
     ----------
     parts
-        The noises of each part of the log; n rows in all.
-    raw
-        Of the first part, whose levels the result states.
+        The noises of each part; n rows in all.
     columns
         Everything that may be in the mean of the rows (n, 6, k): it takes no part in the likelihood.
     residual
@@ -123,29 +129,58 @@ def fitted_noise(
     used
         1 for rows that are used, else 0 (n, 6).
     """
-    every = sum(len(part.unused) for part in parts) // 6
-    chosen, rows, first = [], [], 0
-    for part in parts:
-        n = len(part.unused) // 6
-        for start, end in _windows(n, max(1, round(_WINDOWS * n / every))):
-            chosen.append(part.window(start, end))
-            rows.append(np.arange(first + start, first + end))
-        first += n
-    at = np.concatenate(rows)
-    kept = used[at]
-    n = int(kept.sum())
-    X = (kept[..., None] * columns[at]).reshape(6 * len(at), -1)
+    first = np.cumsum([0, *(len(part.unused) // 6 for part in parts)])
+    logs = list(dict.fromkeys(part.which for part in parts))
+    shares: dict[int, tuple[float, float]] = {}
+    for log in logs:
+        of_log = [k for k, part in enumerate(parts) if part.which == log]
+        every = sum(int(first[k + 1] - first[k]) for k in of_log)
+        windows, rows = [], []
+        for k in of_log:
+            n = int(first[k + 1] - first[k])
+            for start, end in _windows(n, max(1, round(_WINDOWS * n / every))):
+                bands = (values[..., 6 * start : 6 * end] for values in parts[k][2:])
+                windows.append(PartNoise(log, parts[k].raw, *bands))
+                rows.append(np.arange(first[k] + start, first[k] + end))
+        at = np.concatenate(rows)
+        if len(logs) == 1 or used[at].sum() > _ENOUGH * columns.shape[2]:
+            shares[log] = _fitted_shares(windows, columns[at], residual[at], used[at])
+    if not shares:  # all are short
+        shares[logs[0]] = _fitted_shares(parts, columns, residual, used)
+    shares = {log: shares.get(log) or _usual(shares.values()) for log in logs}
+    return RowNoise([part.factor(*shares[part.which]) for part in parts], shares)
+
+
+def _usual(shares: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """Geometric means."""
+    force, length = np.exp(np.log(list(shares)).mean(axis=0)).tolist()
+    return force, length
+
+
+def _windows(rows: int, number: int) -> list[tuple[int, int]]:
+    """The first and the last row (exclusive) of windows that are spread over these rows; all rows if they are few."""
+    if rows <= number * _ROWS_A_WINDOW:
+        return [(0, rows)]
+    starts = [int(rows / number * (k + 0.5) - _ROWS_A_WINDOW / 2) for k in range(number)]
+    return [(start, start + _ROWS_A_WINDOW) for start in starts]
+
+
+def _fitted_shares(
+    windows: Sequence[PartNoise], columns: FloatArray, residual: FloatArray, used: FloatArray
+) -> tuple[float, float]:
+    """The shares s_F and s_L of both noises in these windows."""
+    n = int(used.sum())
+    X = (used[..., None] * columns).reshape(used.size, -1)
     U, sigma, _ = np.linalg.svd(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300), full_matrices=False)
     X = U[:, sigma > _DEPENDENT * sigma[0]]
-    Y = np.column_stack([X, (kept * residual[at]).ravel()])
-    k = X.shape[1]
+    Y, k = np.column_stack([X, (used * residual).ravel()]), X.shape[1]
 
     def shares(log_ratio: float) -> tuple[float, float]:
         # the larger of both is 1
         return float(np.exp(min(-log_ratio, 0.0))), float(np.exp(min(log_ratio, 0.0)))
 
     def cost(log_ratio: float) -> tuple[float, float]:
-        factors = [part.factor(*shares(log_ratio)) for part in chosen]
+        factors = [window.factor(*shares(log_ratio)) for window in windows]
         R = np.abs(np.diag(np.linalg.qr(whitened_by(factors, Y), mode="r")))
         variance = max(float(R[k] ** 2) / max(n - k, 1), np.finfo(float).tiny)
         determinants = sum(2 * float(np.log(L[0]).sum()) for L in factors)
@@ -159,34 +194,28 @@ def fitted_noise(
     if not _LIKELY[0] + 2 * _CLOSE < ratio < _LIKELY[1] - 2 * _CLOSE:
         ratio = best(_RATIOS)
     variance = cost(ratio)[1]
-    force, length = (variance * share for share in shares(ratio))
-    factors = tuple(part.factor(force, length) for part in parts)
-    return RowNoise(factors, np.sqrt(force) * raw.force, float(np.sqrt(length)) * raw.length, (force, length))
-
-
-def _windows(rows: int, number: int) -> list[tuple[int, int]]:
-    """The first and the last row (exclusive) of windows that are spread over these rows; all rows if they are few."""
-    if rows <= number * _ROWS_A_WINDOW:
-        return [(0, rows)]
-    share = rows / number
-    starts = [int(share * (k + 0.5) - _ROWS_A_WINDOW / 2) for k in range(number)]
-    return [(start, start + _ROWS_A_WINDOW) for start in starts]
+    force, length = shares(ratio)
+    return variance * force, variance * length
 
 
 @dataclass(frozen=True)
 class Whitened:
     """The fitted rows with their covariance known: everything the tests and the estimates need."""
 
-    noise: RowNoise
     fit: RowFit
     families: tuple[Family, ...]  # of the fitted rows
-    model: RowModel
-    raw: RawNoise  # of the first part
-    raw_noises: tuple[TwoNoises, ...]  # of each part
+    parts: tuple[PartNoise, ...]
+    noise: RowNoise
 
-    def at(self, fit: RowFit) -> "Whitened":
-        """The same rows and noise for another fit."""
-        return replace(self, fit=fit)
+    @classmethod
+    def at(cls, fit: RowFit, not_excited: Sequence[str] = ()) -> "Whitened":
+        """The covariance of the rows at a fit; what extensions of the model describe is not taken for noise."""
+        families = tuple(
+            family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(fit, not_excited)
+        )
+        parts = tuple(noises_of(fit.model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used))
+        every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
+        return cls(fit, families, parts, fitted_noise(parts, every, fit.residual, fit.used))
 
     def of(self, columns: FloatArray) -> FloatArray:
         """Whitened columns (6 n, k) of rows (n, 6, k)."""
@@ -198,44 +227,13 @@ class Whitened:
         """Whitened columns of each family, in units of its sizes."""
         return {family.name: self.of(family.columns * family.sizes) for family in self.families}
 
+    @property
+    def levels(self) -> tuple[FloatArray, float]:
+        """Standard deviations of the raw forces (6,) [N] and lengths [m] of the first log."""
+        force, length = self.noise.shares[self.parts[0].which]
+        return np.sqrt(force) * self.parts[0].raw.force, float(np.sqrt(length) * self.parts[0].raw.length)
+
     def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
         """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
         every = np.concatenate([self.fit.columns, columns, *(family.columns for family in self.families)], axis=2)
-        return replace(self, noise=fitted_noise(self.raw_noises, self.raw, every, residual, self.fit.used))
-
-
-def whitened(model: RowModel, fit: RowFit, not_excited: Sequence[str] = ()) -> Whitened:
-    """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
-    families = tuple(
-        family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(model, fit, not_excited)
-    )
-    raws, parts = noises_of(model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used)
-    every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
-    noise = fitted_noise(parts, raws[0], every, model.residual(fit.values)[fit.is_fitted], fit.used)
-    return Whitened(noise, fit, families, model, raws[0], tuple(parts))
-
-
-def noises_of(
-    regression: Regression, by_legs: FloatArray, chosen: NDArray[np.bool_], used: FloatArray
-) -> tuple[list[RawNoise], list[TwoNoises]]:
-    """The raw noise, and both noises of the chosen rows, of each segment that has some.
-
-    Parameters
-    ----------
-    by_legs
-        A of all rows (m, 6, 3, 6).
-    chosen
-        (m,), n in all.
-    used
-        1 for chosen rows that are used, else 0 (n, 6).
-    """
-    ends = np.cumsum(regression.sizes)[:-1]
-    of_segments = zip(
-        regression.segments,
-        np.split(by_legs, ends),
-        np.split(chosen, ends),
-        np.split(used, np.cumsum([part.sum() for part in np.split(chosen, ends)])[:-1]),
-        strict=True,
-    )
-    with_rows = [(segment.noise, A[rows], kept) for segment, A, rows, kept in of_segments if rows.any()]
-    return [raw for raw, _, _ in with_rows], [two_noises(*noise) for noise in with_rows]
+        return replace(self, noise=fitted_noise(self.parts, every, residual, self.fit.used))

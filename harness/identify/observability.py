@@ -3,7 +3,8 @@
 Noise of the lengths that passes the filters excites, too: accelerations of a micrometre at 40 Hz look like rotations
 that the platform never made, and give heave alone a centre of mass. Here lengths are low-passed just above the motion,
 which takes a million times more from the information of noise than from that of the motion. What noise adds to the
-regressor pulls estimates towards 0; by how much follows from noise of the same size through the same filters.
+regressor pulls estimates towards 0; by how much follows from its covariance after the filters: the regressor at each
+row, with legs that are off by the principal axes of that covariance.
 """
 
 from collections.abc import Sequence
@@ -12,20 +13,23 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.identify.faults import noise_of
-from gough_stewart.harness.identify.log import Part, force_of, sample_time_of
-from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
+from gough_stewart.harness.identify.log import Part
+from gough_stewart.harness.identify.lowpass import HALF_LENGTH, cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import (
     COM,
-    FRICTION,
     check_independent,
     elements_of,
+    force_derivatives,
     gradient,
     linear_parameters,
     motion_of_lengths,
     regressor,
+    states_of,
     with_estimated,
 )
+from gough_stewart.harness.identify.rows import length_kernels, spacing_of
 from gough_stewart.model.dynamics import Acceleration
+from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
@@ -41,14 +45,15 @@ _LARGEST_ERROR, _LARGEST_BIAS = 0.5, 0.05
 _BEST_FORCE = 1e-3
 # Smaller singular values are rounding errors.
 _ROUNDING = 1e-9
-_ROWS_A_PERIOD = 4
+# Rows of a part at which the effect of noise is computed.
+_ROWS_WITH_NOISE = 60
 
 
 class MotionRows(NamedTuple):
     """Rows of the regression by the motion alone, in standard deviations of the forces' noise."""
 
     regressor: FloatArray  # W (m, 6, SIZE), each row over the deviation of its force
-    noise: FloatArray  # what noise of the lengths adds to it (m, 6, SIZE)
+    noise: FloatArray  # N (k, 6, SIZE): what noise of the lengths adds to Wᵀ W is Nᵀ N
     force: float  # typical change of forces [N]
     velocity: float  # typical velocity of legs [m/s]
 
@@ -62,71 +67,56 @@ class Identifiability(NamedTuple):
 
 
 def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None = None) -> MotionRows | None:
-    """The rows by the motion alone of all fitted parts; None if all are shorter than the filter.
-
-    Parameters
-    ----------
-    cutoff
-        Of the rows [Hz]; by default that of each part's motion.
-    """
-    regressors, added, force, velocity = [], [], [], []
-    rng = np.random.default_rng(0)
-    for part in parts:
-        assert part.log.time is not None  # checked by sample_time_of
-        log = part.log.rows(np.flatnonzero(part.is_fitted(part.log.time)))
-        if len(log) < 8:
+    """The rows by the motion alone of all fitted parts; None if all are shorter than the filter."""
+    regressors, added, forces, velocities = [], [], [], []
+    for whole in parts:
+        n = int(whole.is_fitted(whole.time).sum())
+        if n < 8:
             continue
-        h = sample_time_of(log)
-        row_cutoff = min(cutoff_of(part.log.leg_length, h) if cutoff is None else cutoff, 0.5 / h / 3)
-        low = max(_OF_CUTOFF * row_cutoff, HALF_LENGTH / (_EDGE * len(log) * h))
-        every = max(1, int(1 / (_ROWS_A_PERIOD * 2 * row_cutoff * h)))
-        thin = max(1, int(1 / (2 * row_cutoff * h * every)))
-        if len(log) <= 2 * edge(h, low) + 2 * every * (edge(h * every, row_cutoff) + 1) or low > row_cutoff:
+        part, h = whole.rows(slice(0, n)), whole.rows(slice(0, n)).step
+        row_cutoff = min(cutoff_of(whole.length, h) if cutoff is None else cutoff, 0.5 / h / 3)
+        low = max(_OF_CUTOFF * row_cutoff, HALF_LENGTH / (_EDGE * n * h))
+        every, thin = spacing_of(h, row_cutoff)
+        if n <= 2 * edge(h, low) + 2 * every * (edge(h * every, row_cutoff) + 1) or low > row_cutoff:
             continue
-        lengths = [smoothed(log.leg_length, h, low, every, k) for k in range(3)]
-        wide = 2 * row_cutoff
-        rows = len(log) - 2 * (edge(h, low) - edge(h, wide))
-        noise = noise_of(log.leg_length) * rng.standard_normal((rows, 6))
-        noisy = [length + smoothed(noise, h, wide, every, k) for k, length in enumerate(lengths)]
-        clean, unclean = (
-            _filtered_regressor(platform, motion, h * every, row_cutoff, thin) for motion in (lengths, noisy)
-        )
-        forces = force_of(log)
-        deviation = np.maximum(noise_of(forces) * np.sqrt(2 * row_cutoff * h), _BEST_FORCE * forces.std(axis=0))
-        deviation = np.maximum(deviation, _ROUNDING * float(np.abs(forces).max()))
+        lengths = [smoothed(part.length, h, low, every, k) for k in range(3)]
+        state, acceleration = motion_of_lengths(platform, *lengths)
+        W = regressor(platform, state, acceleration)
+        clean = smoothed(W.reshape(len(W), -1), h * every, row_cutoff, thin).reshape(-1, 6, W.shape[-1])
+        deviation = np.maximum(noise_of(part.force) * np.sqrt(2 * row_cutoff * h), _BEST_FORCE * part.force.std(axis=0))
+        deviation = np.maximum(deviation, _ROUNDING * float(np.abs(part.force).max()))
         # the filter's ends count as well
-        share = np.sqrt(len(log) / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
+        share = np.sqrt(n / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
         regressors.append(share * clean)
-        added.append(share * (unclean - clean))
-        force.append(float(forces.std(axis=0).mean()))
-        velocity.append(float(np.sqrt((lengths[1] ** 2).mean())))
+        motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
+        noise = _of_noise(motion, platform, noise_of(part.length), length_kernels(h, row_cutoff))
+        added.append(share * np.sqrt(len(clean)) * noise)
+        forces.append(float(part.force.std(axis=0).mean()))
+        velocities.append(float(np.sqrt((lengths[1] ** 2).mean())))
     if not regressors:
         return None
-    return MotionRows(
-        np.concatenate(regressors), np.concatenate(added), float(np.mean(force)), float(np.mean(velocity))
-    )
+    force, velocity = float(np.mean(forces)), float(np.mean(velocities))
+    return MotionRows(np.concatenate(regressors), np.concatenate(added), force, velocity)
 
 
-def _filtered_regressor(
-    platform: Platform, lengths: Sequence[FloatArray], step: float, cutoff: float, thin: int
-) -> FloatArray:
-    """W (m, 6, SIZE) of lengths and their first two derivatives through the low-pass of rows."""
-    W = regressor(platform, *motion_of_lengths(platform, *lengths))
-    return smoothed(W.reshape(len(W), -1), step, cutoff, thin).reshape(-1, 6, W.shape[-1])
+def _of_noise(motion: FloatArray, platform: Platform, noise: FloatArray, kernels: FloatArray) -> FloatArray:
+    """N (k, 6, SIZE): Nᵀ N is what noise of raw lengths (6,) [m] adds to Wᵀ W in a row of these motions."""
+    some = motion[np.unique(np.linspace(0, len(motion) - 1, _ROWS_WITH_NOISE).astype(int))]
+    by_legs = force_derivatives(some, parameter_vector(platform), np.zeros((len(some), 6))).motion_by_legs
+    # columns of value, velocity and acceleration of one leg that together have the covariance of its noise
+    axes = np.linalg.cholesky(kernels @ kernels.T)
+    clean = regressor(platform, *states_of(some))
+    rows = []
+    for leg in range(6):
+        directions = noise[leg] * by_legs[:, :, leg::6] @ axes
+        rows += [regressor(platform, *states_of(some + directions[:, :, k])) - clean for k in range(3)]
+    return np.concatenate(rows) / np.sqrt(len(some))
 
 
 def identifiability(
     rows: MotionRows, platform: Platform, names: Sequence[str], values: FloatArray, scale: FloatArray
 ) -> Identifiability:
-    """What of these elements the motion determines, near these values.
-
-    Parameters
-    ----------
-    names
-        Elements in which inverse dynamics is linear, or bilinear.
-    values, scale
-        (p,) [SI]
-    """
+    """What of these elements the motion determines, near these values."""
     elements = with_estimated(elements_of(platform), names, values.tolist())
     G = gradient(elements, names) * scale
     D, N = ((W @ G).reshape(-1, len(names)) for W in (rows.regressor, rows.noise))
@@ -148,14 +138,17 @@ def identifiability(
     )
 
 
-def check_separable(platform: Platform, names: Sequence[str]) -> None:
-    """Refuse elements that no motion can tell apart, or that no force depends on.
+def _errors(R: FloatArray) -> FloatArray:
+    """Standard errors (p,) of a regression with this R; infinite where it is singular."""
+    _, sigma, directions = np.linalg.svd(R, full_matrices=False)
+    if len(sigma) < R.shape[1]:
+        return np.full(R.shape[1], np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.nan_to_num(np.sqrt(((directions.T / sigma) ** 2).sum(axis=1)), nan=np.inf))
 
-    Raises
-    ------
-    IdentificationError
-        Names them.
-    """
+
+def check_separable(platform: Platform, names: Sequence[str]) -> None:
+    """Refuse elements that no motion can tell apart, or that no force depends on."""
     rng = np.random.default_rng(0)
     rho, n = platform.characteristic_length, 20 * (1 + len(names))
     home = np.concatenate([platform.home_position, platform.home_orientation])
@@ -167,17 +160,3 @@ def check_separable(platform: Platform, names: Sequence[str]) -> None:
     size = np.linalg.norm(D, axis=0)
     texts = "no force depends on {}; remove them", "{}, in any motion; remove one of each"
     check_independent(D / np.where(size > 0, size, 1.0), names, *texts)
-
-
-def is_linear(name: str, platform: Platform) -> bool:
-    """Whether inverse dynamics is linear or bilinear in this element."""
-    return name in elements_of(platform) or name.partition("[")[0] in FRICTION
-
-
-def _errors(R: FloatArray) -> FloatArray:
-    """Standard errors (p,) of a regression with this R; infinite where it is singular."""
-    _, sigma, directions = np.linalg.svd(R, full_matrices=False)
-    if len(sigma) < R.shape[1]:
-        return np.full(R.shape[1], np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.nan_to_num(np.sqrt(((directions.T / sigma) ** 2).sum(axis=1)), nan=np.inf))

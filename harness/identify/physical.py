@@ -27,7 +27,7 @@ class BestFit(NamedTuple):
     """The result of the fit."""
 
     values: FloatArray  # (p,)
-    at_bound: tuple[str, ...]  # elements held by a bound or by physical consistency
+    at_bound: tuple[str, ...] = ()  # elements held by a bound or by physical consistency
 
 
 def best_fit(
@@ -52,35 +52,29 @@ def best_fit(
     scale, start
         Of θ (p,).
     """
-    low = np.array([_SMALLEST * s if _bound(name) == "> 0" else 0.0 for name, s in zip(names, scale, strict=True)])
-    low = np.where([_bound(name) is None for name in names], -np.inf, low)
+    stems = [name.partition("[")[0] for name in names]
+    bounds = [TABLE[stem].lower_bound if stem in TABLE else None for stem in stems]  # instruments have none
+    smallest = {"> 0": _SMALLEST * scale, None: np.full(len(names), -np.inf)}
+    low = np.array([smallest.get(bound, np.zeros(len(names)))[k] for k, bound in enumerate(bounds)])
+    high = np.array([_LARGEST.get(stem, np.inf) for stem in stems])
+    low = np.maximum(low, -high)
+    inside = np.clip(start, low + _SMALLEST * scale, high)
     options: Any = {"x_scale": scale, "xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": 60}
-    largest = np.array([_LARGEST.get(name, np.inf) for name in names])
-    low = np.maximum(low, -largest)
-    inside = np.clip(start, low + _SMALLEST * scale, largest)
-    theta = least_squares(residual, inside, jacobian, bounds=(low, largest), **options).x
+    theta = least_squares(residual, inside, jacobian, bounds=(low, high), **options).x
     held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
     # with some of the elements only, whether it is a body is for the platform to say
-    is_whole = set(INERTIA) <= set(names)
-    if not is_whole or np.linalg.eigvalsh(_second_moments(with_estimated(elements, names, theta)))[0] > 0:
+    if not set(INERTIA) <= set(names):
         return BestFit(theta, held)
-    theta = _as_body(residual, jacobian, elements, names, theta, low, scale)
-    return BestFit(theta, (*held, "platform_inertia"))
+    fitted, J = with_estimated(elements, names, theta), np.zeros((3, 3))
+    for (a, b), name in zip(PAIRS, INERTIA, strict=True):
+        J[a, b] = J[b, a] = fitted[name]
+    moments, axes = np.linalg.eigh(np.trace(J) / 2 * np.eye(3) - J)
+    if moments[0] > 0:
+        return BestFit(theta, held)
 
-
-def _as_body(
-    residual: Function,
-    jacobian: Function,
-    elements: Mapping[str, float],
-    names: Sequence[str],
-    theta: FloatArray,
-    low: FloatArray,
-    scale: FloatArray,
-) -> FloatArray:
-    """The best fit with Σ_G = L Lᵀ instead of the six elements of the inertia."""
+    # once more, with Σ_G = L Lᵀ instead of the six elements of the inertia
     six = np.array([list(names).index(name) for name in INERTIA])
     size = float(scale[six].max())
-    moments, axes = np.linalg.eigh(_second_moments(with_estimated(elements, names, theta)))
     L = np.linalg.cholesky(axes @ np.diag(np.maximum(moments, 1e-3 * size)) @ axes.T)
     lower = np.tril_indices(3)
     diagonal = lower[0] == lower[1]
@@ -100,27 +94,10 @@ def _as_body(
 
     def chained(eta: FloatArray) -> FloatArray:
         # complex steps: exact, since `values` is analytic
-        steps = 1e-30j * np.eye(len(eta))
-        by_eta = np.stack([values(eta + step).imag / 1e-30 for step in steps], axis=1)
+        by_eta = np.stack([values(eta + step).imag / 1e-30 for step in 1e-30j * np.eye(len(eta))], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)
 
-    def of_body(eta: FloatArray) -> FloatArray:
-        return residual(values(eta))
-
     start = np.maximum(eta, bound + 1e-9 * np.abs(units))
-    options: Any = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
-    return np.asarray(values(least_squares(of_body, start, chained, **options).x))
-
-
-def _bound(name: str) -> str | None:
-    # instruments have none
-    parameter = TABLE.get(name.partition("[")[0])
-    return None if parameter is None else parameter.lower_bound
-
-
-def _second_moments(elements: Mapping[str, float]) -> FloatArray:
-    """Σ_G = ½ tr(J) 1 − J."""
-    J = np.zeros((3, 3))
-    for (a, b), name in zip(PAIRS, INERTIA, strict=True):
-        J[a, b] = J[b, a] = elements[name]
-    return np.asarray(np.trace(J) / 2 * np.eye(3) - J)
+    options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
+    eta = least_squares(lambda eta: residual(values(eta)), start, chained, **options).x
+    return BestFit(np.asarray(values(eta)), (*held, "platform_inertia"))

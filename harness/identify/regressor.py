@@ -7,7 +7,7 @@
 [Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.dynamics`.]
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -41,7 +41,6 @@ COM = tuple(f"platform_com[{a}]" for a in (1, 2, 3))
 INERTIA = tuple(f"platform_inertia[{a + 1},{b + 1}]" for a, b in PAIRS)
 FRICTION = PER_LEG
 _OF_LEGS = ("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature")
-_SCALARS = ("platform_mass", *(f"leg_{name}" for name in _OF_LEGS))
 # The only other parameter of the equations is the smoothing velocity of friction; these make the regressor.
 _FIXED = ("base_points", "platform_points", "gravity")
 INERTIAL = 10 + 5
@@ -54,38 +53,27 @@ _JOINTS = 36
 assert [v.name for v in interface.PLATFORM_PARAMETERS[:2]] == ["base_points", "platform_points"]
 
 
-def poses_of(platform: Platform, leg_length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions and orientations (n, 3) with these leg lengths (n, 6) [m], continuous from the home pose.
-
-    Raises
-    ------
-    LogError
-        Lengths that are impossible for this platform; names the row.
-    """
-    try:
-        poses = poses_of_lengths(platform, leg_length)
-    except MotionError as error:
-        raise LogError(str(error)) from error
-    return poses.position, poses.orientation
-
-
 def motion_of_lengths(
     platform: Platform, leg_length: FloatArray, leg_velocity: FloatArray, leg_acceleration: FloatArray
 ) -> tuple[State, Acceleration]:
     """State and acceleration of the platform from lengths, velocities and accelerations of its legs; each (n, 6).
 
-    [v; ω] = J⁻¹ L̇ and [v̇; ω̇] = J⁻¹ (L̈ − L |u̇|² − u·(ω×(ω×c))), since L̈ = u·P̈ + L |u̇|².
+    [v; ω] = J⁻¹ L̇ and [v̇; ω̇] = J⁻¹ (L̈ − L |u̇|² − u·(ω×(ω×c))), since L̈ = u·P̈ + L |u̇|². Poses are continuous from
+    home.
     """
-    position, orientation = poses_of(platform, leg_length)
-    legs = leg_geometry(platform, position, orientation)
+    try:
+        poses = poses_of_lengths(platform, leg_length)
+    except MotionError as error:
+        raise LogError(str(error)) from error
+    legs = leg_geometry(platform, poses.position, poses.orientation)
     J = jacobian_of_legs(legs)
-    twist = _solved(J, leg_velocity)
-    state = State(position, orientation, twist[:, :3], twist[:, 3:])
+    twist = np.linalg.solve(J, leg_velocity[..., None])[..., 0]
+    state = State(poses.position, poses.orientation, twist[:, :3], twist[:, 3:])
     rates = rates_of_legs(legs, state)
     omega = state.angular_velocity[:, None, :]
     centripetal = dot(legs.direction, cross(omega, cross(omega, legs.arm)))
     known = legs.length * dot(rates.direction_rate, rates.direction_rate) + centripetal
-    a = _solved(J, leg_acceleration - known)
+    a = np.linalg.solve(J, (leg_acceleration - known)[..., None])[..., 0]
     return state, Acceleration(a[:, :3], a[:, 3:])
 
 
@@ -94,11 +82,7 @@ def states_of(motion: Array) -> tuple[State, Acceleration]:
     return State.from_vector(motion[:, :12]), Acceleration(motion[:, 12:15], motion[:, 15:])
 
 
-def _solved(matrix: Array, vector: Array) -> Array:
-    return np.linalg.solve(matrix, vector[..., None])[..., 0]
-
-
-def elements_of(platform: Platform, names: Sequence[str] = ()) -> dict[str, float]:
+def elements_of(platform: Platform, names: Iterable[str] = ()) -> dict[str, float]:
     """All elements on which φ depends, and further ones such as friction of one leg, with the platform's values."""
     for name, factor in FACTOR_OF.items():
         if name not in FRICTION and not np.array_equal(getattr(platform, factor), TABLE[factor].default):
@@ -108,7 +92,14 @@ def elements_of(platform: Platform, names: Sequence[str] = ()) -> dict[str, floa
                 [name],
             )
     factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
-    return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors, *names)}
+    of_legs = [f"leg_{name}" for name in _OF_LEGS]
+    every = ("platform_mass", *of_legs, *COM, *INERTIA, *FRICTION, *factors, *names)
+    return {name: value_of(platform, name) for name in every}
+
+
+def is_linear(name: str, platform: Platform) -> bool:
+    """Whether inverse dynamics is linear or bilinear in this element."""
+    return name in elements_of(platform) or name.partition("[")[0] in FRICTION
 
 
 def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
@@ -145,9 +136,10 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
     """
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
     fixed = np.concatenate([np.ravel(getattr(platform, name)) for name in _FIXED])
-    columns = _evaluated(wrenches_function(), motion, np.tile(fixed, (len(motion), 1)))[0].reshape(len(motion), -1, 6)
+    [wrenches] = _evaluated(wrenches_function(), motion, np.tile(fixed, (len(motion), 1)))
     legs = leg_geometry(platform, state.position, state.orientation)
-    inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
+    columns = transpose(wrenches.reshape(len(motion), -1, 6))
+    inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), columns)
     # friction acts along the actuator, only on its own leg
     friction = np.split(friction_columns(platform, rates_of_legs(legs, state).length_rate), 2, axis=-1)
     return np.concatenate([inertial, *(column[..., None] * np.eye(6) for column in friction)], axis=-1)
@@ -166,11 +158,8 @@ def wrenches_function() -> casadi.Function:
     motion, fixed = casadi.SX.sym("motion", 18), casadi.SX.sym("fixed", 39)
     state, acceleration = states_of(symbols(motion))
     joints = symbols(fixed)
-    places = {
-        "base_points": joints[:, :18].reshape(1, 6, 3),
-        "platform_points": joints[:, 18:36].reshape(1, 6, 3),
-        "gravity": joints[:, 36:],
-    }
+    base, top = (joints[:, k : k + 18].reshape(1, 6, 3) for k in (0, 18))
+    places = {"base_points": base, "platform_points": top, "gravity": joints[:, 36:]}
 
     def wrench(**units: Any) -> Array:
         parameters = replace(_units(None, **units), **places)
@@ -207,37 +196,26 @@ def _units(platform: Platform | None, **units: Any) -> Parameters:
     return Parameters(**values)
 
 
-def dependences(columns: FloatArray, names: Sequence[str]) -> tuple[list[str], str]:
-    """Elements whose columns (n, p) are combinations of the others', by QR with pivots, and what that means in words.
-
-    Columns are to be of similar size.
-    """
-    R, pivots = qr(columns, mode="r", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
-    dependent = [names[k] for k in pivots[rank:]]
-    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
-    texts = []
-    for j, name in enumerate(dependent):
-        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
-        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
-    return dependent, "; ".join(texts)
-
-
 def check_independent(columns: FloatArray, names: Sequence[str], dead: str, dependent: str) -> None:
     """Refuse elements whose columns (n, p) are 0, or combinations of the others', with texts that take what they are.
 
-    Raises
-    ------
-    IdentificationError
-        Names the elements.
+    Columns are to be of similar size; QR with pivots shows the combinations.
     """
     none = [name for name, size in zip(names, np.linalg.norm(columns, axis=0), strict=True) if size == 0]
     if none:
         raise IdentificationError(dead.format(", ".join(none)), none)
-    combined, text = dependences(columns, names)
-    if combined:
-        raise IdentificationError(dependent.format(text), combined)
+    R, pivots = qr(columns, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
+    combined = [names[k] for k in pivots[rank:]]
+    if not combined:
+        return
+    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
+    texts = []
+    for j, name in enumerate(combined):
+        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
+        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
+    raise IdentificationError(dependent.format("; ".join(texts)), combined)
 
 
 class ForceDerivatives(NamedTuple):
@@ -245,6 +223,7 @@ class ForceDerivatives(NamedTuple):
 
     by_legs: FloatArray  # ∂F/∂(L, L̇, L̈) (n, 6, 3, 6) [N/m], [N s/m], [kg]; the third axis is the order
     by_parameters: FloatArray  # ∂F/∂p at fixed lengths (n, 6, N_PARAMETERS)
+    motion_by_legs: FloatArray  # ∂(pose, twist, acceleration)/∂(L, L̇, L̈) (n, 18, 18)
 
 
 def force_derivatives(motion: FloatArray, parameters: FloatArray, force: FloatArray) -> ForceDerivatives:
@@ -264,12 +243,11 @@ def force_derivatives(motion: FloatArray, parameters: FloatArray, force: FloatAr
     """
     n = len(motion)
     J, G_m, G_p, h_m, h_p = _evaluated(_equations(), motion, np.tile(parameters, (n, 1)), force)
-    per_leg = np.linalg.solve(np.swapaxes(h_m, 1, 2), np.swapaxes(G_m, 1, 2)).swapaxes(1, 2)
-    Jt = np.swapaxes(J, 1, 2)
-    by_legs = np.asarray(np.linalg.solve(Jt, per_leg), dtype=float)
+    motion_by_legs, Jt = np.linalg.inv(h_m), np.swapaxes(J, 1, 2)
+    by_legs = np.asarray(np.linalg.solve(Jt, G_m @ motion_by_legs), dtype=float)
     by_parameters = np.asarray(np.linalg.solve(Jt, G_p), dtype=float)
     by_parameters[:, :, : h_p.shape[2]] -= by_legs @ h_p
-    return ForceDerivatives(by_legs.reshape(n, 6, 3, 6), by_parameters)
+    return ForceDerivatives(by_legs.reshape(n, 6, 3, 6), by_parameters, motion_by_legs)
 
 
 def _evaluated(function: casadi.Function, *arguments: FloatArray) -> list[FloatArray]:
@@ -285,6 +263,26 @@ def _evaluated(function: casadi.Function, *arguments: FloatArray) -> list[FloatA
         buffer.set_res(k, result.reshape(-1).data)
     call()
     return [result.swapaxes(1, 2) for result in results]
+
+
+@cache
+@interrupts_held_back()
+def _equations() -> casadi.Function:
+    """CasADi Function: (m (18), p, F (6)) -> J, ∂G/∂m, ∂G/∂p, ∂h/∂m, ∂h/∂joints with G = inverse dynamics − Jᵀ F."""
+    m, p, F = casadi.SX.sym("m", 18), casadi.SX.sym("p", N_PARAMETERS), casadi.SX.sym("F", 6)
+    state, acceleration = states_of(symbols(m))
+    parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, symbols(p)))
+    legs = leg_geometry(parameters, state.position, state.orientation)
+    needed = inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)
+    G = casadi.vertcat(*(needed - apply(transpose(jacobian_of_legs(legs)), symbols(F))).reshape(-1))
+    of_legs = (legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration))
+    h = casadi.vertcat(*np.concatenate(of_legs, axis=1).reshape(-1))
+    J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))
+    # of all parameters lengths depend on the joints only, which are the first
+    by_joints = casadi.jacobian(h, p)[:, :_JOINTS]
+    blocks = [J, casadi.jacobian(G, m), casadi.jacobian(G, p), casadi.jacobian(h, m), by_joints]
+    # without common subexpressions: finding them takes longer than they save
+    return casadi.Function("equations", [m, p, F], [casadi.densify(block) for block in blocks])
 
 
 def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -317,30 +315,6 @@ def parameter_columns(names: Sequence[str]) -> FloatArray:
     return columns
 
 
-@cache
-@interrupts_held_back()
-def _equations() -> casadi.Function:
-    """CasADi Function: (m (18), p, F (6)) -> J, ∂G/∂m, ∂G/∂p, ∂h/∂m, ∂h/∂joints with G = inverse dynamics − Jᵀ F."""
-    m, p, F = casadi.SX.sym("m", 18), casadi.SX.sym("p", N_PARAMETERS), casadi.SX.sym("F", 6)
-    state, acceleration = states_of(symbols(m))
-    parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, symbols(p)))
-    legs = leg_geometry(parameters, state.position, state.orientation)
-    needed = inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)
-    G = _column(needed - apply(transpose(jacobian_of_legs(legs)), symbols(F)))
-    of_legs = (legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration))
-    h = casadi.vertcat(*(_column(rows) for rows in of_legs))
-    J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))
-    # of all parameters lengths depend on the joints only, which are the first
-    by_joints = casadi.jacobian(h, p)[:, :_JOINTS]
-    blocks = [J, casadi.jacobian(G, m), casadi.jacobian(G, p), casadi.jacobian(h, m), by_joints]
-    # without common subexpressions: finding them takes longer than they save
-    return casadi.Function("equations", [m, p, F], [casadi.densify(block) for block in blocks])
-
-
 def symbols(vector: casadi.SX) -> Array:
     """A CasADi vector (n,) as an array (1, n) for the physics."""
     return np.array([casadi.vertsplit(vector)], dtype=object)
-
-
-def _column(array: Array) -> Any:
-    return casadi.vertcat(*array.reshape(-1))

@@ -1,9 +1,7 @@
 """The benefit of an identification: an experiment with the nominal and with the identified platform, compared."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +24,14 @@ from gough_stewart.model.platform import Platform
 
 # The errors after an identification are below a micrometre.
 _MICROMETRE = Quantity("m", "µm", 1e6)
-# Margins of the loop with the machine, and their units.
+# Errors and feedback of a run, and margins of the loop with the machine, with their units.
+_MEASURES = {
+    "position error, RMS": _MICROMETRE,
+    "position error, peak": _MICROMETRE,
+    "orientation error, RMS": ANGLE,
+    "leg length error, RMS": _MICROMETRE,
+    "feedback's share of the force, RMS": FORCE,
+}
 _MARGINS = {
     "disk margin α": replace(NUMBER, digits=3),
     "gain of each leg, up or down": DECIBEL,
@@ -55,11 +60,11 @@ class Compared:
     @property
     def table(self) -> Table:
         """Errors, feedback and margins side by side."""
-        rows: list[tuple[Cell, ...]] = [
-            (name, *(Value(value(record), quantity) for record in (self.before, self.after)))
-            for name, quantity, value in _MEASURES
-        ]
+        errors = [_errors(record) for record in (self.before, self.after)]
         margins = [_margins(experiment) for experiment in self.experiments]
+        rows: list[tuple[Cell, ...]] = [
+            (name, *(Value(values[name], quantity) for values in errors)) for name, quantity in _MEASURES.items()
+        ]
         for name, quantity in _MARGINS.items():
             rows.append((name, *(m if isinstance(m, str) else Value(m[name], quantity) for m in margins)))
         title = f"{self.experiments[0].title}: before and after"
@@ -100,21 +105,30 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     (301, 3)
     """
     chosen = experiment_of(experiment)
-    machine = prepare(with_belief(chosen, nominal)).machine
-    before, after = (with_belief(chosen, platform, machine) for platform in (nominal, found))
+
+    def designed(**platforms: Platform) -> Experiment:
+        """The experiment with these platforms as nominal model and as machine."""
+        numbers = {
+            f"{key}.parameters": {name: value for name, value in plain(platform).items() if name in TABLE}
+            for key, platform in platforms.items()
+        }
+        return experiment_of(chosen, numbers)
+
+    machine = prepare(designed(platform=nominal)).machine
+    before, after = (designed(platform=platform, plant=machine) for platform in (nominal, found))
     return Compared(run(before), run(after), (before, after))
 
 
-def with_belief(experiment: Experiment, platform: Platform, machine: Platform | None = None) -> Experiment:
-    """The experiment with this platform as nominal model, and optionally with this machine."""
-    settings = {"platform.parameters": _numbers(platform)}
-    if machine is not None:
-        settings["plant.parameters"] = _numbers(machine)
-    return experiment_of(experiment, settings)
+def _errors(record: Record) -> dict[str, float]:
+    """Errors and feedback of a run, by their names."""
+    position, feedback = record["error.position"], record["controller.force"] - record["controller.feedforward"]
 
+    def rms(values: np.ndarray) -> float:
+        return float(np.sqrt((values**2).sum(axis=1).mean()))
 
-def _numbers(platform: Platform) -> dict[str, Any]:
-    return {name: value for name, value in plain(platform).items() if name in TABLE}
+    peak = float(np.linalg.norm(position, axis=1).max())
+    turned, lengths = rms(record["error.orientation"]), rms(record["error.leg_length"])
+    return dict(zip(_MEASURES, (rms(position), peak, turned, lengths, rms(feedback)), strict=True))
 
 
 def _margins(experiment: Experiment) -> dict[str, float] | str:
@@ -133,20 +147,3 @@ def _margins(experiment: Experiment) -> dict[str, float] | str:
     # the two gains of a disk margin are inverse to each other
     numbers = (disk.alpha, float(20 * np.log10(disk.gain[1])), float(disk.phase), crossover)
     return dict(zip(_MARGINS, numbers, strict=True))
-
-
-def _norm_rms(name: str) -> Callable[[Record], float]:
-    return lambda record: float(np.sqrt((record[name] ** 2).sum(axis=1).mean()))
-
-
-_MEASURES: tuple[tuple[str, Quantity, Callable[[Record], float]], ...] = (
-    ("position error, RMS", _MICROMETRE, _norm_rms("error.position")),
-    ("position error, peak", _MICROMETRE, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
-    ("orientation error, RMS", ANGLE, _norm_rms("error.orientation")),
-    ("leg length error, RMS", _MICROMETRE, _norm_rms("error.leg_length")),
-    (
-        "feedback's share of the force, RMS",
-        FORCE,
-        lambda r: float(np.sqrt(((r["controller.force"] - r["controller.feedforward"]) ** 2).sum(axis=1).mean())),
-    ),
-)

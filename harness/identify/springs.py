@@ -16,13 +16,19 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.estimate import Estimate, nominal_values
-from gough_stewart.harness.identify.fit import Channels, estimate_of, with_all
+from gough_stewart.harness.identify.estimate import (
+    Channels,
+    Estimate,
+    estimate_of,
+    nominal_values,
+    on_one_axis,
+    with_all,
+)
 from gough_stewart.harness.identify.friction import resolved
-from gough_stewart.harness.identify.log import Log, Part, on_one_axis, sample_time_of
+from gough_stewart.harness.identify.log import Part
+from gough_stewart.harness.identify.lowpass import cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.names import with_values
 from gough_stewart.harness.identify.physical import BestFit
-from gough_stewart.harness.identify.regression import cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
@@ -47,30 +53,29 @@ _NO_STRETCH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class LegForces:
-    """The motion of a log's platform, from which the forces on the ends of its legs follow."""
+    """The motion of a part's platform, from which the forces on the ends of its legs follow."""
 
     state: State
     acceleration: Acceleration
     knots: FloatArray  # their times [s]
-    reached: slice  # rows of the log within their reach
+    reached: slice  # rows of the part within their reach
     cutoff: float  # of the low-pass on the lengths [Hz]
+
+    @classmethod
+    def along(cls, part: Part, platform: Platform, cutoff: float | None) -> "LegForces":
+        """The motion of a part, low-passed just above it, in a platform with these joints."""
+        h = part.step
+        cutoff = min(_OF_MOTION * (cutoff_of(part.length, h) if cutoff is None else cutoff), 0.25 / h)
+        every, first = max(1, int(1 / (_ROWS_A_PERIOD * cutoff * h))), edge(h, cutoff)
+        lengths = [smoothed(part.length, h, cutoff, every, k) for k in range(3)]
+        reached = slice(first, first + every * (len(lengths[0]) - 1) + 1)
+        return cls(*motion_of_lengths(platform, *lengths), part.time[reached][::every], reached, cutoff)
 
     def terms(self, platform: Platform, time: FloatArray) -> FloatArray:
         """N, Ṅ and N̈ (3, n, 6) at these times (n,) [s]."""
         force = inverse_dynamics(platform_side(Variant(springs=True), platform), self.state, self.acceleration)
         spline = make_interp_spline(self.knots, np.asarray(force), k=5)
         return np.stack([spline(time, d) for d in range(3)])
-
-
-def leg_forces_of(log: Log, platform: Platform, cutoff: float | None) -> LegForces:
-    """The motion of a log, low-passed just above it, in a platform with these joints."""
-    h = sample_time_of(log)
-    cutoff = min(_OF_MOTION * (cutoff_of(log.leg_length, h) if cutoff is None else cutoff), 0.25 / h)
-    every, first = max(1, int(1 / (_ROWS_A_PERIOD * cutoff * h))), edge(h, cutoff)
-    lengths = [smoothed(log.leg_length, h, cutoff, every, k) for k in range(3)]
-    assert log.time is not None  # checked by sample_time_of
-    reached = slice(first, first + every * (len(lengths[0]) - 1) + 1)
-    return LegForces(*motion_of_lengths(platform, *lengths), log.time[reached][::every], reached, cutoff)
 
 
 def with_both_sides(parts: Sequence[Part], platform: Platform, cutoff: float | None) -> list[Part]:
@@ -80,20 +85,18 @@ def with_both_sides(parts: Sequence[Part], platform: Platform, cutoff: float | N
     """
     if not Variant.of(platform).springs:
         return list(parts)
-    return [
-        part._replace(log=_on_both_sides(part.log, platform, cutoff)) if part.log.motor_position is None else part
-        for part in parts
-    ]
-
-
-def _on_both_sides(log: Log, platform: Platform, cutoff: float | None) -> Log:
-    forces = leg_forces_of(log, platform, cutoff)
-    inner = log.rows(forces.reached)
-    assert inner.time is not None  # checked by sample_time_of
-    stretch = _stretch_of(*_nominal_springs(platform), forces.terms(platform, inner.time))
-    if log.side == "motor":
-        return replace(inner, leg_length=inner.leg_length - stretch, motor_position=inner.leg_length, side="leg")
-    return replace(inner, motor_position=inner.leg_length + stretch)
+    completed = []
+    for part in parts:
+        if part.motor is None:
+            forces = LegForces.along(part, platform, cutoff)
+            part = part.rows(forces.reached)  # noqa: PLW2901 - the same part, as far as its forces reach
+            stretch = _stretch_of(*_nominal_springs(platform), forces.terms(platform, part.time))
+            if part.side == "motor":
+                part = replace(part, length=part.length - stretch, motor=part.length, side="leg")  # noqa: PLW2901
+            else:
+                part = replace(part, motor=part.length + stretch)  # noqa: PLW2901
+        completed.append(part)
+    return completed
 
 
 def _nominal_springs(platform: Platform) -> tuple[float, float]:
@@ -117,17 +120,7 @@ def with_springs(
 ) -> Estimate:
     """The estimate of all names with the springs of the legs, under the forces of the platform that was found.
 
-    Parameters
-    ----------
-    masses
-        The estimate of all other names; None if there are none, and the masses are the platform's.
-    parts
-        Of logs as they were measured.
-
-    Raises
-    ------
-    IdentificationError
-        Springs alone are estimated, and the logs do not show them.
+    `masses` is the estimate of all other names; without them the masses are the platform's.
     """
     wanted = tuple(name for name in names if name in SPRINGS)
     known = dict(zip(SPRINGS, _nominal_springs(platform), strict=True))
@@ -154,10 +147,7 @@ def with_springs(
 def _merged(whole: Estimate, springs: Estimate, by_masses: FloatArray, masses: Estimate) -> Estimate:
     """The estimate of all names with the springs' values and their covariance with the masses, which make N.
 
-    Parameters
-    ----------
-    by_masses
-        ∂(springs)/∂(masses) (q, p); 0 by elements without a variance.
+    `by_masses` is ∂(springs)/∂(masses) (q, p); 0 by elements without a variance.
     """
     names = whole.names
     at, of_masses = ([names.index(name) for name in fit.names] for fit in (springs, masses))
@@ -200,14 +190,9 @@ def _springs_of(
     """The springs' estimate from logs with both sides, of those of these names that the logs show; and its slopes.
 
     The slopes (q, p) are derivatives by the other parameters, `masses`, whose values make N.
-
-    Raises
-    ------
-    IdentificationError
-        Lengths of one side only, or legs whose stretch does not change.
     """
     what = ", ".join(names)
-    lacking = [part.log.where for part in parts if part.log.motor_position is None]
+    lacking = [part.where for part in parts if part.motor is None]
     if lacking:
         raise IdentificationError(
             f"{what}: not shown by {lacking[0]}, which has lengths on one side of the legs only; expected "
@@ -215,9 +200,15 @@ def _springs_of(
             names,
         )
     platform = nominal_platform if masses is None else masses.platform(nominal_platform)
-    forces = [leg_forces_of(part.log, platform, cutoff) for part in parts]
-    readings = [_stretch_in(part.log, of_log) for part, of_log in zip(parts, forces, strict=True)]
-    times = [time for time, _ in readings]
+    forces = [LegForces.along(part, platform, cutoff) for part in parts]
+    times, readings = [], []
+    for part, of_part in zip(parts, forces, strict=True):
+        # the same low-pass for the stretch and for the force that makes it, at rows whose noise is hardly correlated
+        h, reached = part.step, of_part.reached
+        thin = max(1, int(1 / (_PER_PERIOD * of_part.cutoff * h)))
+        low = smoothed(np.asarray(part.motor) - part.length, h, of_part.cutoff)
+        readings.append(low[: reached.stop - reached.start : thin])
+        times.append(part.time[reached][::thin])
     is_fitted = np.concatenate([part.is_fitted(time) for part, time in zip(parts, times, strict=True)])
     which = np.concatenate([np.full(len(time), part.which) for part, time in zip(parts, times, strict=True)])
     fitted_logs = np.unique(which[is_fitted])
@@ -230,10 +221,10 @@ def _springs_of(
         return signals
 
     def terms_of(machine: Platform) -> FloatArray:
-        every = [of_log.terms(machine, time) for of_log, time in zip(forces, times, strict=True)]
+        every = [of_part.terms(machine, time) for of_part, time in zip(forces, times, strict=True)]
         return about_zeros(np.concatenate(every, axis=1))
 
-    stretch, terms = about_zeros(np.concatenate([length for _, length in readings])), terms_of(platform)
+    stretch, terms = about_zeros(np.concatenate(readings)), terms_of(platform)
     S, fitted = stretch[is_fitted], terms[:, is_fitted]
     if float(np.abs(S).max()) < _NO_STRETCH:
         raise IdentificationError(
@@ -259,23 +250,20 @@ def _springs_of(
     def springs(a: float, b: float) -> FloatArray:
         return np.array([{"leg_stiffness": 1 / a, "leg_damping": -b / a**2}[name] for name in kept])
 
-    k, c = 1 / a, -b / a**2
-    scale = springs(a, b)
+    k, c, scale = 1 / a, -b / a**2, springs(a, b)
     # the first two terms, differentiated
     N, dN, _ = fitted
     columns = {"leg_stiffness": -N / k**2 + 2 * c / k**3 * dN, "leg_damping": -dN / k**2}
     D = np.stack([(columns[name] * value).ravel() for name, value in zip(kept, scale, strict=True)], axis=1) / sigma
-    residual = stretch - _stretch_of(k, c, terms)
+    residual, before = stretch - _stretch_of(k, c, terms), _stretch_of(*_nominal_springs(platform), terms)
     time, spans = on_one_axis(parts, times)
-    before = _stretch_of(*_nominal_springs(platform), terms)
     estimate = estimate_of(
         kept,
         nominal[[names.index(name) for name in kept]],
         scale,
-        BestFit(scale, ()),
+        BestFit(scale),
         (D, residual[is_fitted].ravel() / sigma, freedom - len(kept)),
         Channels("stretch of leg", "m", time, stretch, residual, before, is_fitted, spans),
-        (),
     )
     if masses is None:
         return estimate, np.zeros((len(kept), 0))
@@ -286,17 +274,6 @@ def _springs_of(
             moved = terms_of(with_values(platform, {name: float(value + step)}))[:, is_fitted]
             slopes[:, j] = (springs(*_least_squares(S, moved, shown, freedom)[:2]) - scale) / step
     return estimate, slopes
-
-
-def _stretch_in(log: Log, forces: LegForces) -> tuple[FloatArray, FloatArray]:
-    """Times (n,) and measured stretch (n, 6), at rows whose filtered noise is hardly correlated."""
-    assert log.time is not None  # checked by sample_time_of
-    assert log.motor_position is not None  # checked by _springs_of
-    h, reached = sample_time_of(log), forces.reached
-    # the same low-pass for the stretch and for the force that makes it
-    thin = max(1, int(1 / (_PER_PERIOD * forces.cutoff * h)))
-    stretch = smoothed(log.motor_position - log.leg_length, h, forces.cutoff)[: reached.stop - reached.start : thin]
-    return log.time[reached][::thin], stretch
 
 
 def _least_squares(

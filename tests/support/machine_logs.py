@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
-from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.log import Log, Part
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
@@ -208,6 +208,28 @@ def _noise(rng: np.random.Generator, n: int, corner: float | None, rate: float) 
     # from the stationary distribution on
     found, _ = lfilter([1.0], [1.0, -pole], driven, axis=0, zi=pole * first)
     return np.asarray(found)
+
+
+def force_of(log: Log) -> FloatArray:
+    """The forces of a log that has them."""
+    assert log.actuator_force is not None
+    return log.actuator_force
+
+
+def part_of(log: Log, which: int = 0, fitted_until: float = np.inf) -> Part:
+    """The log as one part that is fitted until a time."""
+    assert log.time is not None
+    return Part(
+        log.time,
+        log.leg_length,
+        force_of(log),
+        log.holds_force,
+        log.side,
+        log.motor_position,
+        log.where,
+        which,
+        fitted_until,
+    )
 
 
 # Faults of data, each a function of a log.

@@ -7,9 +7,18 @@ import pytest
 
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import force_of
 from gough_stewart.harness.identify.report import estimate_tables
-from tests.support.machine_logs import MACHINE, NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
+from tests.support.machine_logs import (
+    MACHINE,
+    NAMES,
+    NOMINAL,
+    Course,
+    Sensing,
+    Swing,
+    force_of,
+    machine_log,
+    random_machine,
+)
 from tests.support.model_errors import FEW, Case, Designed, made
 
 

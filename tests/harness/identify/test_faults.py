@@ -19,7 +19,7 @@ from gough_stewart.harness.identify import faults
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.faults import hold_of, without_held_rows
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log, force_of, log_of
+from gough_stewart.harness.identify.log import Log, log_of
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.screen import screened
 from tests.support.machine_logs import (
@@ -32,9 +32,11 @@ from tests.support.machine_logs import (
     Swing,
     clipped,
     exchanged,
+    force_of,
     frozen,
     held,
     machine_log,
+    part_of,
     random_machine,
     with_spikes,
     without_rows,
@@ -126,8 +128,8 @@ def test_a_log_without_faults_has_none(log: Log) -> None:
     found = screened([log], NOMINAL)
     assert not found.notes
     assert not found.alarms
-    assert len(found.parts) == 1
-    assert found.parts[0].log is log or np.array_equal(found.parts[0].log.leg_length, log.leg_length)
+    [part] = found.parts
+    np.testing.assert_array_equal(part.length, log.leg_length)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +151,7 @@ def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str,
     assert not faults.spikes(length, none, 2e-6 * length.max())[0].any()
     assert not faults.spikes(force, none, 5e-3 * float(np.sqrt((force**2).mean())))[0].any()
     assert not faults.lost_rows(length, none)
-    assert {hold_of(column).rows for column in length.T} == {1}
+    assert {hold_of(column)[0] for column in length.T} == {1}
 
 
 def test_a_step_is_no_spike() -> None:
@@ -180,21 +182,20 @@ def test_readings_are_held_only_if_all_change_in_one_rhythm() -> None:
     time = np.arange(2000) * 1e-3
     smooth = np.sin(2 * np.pi * time) + 1e-3 * np.random.default_rng(1).standard_normal(len(time))
     assert hold_of(smooth[np.maximum(0, (np.arange(2000) - 3) // 4 * 4 + 3)]) == (4, 3)
-    assert hold_of(0.05 * np.rint(smooth / 0.05)).rows == 1
-    assert hold_of(smooth).rows == 1
+    assert hold_of(0.05 * np.rint(smooth / 0.05)) == (1, 0)
+    assert hold_of(smooth) == (1, 0)
 
 
 def test_a_faster_signal_is_brought_to_the_rows_of_the_slower_one() -> None:
     """Expected: the smooth forces at the times of the kept rows, 2 ms apart, to the ripple of the filter."""
     log = machine_log(replace(MACHINE, leg_coulomb_friction=0.0), sensing=QUIET)
-    found, notes = without_held_rows(held(log, 2, ("leg_length",)))
+    found, notes = without_held_rows(part_of(held(log, 2, ("leg_length",))))
     assert len(notes) == 1
-    assert found.time is not None
     assert log.time is not None
     np.testing.assert_allclose(np.diff(found.time), 2e-3, rtol=1e-9)
     at = np.searchsorted(log.time, found.time - 1e-9)
-    np.testing.assert_array_equal(found.leg_length, log.leg_length[at])
-    np.testing.assert_allclose(force_of(found), force_of(log)[at], atol=0.05)
+    np.testing.assert_array_equal(found.length, log.leg_length[at])
+    np.testing.assert_allclose(found.force, force_of(log)[at], atol=0.05)
 
 
 def test_a_record_whose_sensors_are_slower_than_its_loop_is_read_at_its_sensors() -> None:
@@ -204,18 +205,17 @@ def test_a_record_whose_sensors_are_slower_than_its_loop_is_read_at_its_sensors(
     """
     settings = {"loop.duration": 3.0, "loop.sample_time": 1e-3, "loop.plant_step": 5e-4, "sensors.sample_time": 2e-3}
     record = run("circle_computed_torque", settings)
-    log, notes = without_held_rows(log_of(record))
+    log, notes = without_held_rows(part_of(log_of(record)))
     assert "leg lengths change at every 2. row only" in notes[0]
     assert not log.holds_force
-    assert log.time is not None
     np.testing.assert_allclose(np.diff(log.time), 2e-3, rtol=1e-9)
     at = np.rint(log.time / 5e-4).astype(int)
-    np.testing.assert_allclose(log.leg_length, record["measured.leg_length"][at], rtol=1e-14)
+    np.testing.assert_allclose(log.length, record["measured.leg_length"][at], rtol=1e-14)
     # the second difference of lengths at every second sample weighs accelerations of four samples 1 : 3 : 3 : 1
     force = np.asarray(record["actuator_force"])
     middle = slice(300, -300)
     between = sum(w * force[at[middle] + 2 * k] for w, k in ((1 / 8, -2), (3 / 8, -1), (3 / 8, 0), (1 / 8, 1)))
-    np.testing.assert_allclose(force_of(log)[middle], between, atol=2e-4 * np.ptp(force))
+    np.testing.assert_allclose(log.force[middle], between, atol=2e-4 * np.ptp(force))
 
 
 @pytest.mark.evidence
@@ -271,5 +271,5 @@ def test_a_gap_of_any_length_takes_no_memory() -> None:
     assert log.time is not None
     late = replace(log, time=np.where(np.arange(len(log)) >= 5000, log.time + 1e6, log.time))
     found = screened([late], NOMINAL)
-    assert [len(part.log) for part in found.parts] == [5000, 5000]
+    assert [len(part.time) for part in found.parts] == [5000, 5000]
     assert "1000000000 missing rows, at 5 s to" in found.notes[0]

@@ -32,7 +32,7 @@ def velocities(n: int = 800) -> FloatArray:
 def test_bristles_are_those_of_small_steps_of_the_published_law(law: Law) -> None:
     """Expected: the test's own integration of the papers' equations, to 2 % of a leg's presliding, 0.1 % RMS."""
     platform = replace(PLATFORM, leg_friction_model=2.0) if law.is_lugre else PLATFORM
-    found = StickingFriction(platform, NAMES).bent(VALUES, velocities(), H).deflection
+    found = StickingFriction(platform, NAMES).bent(VALUES, velocities(), H)[:, :, 0]
     expected = law.bent(velocities(), H)
     assert np.abs(found - expected).max() < 0.02 * law.coulomb / law.stiffness
     assert np.sqrt(((found - expected) ** 2).mean()) < 1e-3 * law.coulomb / law.stiffness
@@ -42,10 +42,10 @@ def test_bristles_are_those_of_small_steps_of_the_published_law(law: Law) -> Non
 def test_friction_is_differentiated_by_its_parameters(platform: Platform) -> None:
     """Expected: central differences of the force; presliding of the platform's, or that follows from the friction."""
     friction, v = StickingFriction(platform, NAMES), velocities(400)
-    found = friction.force(VALUES, v, H).reshape(len(v), 6, -1)
+    found = friction.force(VALUES, v, H)
     for k, value in enumerate(VALUES):
         step = 1e-4 * value * np.eye(3)[k]
-        ends = [friction.force(VALUES + s * step, v, H).reshape(len(v), 6, -1)[:, :, 0] for s in (1, -1)]
+        ends = [friction.force(VALUES + s * step, v, H)[:, :, 0] for s in (1, -1)]
         expected = (ends[0] - ends[1]) / (2e-4 * value)
         assert np.abs(found[:, :, 1 + k] - expected).max() < 1e-5 * np.abs(expected).max()
 
@@ -57,22 +57,22 @@ def test_a_leg_s_own_friction_is_its_own() -> None:
     more = 80 * LEGS + 30 * np.eye(6)[3]
     friction = StickingFriction(PLATFORM, names)
     change = friction.force(more, v, H) - friction.force(80 * LEGS, v, H)
-    np.testing.assert_allclose(change.reshape(200, 6, -1)[-1, :, 0], 30 * np.eye(6)[3], atol=1e-6)
+    np.testing.assert_allclose(change[-1, :, 0], 30 * np.eye(6)[3], atol=1e-6)
     np.testing.assert_allclose(unit_friction(PLATFORM, v, H)[-1], 1.0, rtol=1e-9)
 
 
 def test_slopes_by_length_are_the_bristle_s_where_a_leg_sticks_and_the_curve_s_where_it_slides() -> None:
     """Expected: σ0 and σ1 within the elastic range; −2 v/v_s² (F_s − F_c) e^(−(v/v_s)²) in steady sliding."""
     friction = StickingFriction(PLATFORM, NAMES)
-    stuck = friction.by_lengths(VALUES, np.full((3, 6), 1e-4), H).reshape(3, 2, 6)
-    np.testing.assert_allclose(stuck[-1, 0], LAW.stiffness)
-    np.testing.assert_allclose(stuck[-1, 1], LAW.damping)
+    stuck = friction.by_lengths(VALUES, np.full((3, 6), 1e-4), H)
+    np.testing.assert_allclose(stuck[-1, :, 0], LAW.stiffness)
+    np.testing.assert_allclose(stuck[-1, :, 1], LAW.damping)
     v = 3e-3
-    slid = friction.by_lengths(VALUES, np.full((200, 6), v), H).reshape(200, 2, 6)[-1]
+    slid = friction.by_lengths(VALUES, np.full((200, 6), v), H)[-1]
     r = v / LAW.stribeck_velocity
     slope = -2 * r / LAW.stribeck_velocity * (LAW.static - LAW.coulomb) * LEGS * np.exp(-(r**2))
-    np.testing.assert_allclose(slid[1], slope, rtol=1e-6)
-    np.testing.assert_allclose(slid[0], 0.0, atol=1e-4 * LAW.stiffness)
+    np.testing.assert_allclose(slid[:, 1], slope, rtol=1e-6)
+    np.testing.assert_allclose(slid[:, 0], 0.0, atol=1e-4 * LAW.stiffness)
 
 
 def test_what_is_derived_becomes_a_number() -> None:

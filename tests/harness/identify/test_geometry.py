@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify import geometry as eq
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.geometry import GEOMETRY, PoseAccuracy, identify_geometry
+from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.platform import Platform, load_platform, save_platform
@@ -28,6 +28,7 @@ TABLE = (("leg_length", 6, "mm"), ("position", 3, "mm"), ("orientation", 3, "deg
 WRONG = 1e-3  # of joints and offsets [m]
 X, X_T = Rotation.from_euler("xyz", [0.3, -0.4, 2.1]), np.array([4.0, -3.0, 1.2])
 Y, Y_T = Rotation.from_euler("xyz", [1.0, 0.2, -0.7]), np.array([0.1, 0.2, 0.15])
+N_FRAMES = 12
 
 
 class Machine:
@@ -106,7 +107,7 @@ def test_sixty_poses_make_fresh_poses_twenty_times_as_exact() -> None:
 def test_intervals_hold_the_truth_in_95_of_100() -> None:
     """Expected: 92 to 98 % of 30 logs with 42 numbers each."""
     machine = Machine(3)
-    accuracy = PoseAccuracy(ENCODER / np.sqrt(12), NOISE)
+    accuracy = (ENCODER / np.sqrt(12), NOISE, None)
     holds = []
     for seed in range(30):
         found = identify_geometry(machine.log(seed), NOMINAL, accuracy=accuracy, nominal_error=1.0)
@@ -120,30 +121,57 @@ def test_derivatives_are_those_of_differences() -> None:
     rng, machine = np.random.default_rng(5), Machine()
     log = in_own_frame(machine.log(4, n=3))
     assert log.position is not None
-    assert log.orientation is not None
     position, turn = some_poses(rng, 3)
-    poses = eq.Poses(position, turn.as_matrix())
-    nominal = eq.Geometry(NOMINAL.base_points, NOMINAL.platform_points, 1e-3 * rng.normal(size=6))
+    geometry = np.concatenate([NOMINAL.base_points.ravel(), NOMINAL.platform_points.ravel(), 1e-3 * rng.normal(size=6)])
+    poses = position, turn.as_matrix()
     single = np.where([True, True, False], turn.as_euler("xyz") + 1e-3, np.nan)
-    guess = eq.Frames(X_T, X.as_matrix(), Y_T, Y.as_matrix())
+    own = eq.Setting(geometry, X_T, X.as_matrix(), Y_T, Y.as_matrix(), *poses)
+    world = eq.Setting(geometry, np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), *poses)
     # residuals of a rotation are small where their derivatives are those of vectors
-    shown = (X * Rotation.from_matrix(poses.rotation) * Y).as_euler("xyz")
-    cases = ((log.position, shown, guess), (position + 0.01, single, eq.SAME))
-    for at, orientation, frames in cases:
-        measured = eq.Measured(log.leg_length, at, orientation, rng.uniform(0.5, 2, 12))
-        now = eq.equations(nominal, frames, poses, measured)
+    shown = (X * turn * Y).as_euler("xyz")
+    for at, orientation, setting in ((log.position, shown, own), (position + 0.01, single, world)):
+        values = np.concatenate([log.leg_length, at, orientation], axis=1)
+        measured = eq.Measured(values, rng.uniform(0.5, 2, 12))
+        now = eq.equations(setting, measured)
 
-        def residuals(s: np.ndarray, at: eq.Measured = measured, frames: eq.Frames = frames) -> np.ndarray:
-            moved = poses.plus(np.tile(s[54:], (3, 1)))
-            return eq.equations(nominal.plus(s[:42]), frames.plus(s[42:54]), moved, at).residual
+        def residuals(s: np.ndarray, at: eq.Measured = measured, setting: eq.Setting = setting) -> np.ndarray:
+            return eq.equations(setting.moved(s[:42], s[42:54], np.tile(s[54:], (3, 1))), at).residual
 
         steps = 1e-6 * np.eye(60)
         expected = np.stack([(residuals(-s) - residuals(s)) / 2e-6 for s in steps], axis=-1)
         found = np.concatenate([now.by_geometry, now.by_frames, now.by_pose], axis=-1)
         # single angles are in world, where frames are no unknowns
-        columns = slice(None) if frames is guess else np.r_[:42, 54:60]
+        columns = slice(None) if setting is own else np.r_[:42, 54:60]
         assert np.allclose(found[..., columns], expected[..., columns], rtol=0, atol=1e-6)
         assert np.abs(expected).max() > 0.1
+
+
+@pytest.mark.parametrize("missing", [0, 4, N_FRAMES])
+@pytest.mark.parametrize("target", [np.array([0.4, -0.7, 1.2]), np.zeros(3)])
+def test_frames_of_exact_poses_are_guessed(missing: int, target: np.ndarray) -> None:
+    """Expected: the frames that made the readings, of a target far from Op or there; some have no position or angles.
+
+    Of positions alone X and X_t, of a target at Op; of rotations alone X and Y.
+    """
+    rng = np.random.default_rng(3)
+    turns = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, (N_FRAMES, 3)))
+    t = NOMINAL.home_position + rng.uniform(-0.3, 0.3, (N_FRAMES, 3))
+    position, angles = X_T + X.apply(t + turns.apply(target)), (X * turns * Y).as_euler("xyz")
+    lengths = np.full((N_FRAMES, 6), np.nan)
+    start = eq.Setting(np.zeros(42), np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), t, turns.as_matrix())
+
+    def guessed(position: np.ndarray, angles: np.ndarray) -> eq.Setting:
+        return eq.with_guessed_frames(start, eq.Measured(np.hstack([lengths, position, angles]), np.ones(12)))
+
+    if missing < N_FRAMES:
+        position[:missing], angles[N_FRAMES - missing :] = np.nan, np.nan
+        found, wanted = guessed(position, angles), {"X": X.as_matrix(), "Y": Y.as_matrix(), "X_t": X_T, "y": target}
+    elif target.any():
+        found, wanted = guessed(np.full_like(position, np.nan), angles), {"X": X.as_matrix(), "Y": Y.as_matrix()}
+    else:
+        found, wanted = guessed(position, np.full_like(angles, np.nan)), {"X": X.as_matrix(), "X_t": X_T}
+    for name, value in wanted.items():
+        np.testing.assert_allclose(getattr(found, name), value, atol=1e-9, err_msg=name)
 
 
 def test_a_tracker_in_its_own_frame_calibrates_all_but_where_base_and_platform_are() -> None:
@@ -159,7 +187,7 @@ def test_a_tracker_in_its_own_frame_calibrates_all_but_where_base_and_platform_a
             rigid[at : at + 18] = np.broadcast_to(motion, (6, 3)).ravel()
             assert np.abs(seen @ rigid).max() < 0.01 * np.linalg.norm(rigid)
     assert "makes the positions of base and platform unobservable" in " ".join(found.notes)
-    frames = found.details["frames"]
+    frames = found.details["found"]
     assert np.abs(frames.X - X.as_matrix()).max() < 3e-3
     assert np.abs(frames.y - Y_T).max() < 3e-3
 
@@ -249,7 +277,7 @@ def test_what_has_an_interval_is_right_with_few_poses_and_with_a_small_stroke(n:
         length = machine.encoders(position, turn) + ENCODER / np.sqrt(12) * rng.normal(size=(n, 6))
         shown = Rotation.from_rotvec(NOISE / SIZE * rng.normal(size=(n, 3))) * turn
         log = Log(length, position=position + NOISE * rng.normal(size=(n, 3)), orientation=shown.as_euler("xyz"))
-        found = identify_geometry(log, NOMINAL, accuracy=PoseAccuracy(ENCODER / np.sqrt(12), NOISE))
+        found = identify_geometry(log, NOMINAL, accuracy=(ENCODER / np.sqrt(12), NOISE, None))
         known = np.isfinite(found.standard_errors)
         # one right element in a million is beyond five standard errors; 7 degrees of freedom or more
         assert (np.abs(found.values - machine.numbers)[known] < 7 * found.standard_errors[known]).all()
@@ -290,7 +318,7 @@ def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
     refused(replace(log, leg_length=gap, position=pose), "row 8 lacks a leg length")
     refused(log.rows(slice(0, 2)), "expected more poses", nominal_error=1e-6)
     refused(log, "nominal_error is 0", nominal_error=0.0)
-    refused(log, "expected standard errors > 0", accuracy=PoseAccuracy(position=-1.0))
+    refused(log, "expected standard errors > 0", accuracy=(5e-6, -1.0, None))
     single = np.where([1, 1, 0], log.orientation, np.nan)
     refused(replace(log, orientation=single), "row 1 has some angles of three", pose_frame="own")
 
@@ -363,7 +391,7 @@ def test_everything_of_a_calibration_is_that_of_a_dense_least_squares() -> None:
     assert log.position is not None
     assert log.orientation is not None
     names, scale = ["platform_points", "leg_length_offset[4]", "base_points[6,3]", "base_points[2,1]"], 2e-3
-    accuracy = PoseAccuracy(2e-6, 7e-5, 1.1e-4)
+    accuracy = (2e-6, 7e-5, 1.1e-4)
     found = identify_geometry(log, NOMINAL, names, accuracy=accuracy, nominal_error=scale)
     free = np.array([*range(18, 36), 39, 17, 3])
     deviation = np.repeat([2e-6, 7e-5, 1.1e-4], [6, 3, 3])
@@ -405,7 +433,7 @@ def test_everything_of_a_calibration_is_that_of_a_dense_least_squares() -> None:
 def test_the_cost_in_an_own_frame_is_that_of_a_dense_least_squares() -> None:
     """Expected: SciPy's fit with both frames free, over as many degrees of freedom as there are equations too many."""
     log = in_own_frame(Machine(6).log(9, n=16))
-    accuracy = PoseAccuracy(3e-6, 6e-5)
+    accuracy = (3e-6, 6e-5, None)
     found = identify_geometry(log, NOMINAL, accuracy=accuracy, pose_frame="own", nominal_error=0.5)
     deviation = np.repeat([3e-6, 6e-5, 6e-5 / SIZE], [6, 3, 3])
     cost = dense(log, deviation, np.arange(42), own=True)[2]

@@ -8,20 +8,22 @@ from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify import faults
-from gough_stewart.harness.identify import log as checks
-from gough_stewart.harness.identify.faults import ReadingHold, hold_of, without_held_rows
+from gough_stewart.harness.identify.estimate import on_one_axis
+from gough_stewart.harness.identify.faults import hold_of, without_held_rows
 from gough_stewart.harness.identify.fit import scales
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log, Part, force_of, on_one_axis
+from gough_stewart.harness.identify.log import Log, rows_apart
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.regressor import dependences
-from gough_stewart.harness.identify.screen import screened
+from gough_stewart.harness.identify.regressor import check_independent
+from gough_stewart.harness.identify.screen import check_units, screened
 from gough_stewart.model.kinematics import leg_geometry
 from tests.support.machine_logs import (
     MACHINE,
     NOMINAL,
     Course,
+    force_of,
     machine_log,
+    part_of,
     with_spikes,
     without_rows,
 )
@@ -69,10 +71,8 @@ def test_rows_left_out_are_noted_then_alarm_then_refuse(missing: int, alarms: bo
     found = screened([log], NOMINAL)
     assert f"{missing - 1} frozen readings of the leg length of every leg, at 8.101 to" in found.notes[0]
     assert bool(found.alarms) == alarms
-    assert [len(part.log) for part in found.parts] == [801, ROWS - 800 - missing]
-    assert [float(np.array(part.log.time).flat[0]) for part in found.parts] == pytest.approx(
-        [7.3, 8.1 + 1e-3 * missing]
-    )
+    assert [len(part.time) for part in found.parts] == [801, ROWS - 800 - missing]
+    assert [part.time[0] for part in found.parts] == pytest.approx([7.3, 8.1 + 1e-3 * missing])
 
 
 def test_one_spike_is_told_in_the_singular_and_many_with_their_first_times() -> None:
@@ -90,7 +90,7 @@ def test_one_spike_is_told_in_the_singular_and_many_with_their_first_times() -> 
         "late.csv: 4 spikes in the force of legs 2, 6, at 7.6 s, 7.9 s, 8.2 s and 1 more times; interpolated; check "
         "the force sensor and its cable"
     ]
-    mended = force_of(found.parts[0].log)
+    mended = found.parts[0].force
     # noise of 1 % of about 4 kN
     assert np.abs(mended - force_of(LATE)).max() < 6 * 0.01 * 5e3
     assert (mended != force).sum() == 4
@@ -180,34 +180,32 @@ def test_rows_are_lost_where_all_legs_jump_by_their_own_velocity() -> None:
 
 def test_units_are_judged_between_a_third_and_three_times() -> None:
     """Expected: docs: a leg's lengths, here the third's, within a factor of 3 of home; forces within 50."""
-    home = np.asarray(leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length)
-    rows = np.tile(home, (50, 1))
-    for factor in (0.35, 2.9):
-        rows[:, 2] = factor * home[2]
-        checks.check_lengths(Log(rows), UNEVEN)
+    home = np.asarray(leg_geometry(MACHINE, MACHINE.home_position, MACHINE.home_orientation).length)
+    free, jitter = replace(MACHINE, actuator_force_max=None), 1 + 1e-3 * np.sin(np.arange(50.0))[:, None]
+    right = Log(home * jitter, None, force_of(LATE)[1000] * jitter)
+
+    def check(length: float = 1.0, force: float = 1.0, limit: float | None = None) -> None:
+        lengths = right.leg_length * np.where(np.arange(6) == 2, length, 1.0)
+        machine = free if limit is None else replace(free, actuator_force_max=limit * np.abs(force_of(right)).max())
+        check_units(replace(right, leg_length=lengths, actuator_force=force * force_of(right)), machine)
+
+    for factor, ratio, limit in ((0.35, 1 / 40, None), (2.9, 30.0, None), (1.0, -1.0, 1 / 2.9)):
+        check(factor, ratio, limit)
     for factor in (0.32, 3.1):
-        rows[:, 2] = factor * home[2]
         with pytest.raises(LogError, match="leg 3 has a median length of"):
-            checks.check_lengths(Log(rows), UNEVEN)
-    force = np.tile(force_of(LATE)[1000], (50, 1))
-    for ratio in (1 / 40, 30.0):
-        checks.check_forces(Log(rows, actuator_force=ratio * force), replace(MACHINE, actuator_force_max=None))
+            check(factor)
     for ratio in (1 / 100, 70.0):
         with pytest.raises(LogError, match="expected similar forces"):
-            checks.check_forces(Log(rows, actuator_force=ratio * force), replace(MACHINE, actuator_force_max=None))
-    limit = float(np.abs(force).max())
-    checks.check_forces(Log(rows, actuator_force=-force), replace(MACHINE, actuator_force_max=limit / 2.9))
+            check(force=ratio)
     with pytest.raises(LogError, match="exceeds actuator_force_max"):
-        checks.check_forces(Log(rows, actuator_force=-force), replace(MACHINE, actuator_force_max=limit / 3.1))
+        check(force=-1.0, limit=1 / 3.1)
 
 
 def test_gaps_are_counted_in_rows_and_their_sample_time_is_the_whole_log_s() -> None:
-    number, h = checks.rows_apart(without_rows(LATE, 700, 3))
+    _, number, h = rows_apart(without_rows(LATE, 700, 3))
     assert number[699] == 4
     assert (np.delete(number, 699) == 1).all()
     assert h == pytest.approx(1e-3, rel=1e-9)
-    with pytest.raises(LogError, match=r"a gap of 0\.004 s after row 700 \(time 7\.999 s\).* and 1 more"):
-        checks.sample_time_of(without_rows(without_rows(LATE, 900, 2), 700, 3))
 
 
 @pytest.mark.parametrize("duration", [0.1, 0.2, 0.3])
@@ -231,13 +229,11 @@ def test_held_readings_are_brought_to_their_own_rows() -> None:
     """Expected: forces of row 2, 5, 8 …; lengths of legs that are read in turn are refused with their rows."""
     values = np.random.default_rng(4).standard_normal((300, 6)).cumsum(axis=0)
     third = values[(np.arange(300) - 2) // 3 * 3 + 2]
-    assert {hold_of(column) for column in third[2:].T} == {ReadingHold(3, 0)}
+    assert {hold_of(column) for column in third[2:].T} == {(3, 0)}
     time = np.asarray(np.arange(300) * 0.002, dtype=float)
-    log = Log(values, time, third, where="slow")
-    both = replace(log, leg_length=third)
-    found, notes = without_held_rows(both)
-    np.testing.assert_array_equal(found.leg_length, third[2::3])
-    assert found.time is not None
+    log = part_of(Log(values, time, third, where="slow"))
+    found, notes = without_held_rows(replace(log, length=third))
+    np.testing.assert_array_equal(found.length, third[2::3])
     assert_allclose(found.time, 0.004 + 0.006 * np.arange(100))
     assert notes == [
         "slow: leg lengths change at every 3. row only, so sensors are read every 6 ms",
@@ -246,8 +242,8 @@ def test_held_readings_are_brought_to_their_own_rows() -> None:
     shifted = third.copy()
     shifted[1:, 5] = third[:-1, 5]
     with pytest.raises(LogError, match=r"held for 3 rows, but legs change at different rows \(1, 3\)"):
-        without_held_rows(replace(log, leg_length=shifted))
-    assert without_held_rows(replace(log, actuator_force=values))[1] == []
+        without_held_rows(replace(log, length=shifted))
+    assert without_held_rows(replace(log, force=values))[1] == []
 
 
 def test_parts_are_fitted_up_to_their_share_and_shown_one_after_the_other() -> None:
@@ -257,7 +253,7 @@ def test_parts_are_fitted_up_to_their_share_and_shown_one_after_the_other() -> N
     assert part.is_fitted(np.array([7.3, end - 1e-6, end + 1e-6, 9.299])).tolist() == [True, True, False, False]
     assert screened([LATE], NOMINAL, 0.0).parts[0].is_fitted(TIME).all()
     time = np.asarray(np.arange(5) * 0.1, dtype=float)
-    parts = [Part(LOG, 0.25, 0), Part(LOG, np.inf, 0), Part(LOG, 3.15, 1), Part(LOG, -np.inf, 2)]
+    parts = [part_of(LOG, which, until) for which, until in ((0, 0.25), (0, np.inf), (1, 3.15), (2, -np.inf))]
     found, spans = on_one_axis(parts, [time, time + 1, time + 3, np.zeros(0)])
     assert_allclose(found, [0, 0.1, 0.2, 0.3, 0.4, 1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9])
     assert_allclose(spans, [(0.3, 0.4), (1.7, 1.9)])
@@ -328,8 +324,9 @@ def test_what_depends_on_others_is_named_with_all_of_them() -> None:
     rng = np.random.default_rng(3)
     columns = rng.standard_normal((50, 3)) * np.array([3.0, 2.0, 2.5])
     made = np.column_stack([columns, 0.3 * columns[:, 0] - 0.4 * columns[:, 2]])
-    found, text = dependences(made, ["a", "b", "c", "d"])
-    assert found == ["d"]
-    said = text.removeprefix("d has the same effect as a combination of ")
+    with pytest.raises(IdentificationError) as caught:
+        check_independent(made, ["a", "b", "c", "d"], "dead", "<{}>")
+    assert caught.value.names == ("d",)
+    said = str(caught.value).removeprefix("<d has the same effect as a combination of ").removesuffix(">")
     assert sorted(said.split(", ")) == ["a", "c"]
-    assert dependences(columns, ["a", "b", "c"]) == ([], "")
+    check_independent(columns, ["a", "b", "c"], "dead", "")

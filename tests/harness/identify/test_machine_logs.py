@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import force_of
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.platform import Platform
@@ -25,6 +24,7 @@ from tests.support.machine_logs import (
     Sensing,
     Swing,
     clipped,
+    force_of,
     frozen,
     held,
     machine_log,

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.regressor import motion_of_lengths, poses_of
+from gough_stewart.harness.identify.regressor import motion_of_lengths
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
 
@@ -28,8 +28,8 @@ def far(n: int) -> FloatArray:
 def test_poses_far_from_home_are_found() -> None:
     """Expected: the poses of the lengths, each row from the one before."""
     poses = far(300)
-    position, orientation = poses_of(UNEVEN, lengths(poses))
-    np.testing.assert_allclose(np.hstack([position, orientation]), poses, atol=1e-9)
+    state, _ = motion_of_lengths(UNEVEN, lengths(poses), np.zeros((300, 6)), np.zeros((300, 6)))
+    np.testing.assert_allclose(np.hstack([state.position, state.orientation]), poses, atol=1e-9)
 
 
 def test_impossible_lengths_are_named_with_their_row() -> None:
@@ -37,7 +37,7 @@ def test_impossible_lengths_are_named_with_their_row() -> None:
     wrong = lengths(far(4))
     wrong[2, 3] = 9.0
     with pytest.raises(LogError, match=r"leg lengths \[.*9\.0.*\] m of row 3 \(.*the order of the legs, and the unit"):
-        poses_of(UNEVEN, wrong)
+        motion_of_lengths(UNEVEN, wrong, wrong, wrong)
 
 
 def test_rates_are_those_of_the_motion() -> None:

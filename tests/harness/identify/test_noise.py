@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.noise import fitted_noise, two_noises, whitened_by
-from gough_stewart.harness.identify.regression import (
-    KernelCorrelations,
-    RawNoise,
-    kernel_correlations,
-    kernel_of,
-    smoothed,
-)
+from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of, smoothed
+from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
 from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
-from gough_stewart.harness.identify.row_model import tilt_directions, tilted
+from gough_stewart.harness.identify.rows import RawNoise, tilt_directions, tilted
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
@@ -28,22 +22,22 @@ RNG = np.random.default_rng(24)
 SPACING = 20
 
 
-def correlations() -> KernelCorrelations:
+def correlations() -> tuple[FloatArray, FloatArray]:
     kernels = np.stack([kernel_of(1e-3, 40.0, d) for d in range(3)])
     return kernel_correlations(kernel_of(1e-3, 20.0), kernels * np.array([1e3, 1.0, 1e-2])[:, None], SPACING)
 
 
 def dense(n: int, by_legs: np.ndarray, force: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
     """Both covariances from the correlations, element by element."""
-    found = correlations()
+    of_force, of_length = correlations()
     V = np.zeros((2, n, 6, n, 6))
     for k in range(n):
         for l in range(n):
             m = abs(k - l)
-            if m >= len(found.force):
+            if m >= len(of_force):
                 continue
-            c = found.length[m] if l >= k else found.length[m].T
-            V[0, k, :, l, :] = np.diag(force**2) * found.force[m]
+            c = of_length[m] if l >= k else of_length[m].T
+            V[0, k, :, l, :] = np.diag(force**2) * of_force[m]
             V[1, k, :, l, :] = length**2 * sum(
                 c[d, e] * by_legs[k, :, d] @ by_legs[l, :, e].T for d in range(3) for e in range(3)
             )
@@ -55,16 +49,16 @@ def test_correlations_are_those_of_white_noise_through_the_filters() -> None:
     noise = RNG.standard_normal((400_000, 1))
     g = smoothed(noise, 1e-3, 20.0)[:, 0]
     c = np.stack([size * smoothed(noise, 1e-3, 40.0, 1, d)[:, 0] for d, size in enumerate((1e3, 1.0, 1e-2))])
-    found = correlations()
+    of_force, of_length = correlations()
     for m in range(4):
         shift = m * SPACING
         end = len(g) - shift
         # a correlation time is about a hundredth of a second
         error = 4 / np.sqrt(len(g) / 20)
-        assert abs(g[:end] @ g[shift:] / end - found.force[m]) < error * found.force[0]
-        size = np.sqrt(np.diag(found.length[0]))
+        assert abs(g[:end] @ g[shift:] / end - of_force[m]) < error * of_force[0]
+        size = np.sqrt(np.diag(of_length[0]))
         sample = c[:, : c.shape[1] - shift] @ c[:, shift:].T / c.shape[1]
-        assert (np.abs(sample - found.length[m]) < error * np.outer(size, size)).all()
+        assert (np.abs(sample - of_length[m]) < error * np.outer(size, size)).all()
 
 
 def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_out() -> None:
@@ -72,7 +66,7 @@ def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_ou
     n = 40
     by_legs, force = RNG.standard_normal((n, 6, 3, 6)), RNG.uniform(1, 3, 6)
     used = (RNG.uniform(size=(n, 6)) > 0.2).astype(float)
-    noises = two_noises(RawNoise(force, 0.4, correlations()), by_legs, used)
+    noises = part_noise(0, RawNoise(force, 0.4, *correlations()), by_legs, used)
     V_force, V_length = dense(n, by_legs, force, 0.4)
     kept = used.ravel() > 0
     V = 0.7 * V_force + 1.9 * V_length
@@ -97,10 +91,9 @@ def test_shares_of_both_noises_are_found_in_noise_of_known_shares() -> None:
     V_length *= length**2
     L = np.linalg.cholesky(2.0 * V_force + 0.5 * V_length + 1e-9 * np.eye(6 * n) * V_length.max())
     residual = (L @ RNG.standard_normal(6 * n)).reshape(n, 6)
-    raw = RawNoise(force, length, correlations())
-    found = fitted_noise([two_noises(raw, by_legs, used)], raw, RNG.standard_normal((n, 6, 5)), residual, used)
-    assert_allclose(found.force, np.sqrt(2.0), rtol=0.2)
-    assert found.length == pytest.approx(length * np.sqrt(0.5), rel=0.2)
+    part = part_noise(0, RawNoise(force, length, *correlations()), by_legs, used)
+    found = fitted_noise([part], RNG.standard_normal((n, 6, 5)), residual, used)
+    assert_allclose(np.sqrt(found.shares[0]), np.sqrt([2.0, 0.5]), rtol=0.2)
 
 
 def test_derivatives_of_forces_by_the_motion_of_legs_and_by_parameters_are_those_of_differences() -> None:

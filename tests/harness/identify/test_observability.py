@@ -8,7 +8,6 @@ import pytest
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.observability import motion_rows
 from tests.support.machine_logs import (
@@ -20,9 +19,11 @@ from tests.support.machine_logs import (
     Sensing,
     Swing,
     machine_log,
+    part_of,
 )
 
 SURE = Sensing(force_noise=0.0)
+
 INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)))
 
 
@@ -105,7 +106,7 @@ def test_sizes_of_what_a_motion_needs_are_those_of_changes_of_each_leg() -> None
     """Expected: deviations of each leg's force about its own mean, and RMS velocities by differences; means of logs."""
     swings = Swing(seed=3, fade=0.5, frequency=0.5), Swing(seed=5, fade=0.5, frequency=0.8)
     logs = [machine_log(course=Course(swing, duration=3.0, rate=500.0)) for swing in swings]
-    parts = [Part(log, np.inf, k) for k, log in enumerate(logs)]
+    parts = [part_of(log) for log in logs]
     rows = motion_rows(parts, NOMINAL)
     assert rows is not None
     forces = [np.asarray(log.actuator_force) for log in logs]
@@ -121,7 +122,7 @@ def test_sizes_of_what_a_motion_needs_are_those_of_changes_of_each_leg() -> None
     # forces without noise are known to a thousandth of their changes, whatever they are about
     with_forces = [
         motion_rows(
-            [Part(replace(log, actuator_force=force + by), np.inf, 0) for log, force in zip(logs, exact, strict=True)],
+            [part_of(replace(log, actuator_force=force + by)) for log, force in zip(logs, exact, strict=True)],
             NOMINAL,
         )
         for by in (0.0, aside)

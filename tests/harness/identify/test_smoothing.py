@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.regression import edge, smoothed
+from gough_stewart.harness.identify.lowpass import edge, smoothed
 
 H = 4e-3
 T = 7.3 + H * np.arange(400)

@@ -11,7 +11,8 @@ from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify, not_shown
 from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.regression import cutoff_of, cutoff_within_noise, smoothed
+from gough_stewart.harness.identify.lowpass import cutoff_of, smoothed
+from gough_stewart.harness.identify.screen import cutoff_within_noise
 from tests.support.machine_logs import MACHINE, Swing
 from tests.support.sticking_logs import LEGS, RATE, Law, sticking_log
 

@@ -1,0 +1,403 @@
+"""The rows of the linear regression: parts of logs through one zero-phase low-pass, and what the model reads there.
+
+    reading(t) = g ∘ (W(tilt) φ(θ) + f(θ)) (t − delay) + o
+
+with gains g, offsets o, delay and tilt of the instruments, which are not the platform's: its file does not have them. W
+is affine in gravity, which in the axes of a base out of level is Rᵀ g with R = R_y(β) R_x(α) and base_tilt = (α, β). f
+is friction that sticks, which is not linear in its parameters; other friction is in φ.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+
+from gough_stewart.harness.identify.friction import COULOMB, StickingFriction, sliding_rows, sticks, unit_friction
+from gough_stewart.harness.identify.log import Part
+from gough_stewart.harness.identify.lowpass import (
+    cutoff_of,
+    edge,
+    kernel_correlations,
+    kernel_of,
+    noise_beyond,
+    smoothed,
+)
+from gough_stewart.harness.identify.names import place_of, value_of
+from gough_stewart.harness.identify.regressor import (
+    ARMATURE,
+    INERTIAL,
+    ForceDerivatives,
+    force_derivatives,
+    friction_columns,
+    gradient,
+    kernel_parameters,
+    linear_parameters,
+    motion_of_lengths,
+    regressor,
+    states_of,
+    with_estimated,
+)
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# Lengths are filtered and differentiated with this multiple of the rows' cut-off, so their gain is flat below it.
+WIDER = 2.0
+# A leg reverses below this multiple of the smoothing velocity of friction, or this share of its usual velocity.
+_REVERSAL, _SLOW = 10.0, 0.1
+# Rows of the motion per period of the lengths' cut-off.
+_ROWS_A_PERIOD = 4
+INSTRUMENTS = ("force_gain", "force_offset", "delay", "base_tilt")
+
+OfVelocity = Callable[[FloatArray, float], FloatArray]
+
+
+class RawNoise(NamedTuple):
+    """Noise of the raw signals, and how it reaches the rows."""
+
+    force: FloatArray  # standard deviation (6,) [N]
+    length: float  # [m]
+    of_force: FloatArray  # covariances of filtered unit white noise m rows apart: (g ⋆ g)(m) (M + 1,)
+    of_length: FloatArray  # (c_d ⋆ c_d')(m) of value, velocity and acceleration (M + 1, 3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """The rows of one part of a log, F = W φ + ε, and signals from which rows of other delays and frictions follow."""
+
+    part: Part
+    time: FloatArray  # (m,) [s]
+    force: FloatArray  # F (m, 6) [N]
+    W: FloatArray  # (m, 6, SIZE)
+    cutoff: float  # of the filter on forces and regressor [Hz]
+    sliding: FloatArray  # 1 if a leg slides during the whole window of a row, 0 if it reverses (m, 6)
+    motion: FloatArray  # pose, twist, acceleration (m, 18)
+    noise: RawNoise
+    force_rows: NDArray[np.intp]  # (m,) of the smoothed force
+    inertial: FloatArray  # W of masses at the rows of the motion (j, 6, INERTIAL)
+    spacing: tuple[int, int]  # rows of the log per row of the motion, and of that per row of the regression
+    velocity: FloatArray  # of the motors, smoothed (k, 6) [m/s]
+    friction: FloatArray  # of these velocities, for unit viscous and unit Coulomb friction (k, 2, 6)
+    velocity_rows: NDArray[np.intp]  # (m,) of functions of the velocity, smoothed
+
+
+def spacing_of(step: float, cutoff: float) -> tuple[int, int]:
+    """Rows of the log per row of the motion, and of that per row of the regression: half a period of the cut-off."""
+    every = max(1, int(1 / (_ROWS_A_PERIOD * WIDER * cutoff * step)))
+    return every, max(1, int(1 / (2 * cutoff * step * every)))
+
+
+def length_kernels(step: float, cutoff: float) -> FloatArray:
+    """Weights of the raw lengths in the value, velocity and acceleration of a row, after both filters (3, j)."""
+    every, _ = spacing_of(step, cutoff)
+    between = kernel_of(step * every, cutoff)
+    spread = np.zeros(every * (len(between) - 1) + 1)
+    spread[::every] = between
+    return np.stack([np.convolve(spread, kernel_of(step, WIDER * cutoff, d)) for d in range(3)])
+
+
+def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> Segment:
+    """The rows of a part.
+
+    One kernel filters and differentiates the lengths; poses and rates follow by forward kinematics. The forces of
+    inverse dynamics for each linear parameter, and the measured forces, then pass another low-pass. It removes noise
+    beyond the cut-off, with the same effect on both sides of the equation.
+    """
+    h = part.step
+    cutoff = min(0.5 / h / (1.5 * WIDER), cutoff_of(part.length, h) if cutoff is None else cutoff)
+    wide = WIDER * cutoff
+    # each row of the regression is a row of the motion, which is a row of the log
+    every, thin = spacing_of(h, cutoff)
+    lengths = [smoothed(part.length, h, wide, every, k) for k in range(3)]
+    state, acceleration = motion_of_lengths(platform, *lengths)
+    W = regressor(platform, state, acceleration)[:, :, :INERTIAL]
+    if part.motor is not None:
+        # rotor and screw are on the motors' side
+        W[:, :, ARMATURE] = smoothed(part.motor, h, wide, every, 2)
+    inertial = smoothed(W.reshape(len(W), -1), h * every, cutoff, thin)
+    at = edge(h, wide) + every * edge(h * every, cutoff) + every * thin * np.arange(len(inertial))
+    motion_rows = (at - edge(h, wide)) // every
+
+    # friction steps where a leg reverses, so it needs all rows of the log
+    velocity = smoothed(part.length if part.motor is None else part.motor, h, wide, 1, 1)
+    per_unit = friction_columns(platform, velocity)
+    lobe = math.ceil(0.5 / (cutoff * h * every))  # the filter's main one
+    if sticks(platform):
+        per_unit[:, 6:] = unit_friction(platform, velocity, h)
+        slid = sliding_rows(platform, velocity, h)
+        sliding = minimum_filter1d(slid, 2 * lobe * every + 1, axis=0)[at - edge(h, wide)]
+    else:
+        slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[motion_rows]
+        fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
+        sliding = np.asarray(slowest > fast, dtype=float)
+    velocity_rows = at - edge(h, wide) - edge(h, cutoff)
+    friction = smoothed(per_unit, h, cutoff)[velocity_rows].reshape(len(at), 2, 6)
+    whole = np.concatenate(
+        [inertial.reshape(len(at), 6, INERTIAL), *(friction[:, k, :, None] * np.eye(6) for k in range(2))], axis=2
+    )
+
+    # noise of the raw signals from what the wider low-pass rejects
+    of_force, of_length = (noise_beyond(values, h, wide) for values in (part.force, part.length))
+    correlations = kernel_correlations(kernel_of(h, cutoff), length_kernels(h, cutoff), every * thin)
+    force_rows = at - edge(h, cutoff)
+    return Segment(
+        part,
+        part.time[at],
+        smoothed(part.force, h, cutoff, 1, 0, _lateness(part))[force_rows],
+        whole,
+        cutoff,
+        sliding,
+        # through the rows' filter, so that derivatives at these motions have no noise that the regressor does not have
+        smoothed(np.concatenate([state.to_vector(), *acceleration], axis=1), h * every, cutoff, thin),
+        RawNoise(of_force, float(np.sqrt((of_length**2).mean())), *correlations),
+        force_rows,
+        W,
+        (every, thin),
+        velocity,
+        per_unit.reshape(-1, 2, 6),
+        velocity_rows,
+    )
+
+
+def _lateness(part: Part) -> float:
+    """By how much a force is older than its row [s]: a held one belongs to the middle of its sample."""
+    return -part.step / 2 if part.holds_force else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """The rows of all segments, one after the other."""
+
+    segments: tuple[Segment, ...]
+    time: FloatArray  # (m,) [s]
+    force: FloatArray  # F (m, 6) [N]
+    W: FloatArray  # (m, 6, SIZE)
+    sliding: FloatArray  # (m, 6)
+    motion: FloatArray  # (m, 18)
+
+    @classmethod
+    def of(cls, segments: Sequence[Segment]) -> "Regression":
+        """The rows of these segments."""
+        names = ("time", "force", "W", "sliding", "motion")
+        return cls(tuple(segments), *(np.concatenate([getattr(s, name) for s in segments]) for name in names))
+
+    @property
+    def sizes(self) -> list[int]:
+        """Rows of each segment."""
+        return [len(segment.time) for segment in self.segments]
+
+    @property
+    def cutoff(self) -> float:
+        """The highest one [Hz]."""
+        return max(segment.cutoff for segment in self.segments)
+
+    def used(self, platform: Platform, names: Sequence[str]) -> FloatArray:
+        """1 for rows that a fit of these elements uses, else 0 (m, 6): with Coulomb friction not where it reverses."""
+        has_coulomb = platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
+        return self.sliding if has_coulomb else np.ones_like(self.sliding)
+
+    def force_if_late(self, delay: float) -> FloatArray:
+        """F (m, 6) [N] if the forces of the logs are late by this [s]."""
+        forces = [
+            smoothed(s.part.force, s.part.step, s.cutoff, 1, 0, _lateness(s.part) + delay)[s.force_rows]
+            for s in self.segments
+        ]
+        return np.concatenate(forces)
+
+    def rate(self, phi: FloatArray) -> FloatArray:
+        """d(W φ)/dt (m, 6) for φ (SIZE,) [N/s]."""
+        rates = []
+        for s in self.segments:
+            (every, thin), step = s.spacing, s.part.step
+            of_masses = smoothed(s.inertial @ phi[:INERTIAL], step * every, s.cutoff, thin, 1)
+            friction = (s.friction * phi[INERTIAL:].reshape(2, 6)).sum(axis=1)
+            rates.append(of_masses + smoothed(friction, step, s.cutoff, 1, 1)[s.velocity_rows])
+        return np.concatenate(rates)
+
+    def filtered(self, function: OfVelocity, derivative: int = 0) -> FloatArray:
+        """A function (k, 6, q) of velocities (k, 6) and their step [s], or its rate, filtered as forces (m, 6, q)."""
+        filtered = []
+        for s in self.segments:
+            values = function(s.velocity, s.part.step)
+            rows = smoothed(values.reshape(len(values), -1), s.part.step, s.cutoff, 1, derivative)[s.velocity_rows]
+            filtered.append(rows.reshape(len(rows), *values.shape[1:]))
+        return np.concatenate(filtered)
+
+
+class Instruments(NamedTuple):
+    """Values of the instruments' parameters."""
+
+    gain: FloatArray  # (6,)
+    offset: FloatArray  # (6,) [N]
+    delay: float  # > 0 if forces are late [s]
+    tilt: FloatArray  # of the base about X and Y (2,) [rad]
+
+
+def is_of_instruments(name: str) -> bool:
+    """Whether an element belongs to the instruments, not to the platform."""
+    return name.partition("[")[0] in INSTRUMENTS
+
+
+def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
+    """Gravity (3,) in the axes of a base that is turned out of level by (α, β) about X, then Y: R_x(−α) R_y(−β) g."""
+    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
+    x, y, z = gravity
+    x, z = cb * x - sb * z, sb * x + cb * z
+    return np.array([x, ca * y + sa * z, -sa * y + ca * z])
+
+
+def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
+    """∂`tilted`/∂(α, β) (3, 2)."""
+    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
+    x, y, z = gravity
+    turned = sb * x + cb * z
+    by_beta_x, by_beta_z = -sb * x - cb * z, cb * x - sb * z
+    by_alpha = [0.0, -sa * y + ca * turned, -ca * y - sa * turned]
+    return np.array([by_alpha, [by_beta_x, sa * by_beta_z, ca * by_beta_z]]).T
+
+
+class RowModel:
+    """What is read in the rows, as a function of the values of `names`, in their order."""
+
+    def __init__(
+        self,
+        regression: Regression,
+        platform: Platform,
+        elements: Mapping[str, float],
+        names: Sequence[str],
+        friction: StickingFriction | None = None,
+    ) -> None:
+        self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
+        self.friction = friction
+        self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
+        self.linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
+        self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
+
+    def extended(self, names: Sequence[str]) -> "RowModel":
+        """The model of further elements, too."""
+        return RowModel(self.regression, self.platform, self.elements, (*self.names, *names), self.friction)
+
+    def instruments(self, values: FloatArray) -> Instruments:
+        """The instruments; what of them is not estimated is right."""
+        gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
+        vectors = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
+        for name, value in zip(self.names, values, strict=True):
+            stem, index = place_of(name)
+            if stem == "delay":
+                delay = float(value)
+            elif stem in vectors:
+                vectors[stem][index] = value
+        return Instruments(gain, offset, delay, tilt)
+
+    def force(self, values: FloatArray) -> FloatArray:
+        """The forces of the platform (m, 6) [N]."""
+        return self.smooth_force(values) + (0.0 if self.friction is None else self._sticking(values)[:, :, 0])
+
+    def smooth_force(self, values: FloatArray) -> FloatArray:
+        """The forces without friction that sticks (m, 6) [N]."""
+        return np.asarray(self._regressor(values) @ linear_parameters(self._elements(values)))
+
+    def rate(self, values: FloatArray) -> FloatArray:
+        """How the forces of a level platform change (m, 6) [N/s]."""
+        rate = self.regression.rate(np.asarray(linear_parameters(self._elements(values)), dtype=float))
+        return rate if self.friction is None else rate + self._sticking(values, 1)[:, :, 0]
+
+    def residual(self, values: FloatArray) -> FloatArray:
+        """What the log reads less what it should (m, 6) [N], at times that a delay shifts."""
+        gain, offset, delay, _ = self.instruments(values)
+        return self.regression.force_if_late(delay) - (gain * self.force(values) + offset)
+
+    def columns(self, values: FloatArray) -> FloatArray:
+        """Derivatives of the reading by each parameter (m, 6, p)."""
+        gain, tilt = self.instruments(values).gain, self.instruments(values).tilt
+        W, elements = self._regressor(values), self._elements(values)
+        result = np.zeros((len(W), 6, len(self.names)))
+        if self.linear:
+            result[:, :, self.linear] = gain[:, None] * (W @ gradient(elements, [self.names[k] for k in self.linear]))
+        if self.bent:
+            result[:, :, self.bent] = gain[:, None] * self._sticking(values)[:, :, 1:]
+        for k, name in enumerate(self.names):
+            stem, index = place_of(name)
+            if stem == "force_gain":
+                result[:, index[0], k] = self.force(values)[:, index[0]]
+            elif stem == "force_offset":
+                result[:, index[0], k] = 1.0
+            elif stem == "delay":
+                result[:, :, k] = -gain * self.rate(values)
+            elif stem == "base_tilt":
+                turned = tilt_directions(self.platform.gravity, tilt)[:, index[0]]
+                by_tilt = np.einsum("nlpa,a->nlp", self._by_gravity, turned)
+                result[:, :, k] = gain * (by_tilt @ linear_parameters(elements))
+        return result
+
+    def _sticking(self, values: FloatArray, derivative: int = 0) -> FloatArray:
+        """Friction that sticks, and its derivatives by its parameters (m, 6, 1 + q); or their rates."""
+        assert self.friction is not None
+        friction, law = self.friction, values[self.bent]
+        key = law.tobytes() + bytes([derivative])
+        if self._last[0] != key:
+            self._last = key, self.regression.filtered(lambda v, h: friction.force(law, v, h), derivative)
+        return self._last[1]
+
+    def _elements(self, values: FloatArray) -> dict[str, float]:
+        return with_estimated(self.elements, [self.names[k] for k in self.linear], values[self.linear])
+
+    def _regressor(self, values: FloatArray) -> FloatArray:
+        tilt, W = self.instruments(values).tilt, self.regression.W
+        if not tilt.any():
+            return W
+        return np.asarray(W + self._by_gravity @ (tilted(self.platform.gravity, tilt) - self.platform.gravity))
+
+    @cached_property
+    def _by_gravity(self) -> FloatArray:
+        """∂W/∂g (m, 6, SIZE, 3)."""
+        motion = states_of(self.regression.motion)
+        level, *turned = (
+            regressor(self.platform.with_parameters({"gravity": gravity}), *motion)
+            for gravity in (np.zeros(3), *np.eye(3))
+        )
+        return np.stack([by_axis - level for by_axis in turned], axis=-1)
+
+
+class RowFit(NamedTuple):
+    """A model of the rows at the values of a fit; columns are those of the n fitted rows, of m in all."""
+
+    model: RowModel
+    values: FloatArray  # (p,)
+    columns: FloatArray  # ∂(reading)/∂θ (n, 6, p)
+    force: FloatArray  # of the platform (m, 6) [N]
+    rate: FloatArray  # its derivative by time (m, 6) [N/s]
+    derivatives: ForceDerivatives  # at all rows
+    is_fitted: NDArray[np.bool_]  # (m,)
+    used: FloatArray  # 1 for fitted rows that are used (n, 6)
+
+    @property
+    def residual(self) -> FloatArray:
+        """Of the fitted rows (n, 6) [N]."""
+        return self.model.residual(self.values)[self.is_fitted]
+
+
+def row_fit(
+    model: RowModel,
+    values: FloatArray,
+    is_fitted: NDArray[np.bool_],
+    used: FloatArray,
+    derivatives: ForceDerivatives | None = None,
+) -> RowFit:
+    """The fit at these values; derivatives of a fit nearby do."""
+    force = model.force(values)
+    if derivatives is None:
+        names = [model.names[k] for k in model.linear]
+        p, directions = kernel_parameters(model.platform, names)
+        p = p + directions @ (values[model.linear] - [value_of(model.platform, name) for name in names])
+        derivatives = force_derivatives(model.regression.motion, p, model.smooth_force(values))
+        if model.friction is not None:
+            friction, law, legs = model.friction, values[model.bent], range(6)
+            by_lengths = model.regression.filtered(lambda v, h: friction.by_lengths(law, v, h))
+            derivatives.by_legs[:, legs, :2, legs] += by_lengths.swapaxes(0, 1)
+    columns = model.columns(values)[is_fitted]
+    return RowFit(model, values, columns, force, model.rate(values), derivatives, is_fitted, used)
