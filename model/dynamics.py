@@ -256,14 +256,8 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
     xx, yy, zz, xy, xz, yz = (
         (moments[..., a] * arms[..., b]).sum(axis=-1) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     )
-    return np.stack(
-        [
-            np.stack([yy + zz, -xy, -xz], axis=-1),
-            np.stack([-xy, xx + zz, -yz], axis=-1),
-            np.stack([-xz, -yz, xx + yy], axis=-1),
-        ],
-        axis=-2,
-    )
+    rows = ((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 @without_warnings
