@@ -244,10 +244,7 @@ MOST_INTERNAL_STEPS = 20_000
 def end_of_step(time: float, step: float, current: float) -> float:
     """End of a step from `time`, which must be the model's time `current` within rounding; all in s.
 
-    Raises
-    ------
-    StepError
-        Another time, or a step that is not > 0 or too small to advance the time.
+    `StepError` for another time, or a step that is not > 0 or too small to advance the time.
     """
     if not step > 0:
         raise StepError("step", step, current, "expected a communication step > 0 s")

@@ -79,10 +79,7 @@ def orientation_rate_from_angular_velocity(orientation: Array, angular_velocity:
 def orientation_from_matrix(rotation: Array) -> Array:
     """Roll, pitch, yaw (..., 3) [rad] of rotation matrices (..., 3, 3); |β| < π/2, α and γ in (−π, π].
 
-    Raises
-    ------
-    OrientationError
-        The matrix is not a rotation, or its pitch is within `PITCH_MARGIN` of ±90°.
+    `OrientationError` for no rotation, or a pitch within `PITCH_MARGIN` of ±90°.
     """
     rotation = np.asarray(rotation, dtype=float)
     if rotation.shape[-2:] != (3, 3):

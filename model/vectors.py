@@ -71,8 +71,7 @@ def per_leg(value: Scalars) -> Array:
 def first_of_largest(values: FloatArray) -> Any:
     """Index along the first axis of the first value within a part in 10⁹ of the largest; of a NaN, if there is one.
 
-    Peaks of a periodic motion or a symmetric platform are equal but for rounding, which differs between processors and
-    must not decide which of them is told.
+    Peaks of a symmetric platform are equal but for rounding, which must not decide which of them is told.
     """
     values = np.asarray(values)
     largest = values.max(axis=0)
@@ -82,14 +81,7 @@ def first_of_largest(values: FloatArray) -> Any:
 
 
 def real_array(value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """A float64 copy of real, finite numbers of this shape.
-
-    Raises
-    ------
-    ValueError
-        Texts, booleans, None, complex or ragged input, another shape, NaN or infinity; the message has the value found
-        and the expectation.
-    """
+    """A float64 copy of real, finite numbers of this shape; `ValueError` has the value found and the expectation."""
     expected = "one number" if shape == () else f"numbers of shape {shape}"
     try:
         array = np.array(value)
