@@ -135,8 +135,9 @@ def _packed(raw: bytes) -> str:
 def _scene(machine: Platform) -> dict[str, Any]:
     """The bodies of the view; their motion comes from the machine."""
     lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
-    low = float(np.min(machine.leg_length_min or 0.9 * lengths))
-    high = float(np.max(machine.leg_length_max or 1.1 * lengths))
+    low, high = machine.leg_length_min, machine.leg_length_max
+    low = float(np.min(0.9 * lengths if low is None else low))
+    high = float(np.max(1.1 * lengths if high is None else high))
     longest = 0.97 * low
     lower = min(longest, 0.53 * high)
     return {
