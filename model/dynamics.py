@@ -84,13 +84,7 @@ def solve_mass_matrix(matrix: Array, vector: Array) -> Array:
 
 
 def solve_leg_forces(matrix: Array, vector: Array) -> Array:
-    """Leg forces (..., 6) for wrenches (..., 6), with the transposed leg Jacobian (..., 6, 6); refuses singular poses.
-
-    Raises
-    ------
-    SingularPoseError
-        The condition number of the matrix exceeds `LARGEST_CONDITION_NUMBER`.
-    """
+    """Leg forces (..., 6) of wrenches (..., 6), by the transposed leg Jacobian; refuses singular poses."""
     # the condition number itself would take longer than everything else here
     if not np.max(condition_number_bound(matrix)) < LARGEST_CONDITION_NUMBER / 2:
         worst = float(np.max(np.linalg.cond(matrix))) if np.isfinite(matrix).all() else np.inf
@@ -256,14 +250,8 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
     xx, yy, zz, xy, xz, yz = (
         (moments[..., a] * arms[..., b]).sum(axis=-1) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     )
-    return np.stack(
-        [
-            np.stack([yy + zz, -xy, -xz], axis=-1),
-            np.stack([-xy, xx + zz, -yz], axis=-1),
-            np.stack([-xz, -yz, xx + yy], axis=-1),
-        ],
-        axis=-2,
-    )
+    rows = ((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 @without_warnings
@@ -371,13 +359,7 @@ def leg_damping(parameters: Parameters) -> Array:
 
 
 def holding_motor_position(parameters: Parameters, position: Array, orientation: Array) -> Array:
-    """Motor positions (..., 6) [m] that hold a pose at rest: leg length plus stretch, s = L + F/k; L of rigid legs.
-
-    Raises
-    ------
-    SingularPoseError
-        The leg forces cannot hold this pose.
-    """
+    """Motor positions (..., 6) [m] that hold a pose at rest: leg length plus stretch, s = L + F/k; L of rigid legs."""
     length = leg_geometry(parameters, position, orientation).length
     if not np.all(parameters.leg_stiffness > 0):
         return length

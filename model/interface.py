@@ -123,10 +123,11 @@ class Variant:
         """Variant of a platform: bristles unless `leg_friction_model` is smooth, springs if `leg_stiffness` is > 0."""
         return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """Names of its parts."""
-        return (*(("bristles",) if self.bristles else ()), *(("springs",) if self.springs else ()))
+        parts: tuple[Part, ...] = ("bristles", "springs")
+        return tuple(part for part in parts if getattr(self, part))
 
     @property
     def words(self) -> str:
@@ -137,12 +138,12 @@ class Variant:
     @cached_property
     def states(self) -> tuple[Variable, ...]:
         """The states, in the order of x."""
-        return (*STATES, *(v for v in self._of_parts if v.is_state))
+        return (*STATES, *(v for v in OF_PARTS if v.part in self.parts and v.is_state))
 
     @cached_property
     def results(self) -> tuple[Variable, ...]:
         """Outputs and locals, in the order of y: those of the ideal plant first."""
-        return (*RESULTS, *(v for v in self._of_parts if v.causality == "output"))
+        return (*RESULTS, *(v for v in OF_PARTS if v.part in self.parts and v.causality == "output"))
 
     @cached_property
     def parameters(self) -> tuple[Variable, ...]:
@@ -163,10 +164,6 @@ class Variant:
     def scales(self) -> tuple[float, ...]:
         """By which absolute tolerances of the states are scaled (n,): 1, less for bristles."""
         return tuple(v.nominal / NOMINAL for v in self.states for _ in range(v.size))
-
-    @property
-    def _of_parts(self) -> tuple[Variable, ...]:
-        return tuple(v for v in OF_PARTS if v.part in self.parts)
 
 
 IDEAL = Variant()
@@ -211,11 +208,9 @@ def find(name: str) -> tuple[Variable, int | None]:
     """The variable of a name, and the flat index of an element or None; an unknown name is an `InterfaceError`."""
     if not isinstance(name, str):
         raise InterfaceError(repr(name), "expected the name of a variable, a text")
-    if name in BY_NAME:
-        return BY_NAME[name], None
-    if name in _ELEMENTS:
-        return _ELEMENTS[name]
-    raise InterfaceError(name, f"no such variable{nearest(name, {**BY_NAME, **_ELEMENTS})}")
+    if name not in BY_NAME and name not in _ELEMENTS:
+        raise InterfaceError(name, f"no such variable{nearest(name, {**BY_NAME, **_ELEMENTS})}")
+    return (BY_NAME[name], None) if name in BY_NAME else _ELEMENTS[name]
 
 
 def unit_text(unit: str) -> str:
@@ -226,9 +221,8 @@ def unit_text(unit: str) -> str:
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: '; did you mean …?', or the known names."""
     names = list(known)
-    close = get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean '{close[0]}'?"
+    for close in get_close_matches(name, names, n=1, cutoff=0.5):
+        return f"; did you mean '{close}'?"
     return f"; expected one of {', '.join(k for k in names if '[' not in k)}"
 
 
@@ -250,10 +244,7 @@ MOST_INTERNAL_STEPS = 20_000
 def end_of_step(time: float, step: float, current: float) -> float:
     """End of a step from `time`, which must be the model's time `current` within rounding; all in s.
 
-    Raises
-    ------
-    StepError
-        Another time, or a step that is not > 0 or too small to advance the time.
+    `StepError` for another time, or a step that is not > 0 or too small to advance the time.
     """
     if not step > 0:
         raise StepError("step", step, current, "expected a communication step > 0 s")

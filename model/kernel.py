@@ -154,13 +154,7 @@ class Kernel:
 
 
 def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = IDEAL) -> Callable[[], object]:
-    """A call of a traced Function on parts of a block.
-
-    Raises
-    ------
-    NotInstalledError
-        CasADi is not installed.
-    """
+    """A call of a traced Function on parts of a block; `NotInstalledError` without CasADi."""
     check_installed({TRACER: "to trace the equations, which are not compiled for this machine here"})
     from gough_stewart.model import traced
 

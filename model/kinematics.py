@@ -1,7 +1,7 @@
 """Kinematics of the six legs: vectors, lengths, directions, rates, and the leg Jacobian.
 
 Closure of leg i (paper, fig. 1): l_i = t + R p_i − B_i, with t the position of Op, R from platform to world.
-All functions broadcast over leading axes and are traceable, except `conditioning`, `handedness_of_legs` and
+All functions broadcast over leading axes and are traceable, except `conditioning_of_legs`, `handedness_of_legs` and
 `joint_angles`, which are NumPy only.
 """
 
@@ -116,23 +116,23 @@ def jacobian_of_legs(legs: LegGeometry) -> Array:
     return np.concatenate([legs.direction, cross(legs.arm, legs.direction)], axis=-1)
 
 
-def conditioning(parameters: Parameters, position: Array, orientation: Array) -> Conditioning:
+def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
     """Condition number and smallest singular value of the leg Jacobian, dimensionless.
 
-    J mixes 1 and m, so its angular columns are divided by ρ, the root-mean-square distance of the platform
-    joints from Op: L̇ = (J diag(1, 1/ρ)) [v; ρ ω].
+    J mixes 1 and m, so its angular columns are divided by ρ, the root-mean-square distance of the platform joints from
+    Op: L̇ = (J diag(1, 1/ρ)) [v; ρ ω]. Infinite and 0 where a leg of length 0 has no direction.
     """
-    return conditioning_of_legs(leg_geometry(parameters, position, orientation))
-
-
-def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
-    """Closeness to a singular pose of known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
     scaled, _ = scaled_jacobian_of_legs(legs)
     has_directions = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
     sigma = np.linalg.svd(np.where(has_directions[..., None, None], scaled, 0.0), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         number = np.where(has_directions, sigma[..., 0] / sigma[..., -1], np.inf)
     return Conditioning(np.asarray(number), np.asarray(sigma[..., -1]))
+
+
+def conditioning(parameters: Parameters, position: Array, orientation: Array) -> Conditioning:
+    """`conditioning_of_legs` at poses: position [m], orientation [rad] (..., 3)."""
+    return conditioning_of_legs(leg_geometry(parameters, position, orientation))
 
 
 def condition_number_bound(matrix: Array) -> Array:
@@ -173,10 +173,9 @@ def joint_angles(
     )
     # Rᵀ u: R_ab u_ia summed over a
     in_platform, in_platform_home = (R * u[..., :, None]).sum(axis=-2), (R_home * u_home[..., :, None]).sum(axis=-2)
-    return _angle_between(u, u_home), _angle_between(in_platform, in_platform_home)
-
-
-def _angle_between(a: Array, b: Array) -> Array:
-    """Angle between unit vectors (..., 3), accurate near 0: 2 atan2(|a − b|, |a + b|)."""
-    minus, plus = a - b, a + b
-    return np.asarray(2 * np.arctan2(np.sqrt(dot(minus, minus)), np.sqrt(dot(plus, plus))))
+    angles = []
+    for a, b in ((u, u_home), (in_platform, in_platform_home)):
+        # between unit vectors, accurate near 0: 2 atan2(|a − b|, |a + b|)
+        minus, plus = a - b, a + b
+        angles.append(np.asarray(2 * np.arctan2(np.sqrt(dot(minus, minus)), np.sqrt(dot(plus, plus)))))
+    return angles[0], angles[1]

@@ -24,6 +24,7 @@ from gough_stewart.model.interface import nearest, unit_text
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import (
     FACTOR_OF,
+    LIMITS,
     NEEDED,
     PHYSICAL,
     TABLE,
@@ -106,24 +107,21 @@ class Platform(PlatformFields):
 
     def __repr__(self) -> str:
         """Name, masses, geometry, home pose and limits, one line each."""
-        legs = leg_geometry(self, self.home_position, self.home_orientation).length
-        limits = [
-            f"{name} {_shown(getattr(self, name))} {unit_text(row.unit)}"
-            for name, row in TABLE.items()
-            if row.default is None and getattr(self, name) is not None
-        ]
-        masses = [_range(of_legs(self, f"leg_{part}_mass"), ".6g") for part in ("lower", "upper")]
+        legs = _range(leg_geometry(self, self.home_position, self.home_orientation).length)
+        lower, upper = (_range(of_legs(self, f"leg_{part}_mass"), ".6g") for part in ("lower", "upper"))
         base, joints = (
             _range(np.linalg.norm(points - points.mean(axis=0), axis=1))
             for points in (self.base_points, self.platform_points)
         )
+        pose = f"position ({_shown(self.home_position)}) m, orientation ({_shown(self.home_orientation)}) rad"
+        stated = [row for row in LIMITS if getattr(self, row.name) is not None]
+        limits = ", ".join(f"{row.name} {_shown(getattr(self, row.name))} {unit_text(row.unit)}" for row in stated)
         return (
             f"Platform {self.name}\n"
-            f"  masses   platform {self.platform_mass:.6g} kg, legs 6 × ({masses[0]} + {masses[1]}) kg\n"
+            f"  masses   platform {self.platform_mass:.6g} kg, legs 6 × ({lower} + {upper}) kg\n"
             f"  joints   {base} m about the base's middle, {joints} m about the platform's\n"
-            f"  home     position ({_shown(self.home_position)}) m, orientation ({_shown(self.home_orientation)}) rad, "
-            f"legs {_range(legs)} m\n"
-            f"  limits   {', '.join(limits) or 'none stated'}"
+            f"  home     {pose}, legs {legs} m\n"
+            f"  limits   {limits or 'none stated'}"
         )
 
     def _repr_html_(self) -> str:
@@ -271,34 +269,37 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 @lru_cache(maxsize=16)
 def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
     """The platform in a TOML text; a `PlatformFileError`, also of invalid values, refers to the text as `where`."""
+    numeric = {name: row.unit for name, row in TABLE.items() if not row.words}
+    units = numeric | UNITS_OF_CIRCLES
     try:
-        values = {name: _file_value(name, value) for name, value in toml_values(text).items()}
+        # texts such as "300 mm" as numbers in SI units; words and texts as they are
+        values = {
+            name: in_si(name, value, units[name]) if name in units else value
+            for name, value in toml_values(text).items()
+        }
     except ValueError as error:
         raise PlatformFileError(where, str(error)) from error
     if "controller" in values and "loop" in values:
-        raise PlatformFileError(
-            where, "is an experiment; expected a platform file, as printed by `gough-stewart presets`"
-        )
+        expected = "expected a platform file, as printed by `gough-stewart presets`"
+        raise PlatformFileError(where, f"is an experiment; {expected}")
     for key in values:
         if key not in _FILE_KEYS:
             raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, _FILE_KEYS)}")
+
+    def are_numbers(value: object) -> bool:
+        """NumPy would convert TOML's texts, booleans and dates, or fail obscurely."""
+        return all(map(are_numbers, value)) if isinstance(value, list) else type(value) in (int, float)
+
     try:
         values = joints_of_keys(values)
         if missing := [name for name in NEEDED if name not in values]:
             raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
         for key, value in values.items():
-            is_number = key in TABLE and not TABLE[key].words
-            if is_number and not isinstance(value, np.ndarray) and not _are_numbers(value):
+            if key in numeric and not isinstance(value, np.ndarray) and not are_numbers(value):
                 raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
         return Platform(**by_leg(values))
     except PlatformError as error:
         raise PlatformFileError(where, str(error)) from error
-
-
-def _file_value(name: str, value: Any) -> Any:
-    """A value of a file, with texts such as "300 mm" as numbers in SI units; words and texts as they are."""
-    unit = TABLE[name].unit if name in TABLE and not TABLE[name].words else UNITS_OF_CIRCLES.get(name)
-    return value if unit is None else in_si(name, value, unit)
 
 
 def platform_to_toml(platform: Platform) -> str:
@@ -400,11 +401,6 @@ def load_preset(name: str) -> Platform:
     >>> gs.load_preset("motion_base").platform_mass
     """
     return platform_from_toml(preset_text(name), f"preset '{name}'")
-
-
-def _are_numbers(value: object) -> bool:
-    """Whether a value consists of numbers: NumPy would convert TOML's texts, booleans and dates, or fail obscurely."""
-    return all(map(_are_numbers, value)) if isinstance(value, list) else type(value) in (int, float)
 
 
 class Platforms(Sequence[Platform]):

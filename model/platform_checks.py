@@ -228,12 +228,7 @@ def by_leg(values: Mapping[str, Any]) -> dict[str, Any]:
 
     `leg_viscous_friction` = (c_1 … c_6) becomes c = Σ c_i / 6 and `leg_viscous_friction_factor` = c_i / c. The
     parameter stays a scalar: in a batch, six values would be ambiguous between six platforms and six legs. All other
-    values are unchanged.
-
-    Raises
-    ------
-    PlatformError
-        Six values together with factors, or a value below the bound of the table.
+    values are unchanged. `PlatformError` for six values beside factors, or a value below its bound.
     """
     spread = dict(values)
     for name, factor in FACTOR_OF.items():

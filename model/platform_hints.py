@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gough_stewart.model.friction import law_of_bristles
 from gough_stewart.model.interface import LUGRE, Variant
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
-from gough_stewart.model.parameters import PlatformFields
+from gough_stewart.model.parameters import PlatformFields, of_legs
 from gough_stewart.model.platform_checks import shared_joints
 from gough_stewart.model.vectors import FloatArray, dot
 
@@ -32,13 +32,8 @@ _PAIRS = np.array([*combinations(range(6), 2)])
 
 def platform_hints(platform: PlatformFields) -> tuple[str, ...]:
     """One line for each thing that looks like a mistake."""
-    hints = (
-        _unit_hints(platform),
-        _shared_joint_hints(platform),
-        _joint_order_hints(platform),
-        _friction_hints(platform),
-    )
-    return tuple(hint for kind in hints for hint in kind)
+    kinds = (_unit_hints, _shared_joint_hints, _joint_order_hints, _friction_hints)
+    return tuple(hint for hints_of in kinds for hint in hints_of(platform))
 
 
 def _unit_hints(platform: PlatformFields) -> list[str]:
@@ -95,10 +90,9 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
     """
     base, hints = platform.base_points, []
     remedy = "check the order of base_points and platform_points: joint i of one belongs to joint i of the other"
-    orders = np.array(list(permutations(range(6))))
+    orders, (i, j) = np.array(list(permutations(range(6)))), _PAIRS.T
     joints: Any = SimpleNamespace(base_points=base, platform_points=platform.platform_points[orders])
     legs = leg_geometry(joints, platform.home_position, platform.home_orientation)
-    i, j = _PAIRS.T
     meet = shared_joints(base)[i, j] | shared_joints(platform.platform_points)[orders[:, i], orders[:, j]]
     pair, share = _closest(base, base + legs.vector[0], meet[0])
     if share < _CLOSEST:
@@ -107,18 +101,15 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
             f"home, so real legs would collide; {remedy}"
         )
     numbers = conditioning_of_legs(legs).condition_number
-    low = 0.0 if platform.leg_length_min is None else platform.leg_length_min
-    high = np.inf if platform.leg_length_max is None else platform.leg_length_max
+    low, high = of_legs(platform, "leg_length_min", 0.0), of_legs(platform, "leg_length_max", np.inf)
     fits = np.all((legs.length >= low) & (legs.length <= high), axis=-1)
     better = np.argsort(numbers, kind="stable")
     for k in better[_BETTER * numbers[better] <= numbers[0]]:
         if fits[k] and _closest(base, base + legs.vector[k], meet[k])[1] >= _CLOSEST:
             order = ", ".join(str(joint + 1) for joint in orders[k])
-            hints.append(
-                f"the leg Jacobian has a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g} with "
-                f"the platform joints in the order {order}; {remedy}"
-            )
-            break
+            both = f"a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g}"
+            named = f"the leg Jacobian has {both} with the platform joints in the order {order}; {remedy}"
+            return [*hints, named]
     return hints
 
 

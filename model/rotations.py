@@ -29,14 +29,12 @@ def matrix_from_orientation(orientation: Array) -> Array:
     orientation = np.asarray(orientation)
     ca, cb, cg = (np.cos(orientation[..., i]) for i in range(3))
     sa, sb, sg = (np.sin(orientation[..., i]) for i in range(3))
-    return np.stack(
-        [
-            np.stack([cg * cb, cg * sb * sa - sg * ca, cg * sb * ca + sg * sa], axis=-1),
-            np.stack([sg * cb, sg * sb * sa + cg * ca, sg * sb * ca - cg * sa], axis=-1),
-            np.stack([-sb, cb * sa, cb * ca], axis=-1),
-        ],
-        axis=-2,
+    rows = (
+        (cg * cb, cg * sb * sa - sg * ca, cg * sb * ca + sg * sa),
+        (sg * cb, sg * sb * sa + cg * ca, sg * sb * ca - cg * sa),
+        (-sb, cb * sa, cb * ca),
     )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def angular_velocity_from_orientation_rate(orientation: Array, rate: Array) -> Array:
@@ -81,10 +79,7 @@ def orientation_rate_from_angular_velocity(orientation: Array, angular_velocity:
 def orientation_from_matrix(rotation: Array) -> Array:
     """Roll, pitch, yaw (..., 3) [rad] of rotation matrices (..., 3, 3); |β| < π/2, α and γ in (−π, π].
 
-    Raises
-    ------
-    OrientationError
-        The matrix is not a rotation, or its pitch is within `PITCH_MARGIN` of ±90°.
+    `OrientationError` for no rotation, or a pitch within `PITCH_MARGIN` of ±90°.
     """
     rotation = np.asarray(rotation, dtype=float)
     if rotation.shape[-2:] != (3, 3):
@@ -106,14 +101,9 @@ def orientation_from_matrix(rotation: Array) -> Array:
 def angles_of(rotation: Array) -> Array:
     """Roll, pitch, yaw (..., 3) [rad] of rotation matrices, unchecked."""
     cos_pitch = np.hypot(rotation[..., 0, 0], rotation[..., 1, 0])
-    return np.stack(
-        [
-            arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
-            arctan2(-rotation[..., 2, 0], cos_pitch),
-            arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
-        ],
-        axis=-1,
-    )
+    roll = arctan2(rotation[..., 2, 1], rotation[..., 2, 2])
+    yaw = arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
+    return np.stack([roll, arctan2(-rotation[..., 2, 0], cos_pitch), yaw], axis=-1)
 
 
 def nearest_angle(angle: Array, near: Scalars) -> Array:

@@ -446,13 +446,7 @@ class CompiledStepper:
 
 @cache
 def stepper_library(variant: Variant) -> PyDLL:
-    """The library of a variant: what came with the package, else what was compiled here.
-
-    Raises
-    ------
-    NotInstalledError
-        It did not come with the package, and cannot be compiled.
-    """
+    """The library of a variant: what came with the package, else compiled here; `NotInstalledError` if it cannot be."""
     library = kernel_library() if variant == IDEAL else None
     if library is not None:
         return library
@@ -498,13 +492,7 @@ class ScipyStepper:
         return self._kernel.outputs(self.x, self.u, self.p)
 
     def step(self, time: float, step: float) -> None:
-        """Integrate from the present time to `time + step`.
-
-        Raises
-        ------
-        StepError
-            The pose is beyond a limit at the end of an internal step, or the tolerance cannot be met.
-        """
+        """Integrate from the present time to `time + step`; `StepError` beyond a pose's limit or the tolerance."""
         from scipy.integrate import DOP853, LSODA, Radau  # a third of a second of imports
 
         start, end, tolerance = self._time, time + step, self._tolerance

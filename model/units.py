@@ -49,13 +49,7 @@ def unit_typed(text: str) -> str:
 
 
 def number(value: object, unit: str) -> float:
-    """A quantity as a number in SI units.
-
-    Raises
-    ------
-    ValueError
-        Neither a finite number nor a string with a number and a unit of this kind.
-    """
+    """A quantity as a number in SI units; `ValueError` unless it is finite, or a string with a unit of this kind."""
     if type(value) is float and abs(value) <= LARGEST:  # of many members most are, and the checks below are slow
         return value
     if unit == PLAIN:
@@ -84,13 +78,7 @@ def _of_this_world(size: float) -> float:
 
 
 def plain_number(value: object) -> float:
-    """A finite number without unit; neither a string nor a boolean.
-
-    Raises
-    ------
-    ValueError
-        Anything else.
-    """
+    """A finite number without unit; `ValueError` for strings, booleans and all else."""
     try:
         return float(real_array(value, ()))
     except ValueError:
@@ -100,10 +88,7 @@ def plain_number(value: object) -> float:
 def in_si(name: str, value: Any, unit: str) -> Any:
     """A value with each text in it, "20 mm", as a number in SI units, arrays as lists; all else as it is.
 
-    Raises
-    ------
-    ValueError
-        A text that is no quantity of this unit, with the name.
+    `ValueError` with the name for a text that is no quantity of this unit.
     """
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()

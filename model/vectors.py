@@ -22,14 +22,8 @@ def dot(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Vector product a×b of (..., 3) vectors."""
-    return np.stack(
-        [
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ],
-        axis=-1,
-    )
+    (ax, ay, az), (bx, by, bz) = ((v[..., 0], v[..., 1], v[..., 2]) for v in (a, b))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def centripetal(omega: Array, arm: Array) -> Array:
@@ -41,9 +35,7 @@ def skew(a: Array) -> Array:
     """Matrix ã (..., 3, 3) with ã b = a×b; eq. (4) of Liu, Li & Li (2000)."""
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     o = 0 * x
-    return np.stack(
-        [np.stack([o, -z, y], axis=-1), np.stack([z, o, -x], axis=-1), np.stack([-y, x, o], axis=-1)], axis=-2
-    )
+    return np.stack([np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 
 
 def apply(matrix: Array, vector: Array) -> Array:
@@ -79,8 +71,7 @@ def per_leg(value: Scalars) -> Array:
 def first_of_largest(values: FloatArray) -> Any:
     """Index along the first axis of the first value within a part in 10⁹ of the largest; of a NaN, if there is one.
 
-    Peaks of a periodic motion or a symmetric platform are equal but for rounding, which differs between processors and
-    must not decide which of them is told.
+    Peaks of a symmetric platform are equal but for rounding, which must not decide which of them is told.
     """
     values = np.asarray(values)
     largest = values.max(axis=0)
@@ -90,14 +81,7 @@ def first_of_largest(values: FloatArray) -> Any:
 
 
 def real_array(value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """A float64 copy of real, finite numbers of this shape.
-
-    Raises
-    ------
-    ValueError
-        Texts, booleans, None, complex or ragged input, another shape, NaN or infinity; the message has the value found
-        and the expectation.
-    """
+    """A float64 copy of real, finite numbers of this shape; `ValueError` has the value found and the expectation."""
     expected = "one number" if shape == () else f"numbers of shape {shape}"
     try:
         array = np.array(value)

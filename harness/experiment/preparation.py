@@ -563,7 +563,7 @@ class Preparation:
                         f"controller at {change.at:g} s has the structure {after}; expected that of the "
                         f"experiment's, {before}"
                     )
-                most = limited_platform(platform, force_limit).actuator_force_max
+                most = one_or_each([limited_platform(platform, force_limit).actuator_force_max])
                 actuators = Actuators(most, drives.rate_limit, drives.lag, delay)
                 settings = LoopSettings(getattr(law, "system", None), Sensors(**dict(sensors)), actuators)
                 turned.append(Change(sample * timing.sample_time, settings=settings))

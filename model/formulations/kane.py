@@ -131,18 +131,9 @@ def solve(
 ) -> KaneSolution:
     """Accelerations and multipliers from the augmented 54×54 system; (30), (31).
 
-    [[A, Φ_qᵀ], [Φ_q, 0]] [ẏ; λ] = [D; −Φ̇_q y − 2 α Φ_q y − β² Φ].
-
-    Parameters
-    ----------
-    actuator_force
-        (..., 6) [N], positive extends the leg.
-    external_wrench
-        [force; torque about Op] (..., 6) on the platform in world components [N, N m].
-    baumgarte
-        (α, β) [1/s]; the paper: "usually equal to one another with values between 1 and 20". (0, 0) is none.
-    axial_inertia
-        About u of each leg part [kg m²]; has no influence on the motion.
+    [[A, Φ_qᵀ], [Φ_q, 0]] [ẏ; λ] = [D; −Φ̇_q y − 2 α Φ_q y − β² Φ], under actuator forces (..., 6) [N] and a wrench at
+    Op (..., 6) [N, N m]. Baumgarte's (α, β) [1/s]: the paper has "values between 1 and 20", (0, 0) is none. The inertia
+    of leg parts about u [kg m²] has no influence on the motion.
     """
     u, (omega, slide_rate), g = configuration.leg_rotation[..., 0], _leg_speeds(y), parameters.gravity[..., None, :]
     K, D = np.zeros((*y.shape[:-1], 54, 54)), np.zeros((*y.shape[:-1], 54))
@@ -247,26 +238,9 @@ def integrate(
     """Integrate eq. (31) under constant inputs from a configuration and speeds y (30,), consistent or not.
 
     States: six leg orientations and the platform's as quaternions (so that the paper's d(R)/dt = ω~ R, eq. (3), keeps
-    R a rotation), six slides, the position of Op, and the 30 generalized speeds y.
-
-    Parameters
-    ----------
-    time
-        Increasing output times (n,) [s], beginning with the start time.
-    baumgarte
-        (α, β) [1/s]; the paper takes both between 1 and 20.
-    rtol
-        Relative tolerance, and absolute tolerance in SI units.
-    own_steps
-        Output at the integrator's own steps between the first and the last time, which shows the drift
-        of the constraints without interpolation errors.
-    progress
-        Called with the simulation time.
-
-    Raises
-    ------
-    StepError
-        The integration failed.
+    R a rotation), six slides, the position of Op, and the 30 generalized speeds y. Output at increasing times (n,) [s],
+    or at the integrator's own steps between the first and the last, which shows the drift of the constraints without
+    interpolation errors. `rtol` is also the absolute tolerance in SI units. `StepError` if the integration failed.
     """
     wrench = np.concatenate([inputs.external_force, inputs.external_torque])
     legs, body = (Rotation.from_matrix(R).as_quat() for R in (configuration.leg_rotation, configuration.rotation))

@@ -15,7 +15,7 @@ import os
 import platform
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import resources
@@ -53,15 +53,12 @@ def prebuilt(name: str, state: str) -> Path | None:
     line: Mapping[str, str] | None = _manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
         return None
-    path = PREBUILT / line["file"]
-    try:
+    path, is_whole = PREBUILT / line["file"], False
+    with suppress(OSError):
         is_whole = sha256(path.read_bytes()).hexdigest() == line["sha256"]
-    except OSError:
-        is_whole = False
     if not is_whole:
         _warn(f"{path} is damaged and is not used; install the package again")
-        return None
-    return path
+    return path if is_whole else None
 
 
 def prebuilt_content(name: str, state: str) -> bytes | None:

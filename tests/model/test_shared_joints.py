@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.rotations import matrix_from_orientation
-from tests.support.lagrangian import Pose, forces_along
 from tests.support.platform_files import loaded, written
 from tests.support.shared_joints import SHARED, SIX_THREE, THREE_THREE
 from tests.support.uneven import INPUTS, STATE, UNEVEN
@@ -35,14 +33,6 @@ def test_accelerations_and_joint_forces_are_those_of_kane_and_newton_euler(platf
 
 
 @both
-def test_forces_at_rest_are_those_of_a_lagrangian(platform: gs.Platform) -> None:
-    """Expected: energies and automatic differentiation, in a pose off home."""
-    pose = np.concatenate([STATE.position, STATE.orientation])[None]
-    expected = forces_along(platform, Pose(pose, 0 * pose, 0 * pose))[0]
-    assert gs.static_leg_forces(platform, STATE.position, STATE.orientation) == pytest.approx(expected, rel=1e-10)
-
-
-@both
 def test_a_log_of_lengths_gives_the_poses_that_it_came_from(platform: gs.Platform) -> None:
     """Expected: the poses, by compiled code for rows and by NumPy for one."""
     t = np.linspace(0, 3, 200)[:, None]
@@ -53,52 +43,6 @@ def test_a_log_of_lengths_gives_the_poses_that_it_came_from(platform: gs.Platfor
     assert rows.position == pytest.approx(position, abs=1e-10)
     assert rows.orientation == pytest.approx(orientation, abs=1e-10)
     assert np.append(one.position, one.orientation) == pytest.approx(np.append(position[60], orientation[60]), abs=1e-9)
-
-
-@both
-def test_a_loop_in_lanes_and_its_judge_move_as_kane_does(platform: gs.Platform, tmp_path: Path) -> None:
-    """Expected: the constrained equations of motion of all bodies, integrated; constant forces for 0.2 s."""
-    gs.save_platform(platform, tmp_path / "mine.toml")
-    (tmp_path / "fall.toml").write_text(
-        f"""
-        title = "fall"
-        [platform]
-        file = "mine.toml"
-        [start]
-        {"".join(f"{name} = {value.tolist()}; ".replace("; ", chr(10)) for name, value in STATE._asdict().items())}
-        [plant]
-        tolerance = 1e-10
-        [controller]
-        type = "open_loop"
-        force = {INPUTS.actuator_force.tolist()}
-        [loop]
-        duration = 0.2
-        sample_time = 0.01
-        [ensemble]
-        members = 2
-        platform_mass = {{ factor = {{ uniform = [1.0, 1.0000001] }} }}
-        """
-    )
-    inputs = INPUTS._replace(external_force=np.zeros(3), external_torque=np.zeros(3))
-    expected = kane.integrate(platform, *kane.consistent_start(platform, STATE), inputs, np.array([0.0, 0.2])).platform
-    fall = tmp_path / "fall.toml"
-    for record in (gs.run(fall, member=0), gs.run(fall, plant="model"), gs.run(fall, plant="scipy")):
-        assert record["position"][-1] == pytest.approx(expected.position[-1], abs=2e-7)
-        assert record["orientation"][-1] == pytest.approx(expected.orientation[-1], abs=2e-7)
-
-
-@both
-def test_qualities_of_poses_are_those_of_joints_a_hair_apart(platform: gs.Platform) -> None:
-    """Expected: those of a platform with each joint moved by 20 um, which no legs share; a pose is out of reach."""
-    moved = 2e-5 * np.random.default_rng(3).normal(size=(2, 6, 3))
-    apart = replace(
-        platform, base_points=platform.base_points + moved[0], platform_points=platform.platform_points + moved[1]
-    )
-    poses = STATE.position + np.array([[0, 0, 0], [0.3, -0.2, 0.1], [0, 0.6, -0.3], [2.6, 0, -1.2]])
-    shared, separate = (gs.evaluate_poses(one, poses, STATE.orientation) for one in (platform, apart))
-    for name in ("condition_number", "joint_angle_margin", "singular_margin", "force_margin"):
-        assert getattr(shared, name) == pytest.approx(getattr(separate, name), rel=1e-3), name
-    assert shared.reachable.tolist() == separate.reachable.tolist() == [True, True, True, False]
 
 
 def test_files_and_circles_have_shared_joints() -> None:

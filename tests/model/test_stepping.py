@@ -23,10 +23,8 @@ from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.model import stepping
 from tests.support.documented_loop import accelerations, twist_of_rates
-from tests.support.energy_balance import energy_balance
 from tests.support.plain_motion import trajectory
-from tests.support.printed_machine import motion_by_radau
-from tests.support.real_platforms import VARIANTS, real_platform
+from tests.support.real_platforms import real_platform
 from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, Integrator, forces, moving, stepped
 from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
@@ -556,62 +554,6 @@ def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     assert model.get("motor_position") == pytest.approx(legs, rel=1e-15)
 
 
-@pytest.mark.parametrize(("friction", "springs"), VARIANTS)
-def test_work_becomes_energy_and_losses(friction: str, springs: bool) -> None:
-    """Expected: ΔE + losses, these integrated by themselves from the printed laws; from presliding to sliding and back.
-
-    Of steps under error control at 1e-11, and of fixed steps of 1 ms.
-    """
-    platform = real_platform(friction, springs)
-    inputs = np.zeros((6, 12))
-    inputs[:, :6] = [platform.home_actuator_force + 90 * np.sin(1.1 * k + np.arange(6)) for k in range(6)]
-    for fixed, bound in ((0.0, 5e-9), (1e-3, 1e-5)):
-        if fixed and friction == "smooth":
-            continue
-        model = SteppingModel(platform, 1e-11, fixed)
-        model.set_many(MOTION)
-        states = [model.state]
-        for k, u in enumerate(inputs):
-            model.set_inputs(u)
-            model.do_step(1e-3 * k, 1e-3)
-            states.append(model.state)
-        balance = energy_balance(platform, np.array(states), inputs, 1e-3)
-        assert balance.throughput > 0.05
-        assert balance.losses > 0.01 * balance.throughput
-        assert balance.gap <= bound * balance.throughput
-
-
-@pytest.mark.parametrize(
-    ("friction", "springs", "tolerance"),
-    [
-        ("elasto_plastic", True, 1e-6),
-        *(
-            pytest.param(*case, marks=pytest.mark.evidence)
-            for case in product(("elasto_plastic", "lugre"), (False, True), (1e-8,))
-        ),
-    ],
-)
-def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
-    friction: str, springs: bool, tolerance: float
-) -> None:
-    """Legs slide, four of them reverse. Expected: equations and integration that share nothing with the model's."""
-    platform = real_platform(friction, springs)
-    model = SteppingModel(platform, tolerance=1e-11)
-    model.set("velocity", [0.03, -0.02, 0.05])
-    force = platform.home_actuator_force + np.array([-90, 15, -70, -110, 12, -60])
-    model.set("actuator_force", force)
-    start = model.state
-    expected = motion_by_radau(platform, start, force, 8e-3, tolerance)
-    model.do_step(0.0, 8e-3)
-    # Radau's accuracy: of velocities the tolerance, poses and bristles are better
-    bounds = np.full(len(start), 2 * tolerance)
-    bounds[:6], bounds[12:18] = 0.01 * tolerance, 1e-4 * tolerance
-    # the rates of roll, pitch and yaw are not the angular velocity
-    gap = np.delete(np.abs(model.state - expected) / bounds, slice(9, 12))
-    assert gap.max() < 1
-    assert np.ptp(np.sign(model.state[12:18])) == 2
-
-
 @pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
 def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
     """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
@@ -645,24 +587,6 @@ def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str,
     assert 3e-6 < heights[0] < 2e-5
     drift = heights[-1] - heights[-2]
     assert drift > 1e-8 if friction == "lugre" else abs(drift) < 1e-9
-
-
-def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
-    """Expected: the rigid plant without friction; legs stretch by F/k, so poses differ by ∝ 1/k under smooth forces."""
-    frictionless = {"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
-    stiffness, ends = [0.0, 1e7, 1e8, 1e9], []
-    for k in stiffness:
-        platform = real_platform("smooth", True, **frictionless, leg_stiffness=k, leg_damping=0.0)
-        model = SteppingModel(platform, tolerance=1e-11)
-        model.set_many(MOTION)
-        for n in range(20):
-            model.set("actuator_force", platform.home_actuator_force + 40 * np.sin(0.2 * n + np.arange(6)))
-            model.do_step(1e-3 * n, 1e-3)
-        ends.append(model.state[:6])
-    errors = np.abs(np.array(ends[1:]) - ends[0]).max(axis=1)
-    order = -np.polyfit(np.log(stiffness[1:]), np.log(errors), 1)[0]
-    assert errors[-1] > 1e-9  # not of the tolerance
-    assert order == pytest.approx(1.0, abs=0.1)
 
 
 def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

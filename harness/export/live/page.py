@@ -114,8 +114,9 @@ def page_data(experiment: Experiment) -> dict[str, Any]:
     live = live_machine(experiment)
     machine = live.prepared.machine
     lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
-    low = float(np.min(machine.leg_length_min or 0.9 * lengths))
-    high = float(np.max(machine.leg_length_max or 1.1 * lengths))
+    shortest, longest = machine.leg_length_min, machine.leg_length_max
+    low = float(np.min(0.9 * lengths if shortest is None else shortest))
+    high = float(np.max(1.1 * lengths if longest is None else longest))
     lower = min(0.97 * low, 0.53 * high)
     return {
         **live.data,

@@ -58,6 +58,8 @@ def test_with_held_motors_modes_are_those_that_simscape_printed(simscape: Platfo
     A = np.asarray(linearise(simscape).A)
     # held: their states, the last twelve, do not move
     assert frequencies(A[:12, :12]) == pytest.approx(PRINTED, rel=1e-3)
+    home = simscape.home_position, simscape.home_orientation
+    assert gs.evaluate_poses(simscape, *home).first_mode == pytest.approx(PRINTED[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("platform", [real_platform(springs=True), None])

@@ -66,8 +66,8 @@ class PushesHard:
         return np.full(6, 1e3)
 
 
-@pytest.mark.parametrize("controller", [None, "python"])
-def test_each_leg_has_its_own_limits(controller: str | None) -> None:
+@pytest.mark.parametrize("case", ["compiled", "python", "settings that change"])
+def test_each_leg_has_its_own_limits(case: str) -> None:
     """Expected: commands clipped to each leg's force, and shares of each leg's limits, by NumPy from the record."""
     speeds = [0.1, 0.2, 0.3, 0.15, 0.25, 0.12]
     limits = {
@@ -77,13 +77,11 @@ def test_each_leg_has_its_own_limits(controller: str | None) -> None:
     }
     reference = {"type": "hold", "position": [0.0, 0.0, 2.9]}
     experiment = experiment_of("pd", loop={**LOOP, "duration": 0.2}, reference=reference, limits={"reference": "warn"})
-    law = None if controller is None else lambda *_: np.full(6, 1e3)
-    try:
-        run = gs.run(
-            experiment, {f"platform.parameters.{name}": value for name, value in limits.items()}, controller=law
-        )
-    except TypeError as error:  # pragma: no cover
-        pytest.fail(str(error))
+    law = PushesHard() if case == "python" else None
+    changes: dict[str, Any] = {"change": [{"at": 0.1, "delay": 2}]} if case == "settings that change" else {}
+    experiment = gs.Experiment(**{**dict(experiment), **changes})
+    settings = {f"platform.parameters.{name}": value for name, value in limits.items()}
+    run = gs.run(experiment, settings, controller=law)
     force = np.abs(run["actuator_force"])
     assert (force.max(axis=0) <= np.array(FORCES) * (1 + 1e-12)).all()
     assert run["flag.force_limited"].any()

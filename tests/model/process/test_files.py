@@ -1,6 +1,5 @@
 """Files are written whole, and as one set; what a killed process leaves goes, what a living one writes stays."""
 
-import json
 import logging
 import os
 import subprocess
@@ -186,19 +185,6 @@ def test_what_a_killed_process_left_is_removed_and_said(
     assert names(tmp_path) == {".mine.part", ".hidden", "table.part", ".download.12345678.part.txt", "other"}
     assert len(caplog.messages) == 1
     assert all(name in caplog.messages[0] for name in both)
-
-
-@posix
-def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
-    """Expected: a run that is killed while it writes; the next one names what is gone, and is otherwise the same."""
-    command = [sys.executable, "-m", "gough_stewart", "check", "heave_step", "--out", "out"]
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / ".check.json.0a1b2c3d.part").write_bytes(b"{")
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "removed from out what a command left that was killed: .check.json.0a1b2c3d.part" in done.stderr
-    assert not [name for name in names(tmp_path / "out") if name.endswith(".part")]
-    assert json.loads((tmp_path / "out" / "check.json").read_bytes())
 
 
 @posix
