@@ -61,7 +61,7 @@ def compiled_timer(folder: Path) -> Path:
         "-target",
         target.triple,
         *flags,
-        *target.flags_of("unit"),
+        *(["-fPIC"] if target.suffix == ".so" else []),
         "-I",
         ".",
     ]

@@ -86,7 +86,7 @@ def build(
     models = {mjcf_name(platform): mjcf(platform)} if "mjcf" in forms else {}
     component, versions = plant_component(platform), chosen_versions(fmi)
     return build_units(
-        component, out, fmi=versions if "fmu" in forms else None, targets=targets, progress=progress, more=models
+        component, out, fmi=versions if "fmu" in forms else None, targets=targets, progress=progress, extra_files=models
     )
 
 
@@ -104,13 +104,13 @@ def build_units(
     fmi: Iterable[str] | None = VERSIONS,  # None: no unit
     targets: Iterable[str] = ("native",),
     progress: StepProgress | None = None,
-    more: Mapping[str, bytes] | None = None,  # files that are written with them
+    extra_files: Mapping[str, bytes] | None = None,  # which are written with them
 ) -> list[Path]:
     """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; see `build` for arguments and errors."""
-    folder, others, systems = Path(out), more or {}, chosen_targets(targets)
+    folder, extra, systems = Path(out), extra_files or {}, chosen_targets(targets)
     versions = () if fmi is None else chosen_versions(fmi)
-    check_output_folder(folder, [*others, *(file_name(version, component.file_stem) for version in versions)])
-    contents = {**unit_archives(component, versions, systems, progress), **others}
+    check_output_folder(folder, [*extra, *(file_name(version, component.file_stem) for version in versions)])
+    contents = {**unit_archives(component, versions, systems, progress), **extra}
     write_files(folder, contents)
     return [folder / name for name in contents]
 

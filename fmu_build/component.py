@@ -124,9 +124,9 @@ class Sources(NamedTuple):
         """Both."""
         return self.units | self.headers
 
-    def __or__(self, others: "Sources") -> "Sources":
-        """These and others."""
-        return Sources(self.units | others.units, self.headers | others.headers)
+    def __or__(self, added: "Sources") -> "Sources":
+        """These and others, which replace those of the same name."""
+        return Sources(self.units | added.units, self.headers | added.headers)
 
 
 class Icon(NamedTuple):

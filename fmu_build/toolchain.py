@@ -103,25 +103,25 @@ class Compiler(NamedTuple):
         zig builds the C library of Windows anew for each kind of processor, in minutes; so only the files are compiled
         for that.
         """
-        of_system = {".dylib": [f"-Wl,-install_name,@rpath/{Path(library).stem}.dylib"], ".so": ["-fPIC"]}
-        name, ending = of_system.get(target.suffix, []), ["-I", include, *files, "-o", library, "-lm"]
+        by_suffix = {".dylib": [f"-Wl,-install_name,@rpath/{Path(library).stem}.dylib"], ".so": ["-fPIC"]}
+        of_system, ending = by_suffix.get(target.suffix, []), ["-I", include, *files, "-o", library, "-lm"]
         if not self.is_zig:
             if Path(self.command[0]).stem.lower() == "cl":
                 options = ("/nologo", "/LD", "/O2", "/std:c11", "/fp:precise", "/MT")
                 return [[*self.command, *options, "/I", include, *files, f"/Fe:{library}"]]
             accepted = (flag for flag in flags if not (flag == "-s" and target.suffix == ".dylib"))
-            return [[*self.command, *accepted, *name, *ending]]
+            return [[*self.command, *accepted, *of_system, *ending]]
         aim = [*self.command, "-target", target.triple]
         general = [flag for flag in flags if not flag.startswith("-mcpu=")]
         if target.suffix != ".dll" or len(general) == len(flags):
-            return [[*aim, *flags, *_UNORDERED.get(target.name, ()), *name, *ending]]
+            return [[*aim, *flags, *_UNORDERED.get(target.name, ()), *of_system, *ending]]
         plain = [flag for flag in flags if flag not in ("-shared", "-s")]
         objects = [f"{k}.obj" for k in range(len(files))]
         compiled = [
             [*aim, *plain, "-I", include, "-c", file, "-o", object_file]
             for file, object_file in zip(files, objects, strict=True)
         ]
-        return [*compiled, [*aim, *general, *name, "-I", include, *objects, "-o", library, "-lm"]]
+        return [*compiled, [*aim, *general, *of_system, "-I", include, *objects, "-o", library, "-lm"]]
 
 
 def zig() -> Compiler:

@@ -4,7 +4,7 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 """
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -104,10 +104,10 @@ class CompiledLanes:
         self.features = library.features  # of the processor that it was compiled for: equal texts mean equal bits
         self.library = ctypes.CDLL(str(library.path))
         # the function of c/loop, if it is there
-        self.loop_run = getattr(self.library, "loop_run", None)
+        self.loop_run: Callable[..., int] | None = getattr(self.library, "loop_run", None)
         number, count, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
         if self.loop_run is not None:
-            self.loop_run.restype = count
+            self.library.loop_run.restype = count
         for name, result, arguments in (
             ("check", count, tuple[Any, ...]()),
             ("step", count, (number, count, number, array)),
@@ -192,8 +192,6 @@ class LanesPlant(Plant):
         self.substeps, self.tolerance = substeps, tolerance
         self._kernel = kernel or _of_plants_alone(variant)
         self.features, self.columns = self._kernel.features, variant.columns
-        # of c/loop, if it is in the machine code; then call `begin` and, at last, `came_to`
-        self.loop_run = self._kernel.loop_run
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
@@ -210,6 +208,11 @@ class LanesPlant(Plant):
         self.internal_steps, self.integration_error = (
             numbers[: len(platforms)] for numbers in (batch.internal_steps, batch.error)
         )
+
+    @property
+    def loop_run(self) -> Callable[..., int] | None:
+        """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
+        return self._kernel.loop_run
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""

@@ -78,6 +78,7 @@ class Plant(Protocol):
 
     def close(self) -> None:
         """Release the plant's resources, by default nothing; may be called again."""
+        return
 
     def __enter__(self) -> Self:
         return self

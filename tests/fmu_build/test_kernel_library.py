@@ -75,8 +75,8 @@ def test_it_evaluates_as_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
         for name in FUNCTIONS:
             getattr(library, PREFIX + name)(kernel.address_of(block))
             kernel.traced_call(name, theirs)()
-        for name, part in theirs.items():
-            np.testing.assert_allclose(ours[name], part, rtol=0, atol=1e-13 * np.abs(part).max(), err_msg=name)
+        for name, values in theirs.items():
+            np.testing.assert_allclose(ours[name], values, rtol=0, atol=1e-13 * np.abs(values).max(), err_msg=name)
     shipped = {name: np.array(values) for name, values in numbers().items()}
     monkeypatch.setattr("gough_stewart.model.kernel.traced_call", None)
     taken, point = Kernel(), [shipped[name] for name in "xup"]

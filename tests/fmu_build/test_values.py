@@ -314,7 +314,7 @@ def test_a_leg_has_collapsed_below_a_thousandth_of_the_arms_and_may_lean_anyhow(
     for leg in range(6):
         for share, is_refused in ((0.99, True), (1.01, False)):
             length = share * 1e-3 * np.sqrt((UNEVEN.platform_points**2).sum() / 6)
-            foot = UNEVEN.base_points[leg] - turn.apply(UNEVEN.platform_points[leg])
+            foot = UNEVEN.base_points[leg] - turn.apply(np.array(UNEVEN.platform_points[leg]))
             with plant(fmu, co_simulation=False) as p:
                 p.start()
                 p.set_states([*(foot + length * np.array([0.6, 0.0, 0.8])), 0.0, 0.0, 0.2, *[0.0] * 6])

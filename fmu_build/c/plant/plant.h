@@ -16,7 +16,7 @@ typedef struct {
     double internal_step; /* size of the next one; 0 before the first */
     double handedness;    /* sign of det J at the start of the motion; 0 before the start */
     double fixed_step_size;
-    double largest_step; /* of fixed steps under these parameters, see stable_step.c; 0 before the first */
+    double largest_step; /* of fixed steps under these parameters, see `stable_step`; 0 before the first */
     double inputs[N_INPUTS];
     double input_rates[N_INPUTS]; /* du/dt from the current time on */
     double x[N_STATES];
@@ -73,9 +73,6 @@ int check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS]
 int check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
 /* Motors are near the lengths of the legs at the start. */
 int check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
-/* LARGEST_PRODUCT over the largest |eigenvalue| of the plant at rest in this pose, all legs sticking; infinite for the
-   ideal plant, which has no such modes. */
-double stable_step(const double x[N_STATES], const double u[N_INPUTS], const double p[N_PARAMETERS]);
 INTERNAL_END
 
 #endif

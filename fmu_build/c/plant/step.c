@@ -1,9 +1,37 @@
-#include "step.h"
+/* A communication step of the plant: internal steps under error control or of equal size, with steps.h. */
+#define WIDTH 1
+#include "plant.h"
+#include "steps.h"
 
 #include <float.h>
 #include <math.h>
 
 #include "kernel.h"
+
+/* The current communication step. Internal steps move the component's time, states and derivatives. */
+typedef struct {
+    component *c;
+    const step_observer *observer;
+    int interpolates;
+    double since; /* time at which the inputs had the values of `from` */
+    double from[N_INPUTS];
+    double size; /* of the next internal step; of the last one if it was too small, or the largest that is possible */
+} communication_step;
+
+/* A step from t over h, for the rates in its stages. */
+typedef struct {
+    const communication_step *step;
+    double t, h;
+} span;
+
+typedef enum {
+    REACHED_END,
+    GIVEN_UP,        /* the component's message says why */
+    STEP_TOO_SMALL,  /* the tolerance cannot be met */
+    TOO_MANY_STEPS,
+    NOT_FINITE,      /* in fixed steps */
+    TOO_FAST         /* a fixed step needs more than MOST_SUBSTEPS, which reach `size` of it */
+} integration;
 
 static void inputs_at(const communication_step *step, double t, double u[N_INPUTS])
 {
@@ -11,7 +39,8 @@ static void inputs_at(const communication_step *step, double t, double u[N_INPUT
         u[i] = step->from[i] + step->c->s.input_rates[i] * (t - step->since);
 }
 
-void find_rates(const communication_step *step, double t, const double x[N_STATES], double rate[N_STATES])
+/* f(t, x) */
+static void find_rates(const communication_step *step, double t, const double x[N_STATES], double rate[N_STATES])
 {
     double u[N_INPUTS];
     if (step->interpolates)
@@ -19,11 +48,187 @@ void find_rates(const communication_step *step, double t, const double x[N_STATE
     kernel_derivatives(x, step->interpolates ? u : step->c->s.inputs, step->c->s.p, rate);
 }
 
-void find_stage_rates(const void *of_span, double share, const double x[N_STATES], double rate[N_STATES])
+/* Implements `find_stage`. */
+static void find_stage_rates(const void *of_span, double share, const double x[N_STATES], double rate[N_STATES])
 {
     const span *s = of_span;
     find_rates(s->step, s->t + share * s->h, x, rate);
 }
+
+/* ---- legs that stick --------------------------------------------------------------------------------------------- */
+
+#if HAS_BRISTLES
+/* Fixed steps of legs that stick: by steps.h, with w = nu + gain (z - z0) in place of the velocities nu that friction
+   brakes, divided where they do not resolve a bristle.
+
+   Friction has the part sigma1 dz/dt, which falls within 1/d, a hundredth of a step of 1 ms at speed. Its sum over the
+   stages of a step would be wrong by a factor of up to h d; its integral is sigma1 times a difference of z. So in place of
+   the velocities nu that friction brakes a step has w = nu + gain (z - z0), with the gain at its begin: dw/dt has nothing
+   of sigma1 dz/dt but what the gain changes within the step. Likewise the weights of RK4 give a wrong integral of z where
+   z falls within a step. ETDRK4 has it exactly, as of a state that -z drives, and its difference from the sum of RK4 is
+   taken from the velocities at the end. Without decay that is 0, and all is RK4.
+
+   The error of the bristles costs next to nothing: with the rate at the end instead of that of the fourth stage the scheme
+   has order 3, and their distance is that of these rates times the stage's coefficient. That is blind to a kink between
+   the stages: where a leg reverses, the error of Simpson's rule over the kink is added. Where v crosses 0, the slope of
+   d z jumps by the slope of v times |d z/v|; the rule's error for max(0, a (t - tau)) is a h^2 (theta^2/2 - theta/6),
+   theta = tau/h or 1 - tau/h below 1/2: about a h^2 theta (1 - theta)/6, at most 0.042 a h^2. A step that is off by more
+   than RESOLUTION of a bristle's reach is divided. Of the accelerations dw/dt there is the same distance, in units of what
+   Coulomb friction would give: modes of elastic legs, which RK4 damps, are resolved while a jump of the force lets them
+   ring. */
+
+/* of the motors if legs are elastic, else of the platform */
+#if HAS_SPRINGS
+enum { X_BRAKED = X_MOTOR_VELOCITY };
+#else
+enum { X_BRAKED = X_VELOCITY };
+#endif
+
+static const double LARGEST_FACTOR = 4, SMALLEST_FACTOR = 0.1, SAFETY = 0.8;
+
+/* What friction does within a step, see kernel_grip. */
+typedef struct {
+    double decay[N_LEGS], gain[N_LEGS * N_LEGS], ratio[N_LEGS], reach[N_LEGS], sliding[N_LEGS];
+} grip;
+
+/* The same equations with w for nu, over a step from t. */
+typedef struct {
+    span of_step;
+    grip of_legs;
+    double start[N_LEGS]; /* z0 */
+} momentum;
+
+/* v += sign gain b */
+static void add_gain(const momentum *m, double sign, const double b[N_LEGS], double v[N_LEGS])
+{
+    for (int k = 0; k < N_LEGS; k++)
+        for (int i = 0; i < N_LEGS; i++)
+            v[i] += sign * m->of_legs.gain[N_LEGS * k + i] * b[k];
+}
+
+/* The state of y. */
+static void leave_momentum(const momentum *m, const double y[N_STATES], double x[N_STATES])
+{
+    double bent[N_LEGS];
+    for (int i = 0; i < N_LEGS; i++)
+        bent[i] = y[X_LEG_BRISTLE + i] - m->start[i];
+    memcpy(x, y, sizeof(double) * N_STATES);
+    add_gain(m, -1, bent, x + X_BRAKED);
+}
+
+static void rates_in_momentum(const void *owner, double share, const double y[N_STATES], double rate[N_STATES])
+{
+    const momentum *m = owner;
+    double x[N_STATES];
+    leave_momentum(m, y, x);
+    find_stage_rates(&m->of_step, share, x, rate);
+    add_gain(m, 1, rate + X_LEG_BRISTLE, rate + X_BRAKED);
+}
+
+/* The integral of z over a step of ETDRK4 less the sum of RK4: phi_2, phi_3, phi_4 in place of phi_1, phi_2, phi_3. */
+static double missed_integral(const bristle *b, double h)
+{
+    const double *phi = b->phi, *z = b->z, *n = b->n;
+    if (b->decay == 0)
+        return 0;
+    double exact = phi[1] * z[0] + h * ((phi[2] - 3 * phi[3] + 4 * phi[4]) * n[0] +
+                                        (2 * phi[3] - 4 * phi[4]) * (n[1] + n[2]) + (4 * phi[4] - phi[3]) * n[3]);
+    return h * (exact - (z[0] + 2 * (z[1] + z[2]) + z[3]) / 6);
+}
+
+/* Adds the errors of bristles whose leg turns within the step from x to `end`. */
+static void add_reversals(const momentum *m, const double x[N_STATES], const double end[N_STATES], double error[N_LEGS])
+{
+    const double *p = m->of_step.step->c->s.p;
+    double after[N_LEGS], decay[N_LEGS];
+    int known = 0;
+    kernel_sliding(end, p, after);
+    for (int k = 0; k < N_LEGS; k++) {
+        double before = m->of_legs.sliding[k];
+        if (!(before * after[k] < 0))
+            continue;
+        if (!known)
+            kernel_decays(end, p, decay);
+        known = 1;
+        double kink = fabs(m->of_legs.decay[k] * x[X_LEG_BRISTLE + k] / before) +
+                      fabs(decay[k] * end[X_LEG_BRISTLE + k] / after[k]);
+        error[k] += kink * m->of_step.h / 6 * fabs(before * after[k] / (after[k] - before));
+    }
+}
+
+/* The largest error of dw/dt over a step, the distance from its rates in the last stage, those of a scheme of order 3, to
+   the rate at the end, in units of what Coulomb friction of all legs would give. */
+static double share_of_friction(const momentum *m, const double last_rate[N_STATES], const double end_rate[N_STATES])
+{
+    double end[N_LEGS], friction[N_LEGS] = {0}, largest = 0;
+    memcpy(end, end_rate + X_BRAKED, sizeof end);
+    add_gain(m, 1, end_rate + X_LEG_BRISTLE, end);
+    for (int k = 0; k < N_LEGS; k++)
+        for (int i = 0; i < N_LEGS; i++)
+            friction[i] += fabs(m->of_legs.gain[N_LEGS * k + i]) * m->of_legs.ratio[k] * m->of_legs.reach[k];
+    for (int i = 0; i < N_LEGS; i++)
+        largest = fmax(largest, fabs(end[i] - last_rate[X_BRAKED + i]) / (10 * friction[i]));
+    return largest;
+}
+
+/* One undivided step from (t, x) with the rate there to `end` with its rate; the largest error of bristles and
+   accelerations in units of their RESOLUTION, infinite for a step that has diverged. */
+static double momentum_step(const communication_step *step, double t, double h, const double x[N_STATES],
+                            const double rate[N_STATES], double end[N_STATES], double end_rate[N_STATES])
+{
+    momentum m = {.of_step = {step, t, h}};
+    double last[N_STATES], missed[N_LEGS], error[N_LEGS], largest = 0;
+    stages s;
+    grip *g = &m.of_legs;
+    kernel_grip(x, step->c->s.p, g->decay, g->gain, g->ratio, g->reach, g->sliding);
+    for (int k = 0; k < N_LEGS; k++)
+        s.bristles[k].decay = g->decay[k];
+    memcpy(m.start, x + X_LEG_BRISTLE, sizeof m.start);
+    memcpy(s.rate[0], rate, sizeof s.rate[0]);
+    add_gain(&m, 1, s.rate[0] + X_LEG_BRISTLE, s.rate[0] + X_BRAKED);
+    take_step(&s, h, x, rates_in_momentum, &m, last);
+    leave_momentum(&m, last, end);
+    for (int k = 0; k < N_LEGS; k++)
+        missed[k] = g->ratio[k] * missed_integral(&s.bristles[k], h);
+    add_gain(&m, -1, missed, end + X_BRAKED);
+    find_rates(step, t + h, end, end_rate);
+    if (!all_finite(end, N_STATES) || !all_finite(end_rate, N_STATES))
+        return INFINITY;
+    for (int k = 0; k < N_LEGS; k++) {
+        const bristle *b = &s.bristles[k];
+        int i = X_LEG_BRISTLE + k;
+        error[k] = fabs(b->last * (end_rate[i] + b->decay * end[i] - b->n[3]));
+    }
+    add_reversals(&m, x, end, error);
+    for (int k = 0; k < N_LEGS; k++)
+        largest = fmax(largest, error[k] / (RESOLUTION * g->reach[k]));
+    return fmax(largest, share_of_friction(&m, s.rate[3], end_rate) / FORCE_RESOLUTION);
+}
+
+/* A fixed step to `end`, divided where needed: the state there and its derivatives. REACHED_END or TOO_FAST. */
+static integration sticking_step(communication_step *step, double end, double x[N_STATES], double rate[N_STATES])
+{
+    const component *c = step->c;
+    double start = c->s.time, t = start, size = end - t, next[N_STATES], next_rate[N_STATES];
+    memcpy(x, c->s.x, sizeof c->s.x);
+    memcpy(rate, c->xdot, sizeof c->xdot);
+    for (int tried = 0; tried < MOST_SUBSTEPS; tried++) {
+        double parts = ceil((end - t) / size - 1e-9), h = (end - t) / parts;
+        double error = momentum_step(step, t, h, x, rate, next, next_rate);
+        double factor = error > 0 ? SAFETY * pow(error, -0.25) : LARGEST_FACTOR;
+        size = h * fmin(LARGEST_FACTOR, fmax(SMALLEST_FACTOR, factor));
+        if (!(error <= 1))
+            continue;
+        memcpy(x, next, sizeof next);
+        memcpy(rate, next_rate, sizeof next_rate);
+        if (parts == 1)
+            return REACHED_END;
+        t += h;
+    }
+    step->size = t > start ? t - start : size;
+    return TOO_FAST;
+}
+#endif
 
 /* Moves the component to the end of an internal step: time, states, inputs and derivatives. 0 if it cannot be there. The
    observer may reduce the end of the communication step, and set inputs. */
@@ -53,7 +258,7 @@ static int arrive(communication_step *step, double t, const double x[N_STATES], 
     return 1;
 }
 
-/* ---- error control -------------------------------------------------------------------------------------------- */
+/* ---- error control ----------------------------------------------------------------------------------------------- */
 
 static integration integrate_controlled(communication_step *step, double end, double tolerance)
 {
@@ -85,7 +290,7 @@ static integration integrate_controlled(communication_step *step, double end, do
     return REACHED_END;
 }
 
-/* ---- fixed steps ---------------------------------------------------------------------------------------------- */
+/* ---- fixed steps ------------------------------------------------------------------------------------------------- */
 
 /* One step to t: the state there and its derivatives. */
 static integration fixed_step(communication_step *step, double t, double x[N_STATES], double rate[N_STATES])
@@ -140,7 +345,79 @@ static integration integrate_fixed(communication_step *step, double end, double 
     return REACHED_END;
 }
 
-/* ---- the communication step ----------------------------------------------------------------------------------- */
+/* ---- the largest fixed step -------------------------------------------------------------------------------------- */
+
+#if HAS_BRISTLES || HAS_SPRINGS
+/* |A^1024|^(1/1024) is within 2 % of the spectral radius for norms that differ by 10^9. */
+enum { SQUARINGS = 10 };
+
+static double largest_element(double a[N_STATES][N_STATES])
+{
+    double largest = 0;
+    for (int i = 0; i < N_STATES; i++)
+        for (int j = 0; j < N_STATES; j++)
+            largest = fmax(largest, fabs(a[i][j]));
+    return largest;
+}
+
+static void square(double a[N_STATES][N_STATES])
+{
+    double product[N_STATES][N_STATES];
+    memset(product, 0, sizeof product);
+    for (int i = 0; i < N_STATES; i++)
+        for (int k = 0; k < N_STATES; k++)
+            for (int j = 0; j < N_STATES; j++)
+                product[i][j] += a[i][k] * a[k][j];
+    memcpy(a, product, sizeof product);
+}
+
+static double spectral_radius(double a[N_STATES][N_STATES])
+{
+    double logarithm = 0, power = 1;
+    for (int k = 0;; k++) {
+        double size = largest_element(a);
+        if (!(size > 0))
+            return 0;
+        logarithm += log(size) / power;
+        if (k == SQUARINGS)
+            return exp(logarithm);
+        for (int i = 0; i < N_STATES; i++)
+            for (int j = 0; j < N_STATES; j++)
+                a[i][j] /= size;
+        square(a);
+        power *= 2;
+    }
+}
+
+/* LARGEST_PRODUCT over the largest |eigenvalue| of the plant at rest in this pose, all legs sticking. */
+static double stable_step(const double x[N_STATES], const double u[N_INPUTS], const double p[N_PARAMETERS])
+{
+    static const double no_input[N_INPUTS] = {0}, no_parameter[N_PARAMETERS] = {0};
+    double rest[N_STATES], direction[N_STATES] = {0}, change[N_STATES], results[N_RESULTS], a[N_STATES][N_STATES];
+    memcpy(rest, x, sizeof rest);
+    memset(rest + X_VELOCITY, 0, sizeof(double) * 6);
+#if HAS_BRISTLES
+    memset(rest + X_LEG_BRISTLE, 0, sizeof(double) * N_LEGS);
+#endif
+#if HAS_SPRINGS
+    memset(rest + X_MOTOR_VELOCITY, 0, sizeof(double) * N_LEGS);
+#endif
+    for (int k = 0; k < N_STATES; k++) {
+        direction[k] = 1;
+        kernel_forward(rest, u, p, direction, no_input, no_parameter, change, results);
+        direction[k] = 0;
+        for (int i = 0; i < N_STATES; i++)
+            a[i][k] = change[i];
+    }
+    double largest = LARGEST_PRODUCT / spectral_radius(a);
+#if HAS_BRISTLES
+    largest = fmin(largest, LARGEST_FIXED_STEP);
+#endif
+    return largest;
+}
+#endif
+
+/* ---- the communication step -------------------------------------------------------------------------------------- */
 
 /* The failure of an integration that gave up; one of `arrive` has been explained. */
 static void explain_failure(const communication_step *step, integration how, double end)
@@ -177,18 +454,19 @@ static int forces_are_unset(const component *c)
 /* A step in which the modes of sticking or elastic legs would grow, or rest where they should not, is refused. */
 static outcome check_fixed_step(component *c, double time, double step)
 {
+#if HAS_BRISTLES || HAS_SPRINGS
     if (!(c->s.fixed_step_size > 0))
         return DONE;
     double h = step / number_of_steps(time, time + step, c->s.fixed_step_size);
     double largest = c->s.largest_step > 0 ? c->s.largest_step : stable_step(c->s.x, c->s.inputs, c->s.p);
     /* the difference of two rounded times may be larger than the size that was set */
-    if (h <= largest * (1 + 1e-9)) {
-        /* rigid legs without bristles have no limit; a saved state is finite */
-        c->s.largest_step = isfinite(largest) ? largest : 0;
-        return DONE;
-    }
-    return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs that stick or give like these; "
-                       "expected at most %.3g s, or 0 for error control", h, largest);
+    if (!(h <= largest * (1 + 1e-9)))
+        return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs that stick or give "
+                           "like these; expected at most %.3g s, or 0 for error control", h, largest);
+    c->s.largest_step = isfinite(largest) ? largest : 0; /* a saved state is finite */
+#endif
+    (void)c, (void)time, (void)step;
+    return DONE;
 }
 
 outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached)

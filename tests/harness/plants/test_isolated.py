@@ -116,7 +116,7 @@ def test_it_answers_and_refuses_as_in_process(fmus: dict[str, Fmu]) -> None:
             with pytest.raises(StepError) as caught:
                 plant.do_step(0.05, 1.0)
             assert (caught.value.value, caught.value.time) == (1.0, 0.05)
-    assert np.array_equal(*results)
+    assert np.array_equal(results[0], results[1])
 
 
 def test_it_is_freed_and_leaves_nothing(unit: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

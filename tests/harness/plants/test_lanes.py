@@ -62,14 +62,9 @@ def members(n: int, seed: int = 7) -> tuple[list[gs.Platform], list[gs.State], F
     starts, inputs = [], []
     for platform in platforms:
         size = platform.characteristic_length
-        starts.append(
-            gs.State(
-                platform.home_position + size * rng.uniform(-0.1, 0.1, 3),
-                platform.home_orientation + rng.uniform(-0.1, 0.1, 3),
-                size * rng.uniform(-0.3, 0.3, 3),
-                rng.uniform(-0.3, 0.3, 3),
-            )
-        )
+        moved, turned = size * rng.uniform(-0.1, 0.1, 3), rng.uniform(-0.1, 0.1, 3)
+        rates = size * rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3)
+        starts.append(gs.State(platform.home_position + moved, platform.home_orientation + turned, *rates))
         inputs.append(held(platform) + 0.1 * random_inputs(platform, rng).to_vector())
     return platforms, starts, np.array(inputs)
 
