@@ -8,7 +8,6 @@ from jinja2 import Environment, StrictUndefined
 from gough_stewart.harness.control.manual import TRANSFER_TIME
 from gough_stewart.harness.export.design import Designed, Ranges
 from gough_stewart.harness.export.laws import FunctionLaw
-from gough_stewart.harness.export.tables import path_deviation, path_of
 from gough_stewart.harness.export.trace import Traced
 from gough_stewart.model.parameters import Variable
 
@@ -31,7 +30,6 @@ def header(
     in words; `flash` are bytes of constants in double and in single precision.
     """
     measured, reference = designed.measured, designed.reference_variables
-    path = path_of(designed.reference) if switches["HAS_PATH"] else None
     safe_forces = (
         "0",
         f"the feedforward{', of the last good reference if that is the fault' if reference else ''}",
@@ -47,7 +45,6 @@ def header(
         ordinal=_ordinal,
         work=work,
         flash=flash,
-        path_deviation="" if path is None else path_deviation(designed.platform, designed.reference, path),  # type: ignore[arg-type]
         deviation=deviation,
         transfer_time=TRANSFER_TIME,
         frozen=designed.faults.frozen,

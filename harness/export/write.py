@@ -334,7 +334,7 @@ def operations_of(functions: Traced) -> dict[str, int]:
 
 # --- what single precision costs --------------------------------------------------------------------------------------
 
-# Of a run, at most [s].
+# Of a run that does not follow a path, at most [s].
 _COMPARED = 2.5
 # More than any controller's coefficients and memory [bytes].
 _ROOM = 1 << 20
@@ -343,9 +343,11 @@ _ROOM = 1 << 20
 def deviation_of(experiment: Experiment, designed: Designed, prefix: str, controller: Any = None) -> str:
     """What single precision costs, in words: forces of the code compiled here, on what a run in the harness measured.
 
-    The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's.
+    The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's, but
+    for the rounding of a path, which is stated too.
     """
-    loop = experiment.loop.model_copy(update={"duration": min(experiment.loop.duration, _COMPARED)})
+    has_path, duration = path_of(designed.reference) is not None, experiment.loop.duration
+    loop = experiment.loop.model_copy(update={"duration": duration if has_path else min(duration, _COMPARED)})
     quiet: dict[str, Any] = {"change": [], "disturbance": [], "fault": [], "injection": None}
     prepared = prepare(experiment.model_copy(update={"loop": loop, **quiet}), controller)
     with prepared.law_in_a_run() as law:
@@ -361,12 +363,17 @@ def deviation_of(experiment: Experiment, designed: Designed, prefix: str, contro
         return f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
     deviation, largest = forces - expected, float(np.abs(expected).max())
     most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
-    share = f"{most / largest:.2g}" if largest > 0 else "all"
-    return (
+    text = (
         f"With {prefix.upper()}_REAL=float, forces deviate from those in double precision, in "
-        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, {share} of the largest "
+        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, "
+        f"{f'{most / largest:.2g}' if largest > 0 else 'all'} of the largest "
         f"force; in root mean square by {mean_square**0.5:.2g} N."
     )
+    if has_path and not designed.carried.has_steps:
+        commanded = np.clip(run.command[:samples], -designed.force_limit, designed.force_limit)
+        share = float(np.abs(expected - commanded).max()) / largest
+        text += f" The path is rounded: in double precision, forces differ from those of a run by {share:.2g} of these."
+    return text
 
 
 def _forces(designed: Designed, real: str, rows: list[FloatArray]) -> FloatArray:
