@@ -358,8 +358,9 @@ class LinearLaw:
         if off is not None:
             np.copyto(self._x, product_of_members(self._rest_columns, self._xu[len(self._x) :]), where=off)
             are_due = are_due & ~off
-        force, following = np.split(product_of_members(self._columns, self._xu), [N_LEGS])
-        np.copyto(self._x, following, where=are_due)
+        force_and_state = product_of_members(self._columns, self._xu)
+        np.copyto(self._x, force_and_state[N_LEGS:], where=are_due)
+        force = force_and_state[:N_LEGS]
         return (force if self.inverses is None else product_of_members(self.inverses[k], force)).T
 
     def _feed(self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: Any) -> None:
