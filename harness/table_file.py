@@ -54,13 +54,7 @@ class Heading(NamedTuple):
         return cls(column, parts[1], parts[3].strip())
 
     def factor(self, units: Mapping[str, float]) -> float:
-        """What converts the column to the first of these units, each with its factor; 1 without a unit.
-
-        Raises
-        ------
-        ValueError
-            Another unit; names those that are known.
-        """
+        """What converts the column to the first of these units, each with its factor; 1 without a unit."""
         if self.unit is None:
             return 1.0
         unit = unit_typed(self.unit)
@@ -71,18 +65,7 @@ class Heading(NamedTuple):
 
 
 def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
-    """The table of a file: of CSV as strings, of Parquet with its own types.
-
-    Parameters
-    ----------
-    what
-        The kind of file for messages: "reference", "log".
-
-    Raises
-    ------
-    TableError
-        The file cannot be read, or is neither CSV nor Parquet.
-    """
+    """The table of a file, a `what` in messages, such as "log": of CSV as strings, of Parquet with its own types."""
     import polars  # slow to import, and the schema of experiments uses this module without it
 
     try:
@@ -98,15 +81,7 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
 
 
 def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: bool = False) -> FloatArray:
-    """A column as numbers (n,); `remedy` ends the message for non-numeric values.
-
-    With `gaps`, values that are empty or "nan" are NaN.
-
-    Raises
-    ------
-    TableError
-        The column appears twice, or has values that are not finite numbers; names the first row, counted from 1.
-    """
+    """A column as numbers (n,), with `gaps` NaN where it is empty or "nan"; a `TableError` ends with the remedy."""
     import polars
 
     if f"{name}_duplicated_0" in table.columns:
@@ -117,15 +92,8 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: 
     numbers = column.cast(polars.Float64, strict=False)
     if gaps:
         empty = column.is_null() | (column.cast(polars.String).str.to_lowercase().is_in(["", "nan"]))
-        return np.where(
-            empty,
-            np.nan,
-            numbers_of(
-                table.with_columns(column.zip_with(~empty, polars.zeros(len(column), eager=True).cast(column.dtype))),
-                name,
-                remedy,
-            ),
-        )
+        filled = column.zip_with(~empty, polars.zeros(len(column), eager=True).cast(column.dtype))
+        return np.where(empty, np.nan, numbers_of(table.with_columns(filled), name, remedy))
     bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
     if bad:
         value = column[bad[0]]
@@ -140,18 +108,13 @@ def times_of(table: "polars.DataFrame", name: str, remedy: str = "") -> tuple[fl
 
     Integers are subtracted as integers: nanoseconds since 1970 have more digits than a floating-point number. Dates and
     times by ISO 8601, such as 2024-05-01T12:00:00.25Z, are in seconds since 1970; without a zone they are UTC.
-
-    Raises
-    ------
-    TableError
-        The column appears twice, or has values that are not finite numbers.
     """
     import polars
 
     if has_dates(table, name):
         moments = table[name].to_list() if table[name].dtype == polars.String else table[name].dt.epoch("ns").to_list()
         nanoseconds = [_nanoseconds(moment, name, k + 1) for k, moment in enumerate(moments)]
-        return nanoseconds[0] / 1e9, np.array([each - nanoseconds[0] for each in nanoseconds], dtype=float) / 1e9
+        return nanoseconds[0] / 1e9, np.array([moment - nanoseconds[0] for moment in nanoseconds], dtype=float) / 1e9
     numbers = numbers_of(table, name, remedy)
     integers = table[name].cast(polars.Int64, strict=False)
     is_exact = len(integers) and not (integers.null_count() or table[name].dtype.is_float())
@@ -198,14 +161,9 @@ def _nanoseconds(moment: str | int | None, name: str, row: int) -> int:
 
 
 def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 0.0) -> NDArray[np.intp]:
-    """The rows to keep of times (n,) [s] and values (n, m): not those that repeat the row before with its time.
+    """The rows to keep of times (n,) [s] since a first one and values (n, m): not those that repeat the row before.
 
-    In the message `first` is added to the times.
-
-    Raises
-    ------
-    TableError
-        Two rows of one time have different values; names the second, counted from 1.
+    Two rows of one time with different values are refused.
     """
     same_time = np.diff(since) == 0
     differ = ~((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
@@ -227,13 +185,7 @@ def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 
 
 
 def _text_of(content: bytes) -> str:
-    """The text of a file: UTF-8, UTF-16 with its mark, or the code page 1252 of Windows.
-
-    Raises
-    ------
-    TableError
-        None of them.
-    """
+    """The text of a file: UTF-8, UTF-16 with its mark, or the code page 1252 of Windows."""
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
             return content.decode("utf-16")
@@ -253,11 +205,6 @@ def _columns_of(text: str) -> "polars.DataFrame":
 
     Blank rows, rows that begin with #, and blanks around names and values are left out. Columns are separated by
     semicolons or tabulators if the header has any, else by commas.
-
-    Raises
-    ------
-    TableError
-        Not CSV, or numbers with points and with commas.
     """
     import polars
 
