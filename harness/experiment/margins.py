@@ -431,7 +431,10 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, drives = prepared.loop, prepared.loop.actuators
-    usual = dict(zip(("position", "orientation"), _pose(prepared), strict=True)) | {
+    position, orientation = _pose(prepared)
+    usual: dict[str, Any] = {
+        "position": position,
+        "orientation": orientation,
         "sample_time": loop.timing.sample_time,
         "delay": drives.delay,
         "lag": drives.lag,
@@ -469,7 +472,8 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
         ("lag", lag, f"the actuators' lag of {lag:g} s"),
         ("late", late, f"the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter"),
     ):
-        if value and is_stable_with(**{name: 0}):
+        without: dict[str, Any] = {name: 0}
+        if value and is_stable_with(**without):
             remedies.append(f"it is stable without {words}")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time

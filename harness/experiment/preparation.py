@@ -578,10 +578,11 @@ class Preparation:
             known=KnownAhead(
                 platform,
                 timing.sample_time,
-                forces,
-                forces if injected is None else forces + injected,
-                *(np.inf if most is None else most for most in (force_limit, rate_limit)),
-                MappingProxyType(choice.design(platform, timing.sample_time).parameters),
+                feedforward=forces,
+                planned=forces if injected is None else forces + injected,
+                force_limit=np.inf if force_limit is None else force_limit,
+                rate_limit=np.inf if rate_limit is None else rate_limit,
+                gains=MappingProxyType(choice.design(platform, timing.sample_time).parameters),
             ),
             turned=tuple(change for change in turned if change.time < timing.duration),
         )

@@ -254,7 +254,7 @@ RMS deg: platform_joint_angle_rms
 """
 
 
-def numbers(row: Any) -> list[float | None]:
+def numbers(row: Any) -> list[Any]:
     return [cell.value for cell in row[1:]]
 
 
@@ -271,9 +271,9 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
     assert {row[0] for row in rows} == {*names, *NAMES.values()}
     for label, *cells in rows:
         found = limits[{**names, **{text: name for name, text in NAMES.items()}}[str(label)]]
-        by_legs, times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
+        by_legs, at = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
         worst = int(by_legs.argmax())
-        assert cells == [by_legs[worst], "" if label in names else str(worst + 1), times[worst]]
+        assert cells == [by_legs[worst], "" if label in names else str(worst + 1), at[worst]]
     expected = [part.strip().split(": ") for line in SHOWN.strip().splitlines() for part in line.split(";")]
     shown = {"mm": "m", "mm/s": "m/s", "m/s²": "m/s2", "deg": "rad"}
     for row, (label, name) in zip(said.tables["Needs of each leg"].rows, expected, strict=True):
