@@ -186,18 +186,36 @@ class LoopMargins(Margins):
         sections = [Section("Margins", _margin_tables(self)), Section("Design", _design_tables(self))]
         if charts:
             sections.append(Section("Responses", (*_responses(self), _step(self.transfer))))
+        numbers, disk, common = _numbers(self), self.disk, self.common
+        by_path = {number.path: number for number in numbers}
+        gain, guaranteed = (by_path[path].value for path in ("margins.gain", "margins.disk_gain"))
+        alone = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
+        bears = [
+            "any gain" if gain is None else f"{at_least(DECIBEL, gain)} of gain",
+            f"{at_least(ANGLE, common.phase)} of phase" if math.isfinite(common.phase) else "any phase",
+            f"{at_least(_DELAY, common.delay)} of further delay" if math.isfinite(common.delay) else "any delay",
+        ]
+        text = sentence(
+            [
+                f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
+                f"each leg by itself may change by {alone} or {at_least(ANGLE, disk.phase)}",
+                f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
+                self.doubt,
+            ]
+        )
+        carried = tuple(by_path[f"margins.{name}"] for name in ("disk", "gain", "phase", "delay"))
         lag = f", lag of the drives {about(TIME, self.lag)}" if self.lag else ""
         late = f" and up to {about(_DELAY, self.late)} by the sensors' clock and jitter" if self.late else ""
         delay = f"delay of {counted(self.delay, 'sample')}{late}"
         return Report(
             self.title,
-            _verdict(self),
+            Verdict(text, "marginal" if disk.alpha < FRAIL or self.doubt else "good", carried),
             tuple(sections),
             study="margins",
             lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}"
             + (", controller linearised numerically" if self.is_numerical else ""),
             settings=settings_of(self.changed),
-            numbers=_numbers(self),
+            numbers=numbers,
             notes=(
                 *(Note(text, "warning") for text in self.warnings),
                 Note(_LINEAR),
@@ -495,29 +513,6 @@ def decibels(factor: float) -> float:
     return 20 * math.log10(factor) if 0 < factor < math.inf else math.inf
 
 
-def _verdict(analysis: LoopMargins) -> Verdict:
-    """How much gain, phase and delay the loop bears."""
-    disk, common = analysis.disk, analysis.common
-    numbers = {number.path: number for number in _numbers(analysis)}
-    gain, guaranteed = (numbers[path].value for path in ("margins.gain", "margins.disk_gain"))
-    alone = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
-    bears = [
-        "any gain" if gain is None else f"{at_least(DECIBEL, gain)} of gain",
-        f"{at_least(ANGLE, common.phase)} of phase" if math.isfinite(common.phase) else "any phase",
-        f"{at_least(_DELAY, common.delay)} of further delay" if math.isfinite(common.delay) else "any delay",
-    ]
-    text = sentence(
-        [
-            f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
-            f"each leg by itself may change by {alone} or {at_least(ANGLE, disk.phase)}",
-            f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
-            analysis.doubt,
-        ]
-    )
-    carried = tuple(numbers[f"margins.{name}"] for name in ("disk", "gain", "phase", "delay"))
-    return Verdict(text, "marginal" if disk.alpha < FRAIL or analysis.doubt else "good", carried)
-
-
 def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
     doubt, structure = analysis.doubt, analysis.structure
     numbers = _numbers_of_margins(analysis, "", doubt)
@@ -644,17 +639,17 @@ def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
     )
     parts.append(Table("Structural modes", columns, structural))
     first, bandwidth = structure.modes[0].frequency, structure.bandwidth
+    first_mode = f"the first structural mode at {about(FREQUENCY, first, 3)}"
     if bandwidth is not None and math.isnan(bandwidth):
         text = (
-            f"With the first structural mode at {about(FREQUENCY, first, 3)}, this controller has no bandwidth with a "
-            f"disk margin of {structure.disk:g}; a notch, more damping or stiffer legs may give one."
+            f"With {first_mode}, this controller has no bandwidth with a disk margin of {structure.disk:g}; a notch, "
+            "more damping or stiffer legs may give one."
         )
         parts.append(Note(text))
     elif bandwidth is not None:
         text = (
             f"This controller keeps a disk margin of {structure.disk:g} up to a bandwidth of "
-            f"{about(FREQUENCY, bandwidth, 3)}, {bandwidth / first:.2g} of the first structural mode at "
-            f"{about(FREQUENCY, first, 3)}."
+            f"{about(FREQUENCY, bandwidth, 3)}, {bandwidth / first:.2g} of {first_mode}."
         )
         parts.append(Note(text))
     return tuple(parts)

@@ -500,9 +500,8 @@ class Preparation:
         planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
 
         # the start, with angles in the turns of the reference
-        rest, given = np.zeros(3), tables["start"].model_dump(exclude_none=True)
-        start = State(platform.home_position, platform.home_orientation, rest, rest)
-        stated = {name: np.array(value) for name, value in given.items()}
+        stated = {name: np.array(value) for name, value in tables["start"].model_dump(exclude_none=True).items()}
+        start = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
         if planned.motion is not None:
             start = State(*(values[0] for values in planned.motion[:4]))
             if "orientation" in stated:

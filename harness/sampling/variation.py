@@ -156,15 +156,15 @@ def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray
 
 def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
     """The quantile function of a distribution of numbers: normal, uniform, truncated_normal or lognormal."""
-    given, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
-    if len(given) not in sizes:
+    parts, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
+    if len(parts) not in sizes:
         raise ValueError(f"{kind} is {value!r}; expected {wanted} about the present value")
     # one number for all elements, or one for each
     numbers = [
         np.array(plain_number(part))
-        if kind == "lognormal" and k == len(given) - 1
+        if kind == "lognormal" and k == len(parts) - 1
         else _parsed(part, target, target.shape if isinstance(part, list | tuple) else ())
-        for k, part in enumerate(given)
+        for k, part in enumerate(parts)
     ]
     if kind == "truncated_normal" and len(numbers) == 2:  # about the present value, between bounds
         deviation, bound = numbers
