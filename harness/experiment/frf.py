@@ -295,9 +295,9 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
                     f"it would execute {', '.join(code)}, which the record names; if you trust this file, give the "
                     "run's experiment: --experiment FILE.toml, or frf(…, experiment=…)"
                 )
-            then, now = metadata.get("files", {}), digests(chosen) if code else {}
-            executed = [name for name in now if name in code or name.endswith(".py")]
-            changed = [name for name in executed if name in then and then[name] != now[name]]
+            then, today = metadata.get("files", {}), digests(chosen) if code else {}
+            executed = [name for name in today if name in code or name.endswith(".py")]
+            changed = [name for name in executed if name in then and then[name] != today[name]]
             if changed:
                 notes.append(
                     f"{', '.join(changed)} has changed since the run: the linear model is that of today's file"
