@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -656,69 +656,63 @@ def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
 
 
 def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
-    L = analysis.transfer
+    """Gain and phase of each leg's loop with the least margins of all legs, and the singular values of S and T."""
+    L, legs = analysis.transfer, analysis.legs
     low, high = frequency_range(L)
     # the range begins far below the slowest pole, where curves are flat
     omega = np.geomspace(min(30 * low, high / 10), high * (1 - 1e-9), _POINTS)
     frequency = Axis("frequency", FREQUENCY, omega / (2 * math.pi), scale="log")
-    everything = response(L, omega)
-    loops = [one_leg_open(everything, k) for k in range(len(analysis.legs))]
-    angles = []
-    for loop in loops:
+    everything, gain, phase = response(L, omega), list[Series](), list[Series]()
+    for k in range(len(legs)):
+        loop = one_leg_open(everything, k)
         angle = np.unwrap(np.angle(loop))
         angle -= 2 * math.pi * (angle[0] > math.radians(90.5))  # a loop that begins at 180° begins at −180°
-        angles.append(np.where(np.abs(loop) > _BELOW, angle, np.nan))
-    gain = tuple(Series(f"leg {k}", _GAIN, np.abs(loop), leg=k) for k, loop in enumerate(loops, 1))
-    phase = tuple(Series(f"leg {k}", ANGLE, angle, leg=k) for k, angle in enumerate(angles, 1))
-    sigma = []
+        gain.append(Series(f"leg {k + 1}", _GAIN, np.abs(loop), leg=k + 1))
+        phase.append(Series(f"leg {k + 1}", ANGLE, np.where(np.abs(loop) > _BELOW, angle, np.nan), leg=k + 1))
+    sigma = list[Series]()
     roles: tuple[Role, ...] = ("actual", "published")
     for matrices, name, color in zip(sensitivities(L, omega), ("S", "T"), roles, strict=True):
         singular = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=float)
         sigma.append(Series(f"σ({name})", _GAIN, singular[:, 0], color, low=singular[:, -1], high=singular[:, 0]))
-    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
-    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
-    legs = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < frequency.values[-1]]
+
+    # the least gain margins, from the gain of L to 1; the least phase margin, from the phase to ±180°
     role: Role = "marginal" if analysis.disk.alpha < FRAIL else "good"
-    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
-    gain_margins, phase_margins = _spans(analysis.legs, role, frequency.values, angles)
-    alone = "one leg cut, the others closed"
-    log = Axis("gain of L", _GAIN, scale="log")
-    return (
-        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*unity, *legs), spans=gain_margins, group="bode"),
-        Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
-              spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
-        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
-              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
-    )  # fmt: skip
-
-
-def _spans(
-    legs: Sequence[ClassicalMargins], role: Role, frequency: FloatArray, angles: Sequence[FloatArray]
-) -> tuple[tuple[Span, ...], tuple[Span, ...]]:
-    """The least gain margins of all legs, from the gain of L to 1; the least phase margin, from the phase to ±180°."""
+    shown, gains, phases = frequency.values, list[Span](), list[Span]()
 
     def which(leg: ClassicalMargins) -> str:
         # legs that are alike up to rounding are told as any
         spread = max(one_leg.phase for one_leg in legs) - min(one_leg.phase for one_leg in legs)
         return "any leg" if spread < _ALIKE * leg.phase else f"leg {legs.index(leg) + 1}"
 
-    gains: list[Span] = []
     up, down = min(legs, key=lambda leg: leg.gain_up), max(legs, key=lambda leg: leg.gain_down)
     for leg, factor, at in ((up, up.gain_up, up.gain_up_at), (down, down.gain_down, down.gain_down_at)):
-        if frequency[0] <= at <= frequency[-1]:
+        if shown[0] <= at <= shown[-1]:
             low, high = sorted((1.0, 1 / factor))
             size = DECIBEL.text(decibels(high / low))
             gains.append(Span(at, low, high, f"gain margin {size} at {about(FREQUENCY, at, 3)}, {which(leg)}", role))
     least = min(legs, key=lambda leg: leg.phase)
-    if not frequency[0] <= least.phase_at <= frequency[-1]:
-        return tuple(gains), ()
-    angle = angles[legs.index(least)]
-    has_phase = np.isfinite(angle)
-    phase = float(np.interp(math.log(least.phase_at), np.log(frequency[has_phase]), angle[has_phase]))
-    # the odd multiple of 180° that is nearest
-    low, high = sorted((phase, math.pi * (2 * round((phase / math.pi - 1) / 2) + 1)))
-    text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
-    return tuple(gains), (Span(least.phase_at, low, high, text, role),)
+    if shown[0] <= least.phase_at <= shown[-1]:
+        angle = phase[legs.index(least)].values
+        has_phase = np.isfinite(angle)
+        there = float(np.interp(math.log(least.phase_at), np.log(shown[has_phase]), angle[has_phase]))
+        # the odd multiple of 180° that is nearest
+        low, high = sorted((there, math.pi * (2 * round((there / math.pi - 1) / 2) + 1)))
+        text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
+        phases.append(Span(least.phase_at, low, high, text, role))
+
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
+    modes = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < shown[-1]]
+    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
+    alone, log = "one leg cut, the others closed", Axis("gain of L", _GAIN, scale="log")
+    return (
+        Chart(f"gain of L, {alone}", frequency, tuple(gain), y=log, marks=(*unity, *modes), spans=tuple(gains),
+              group="bode"),
+        Chart(f"phase of L, {alone}", frequency, tuple(phase), y=Axis("phase of L", ANGLE), group="bode",
+              spans=tuple(phases), marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
+        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
+              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
+    )  # fmt: skip
 
 
 def _step(L: StateSpace) -> Chart:
