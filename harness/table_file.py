@@ -212,8 +212,11 @@ def _columns_of(text: str) -> "polars.DataFrame":
     if not lines:
         raise TableError("has no rows; expected a header and rows of numbers")
     separator = next((mark for mark in _SEPARATORS if mark in lines[0]), ",")
-    units = _row_of_units(lines, separator)
-    if units is not None:
+    # a second row of units, in brackets or without, "-" where there is none
+    cells = [cell.strip().strip('"').strip("[]()").strip() for cell in "".join(lines[1:2]).split(separator)]
+    n_columns = len(lines[0].split(separator))
+    has_units = len(cells) == n_columns and any(cells) and all(cell in _KNOWN_UNITS for cell in cells)
+    if has_units:
         lines.pop(1)
     try:
         # as strings, so that "true" is not read as a number
@@ -228,38 +231,9 @@ def _columns_of(text: str) -> "polars.DataFrame":
         raise TableError(f"has the column {twice} twice; expected every column once")
     table.columns = names
     table = table.with_columns(polars.all().str.strip_chars())
-    if separator != ",":
-        table = _with_points(table)
-    if units is not None:
-        table.columns = [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)]
-    return table
 
-
-def _row_of_units(lines: list[str], separator: str) -> list[str] | None:
-    """The units in the second row, without brackets; None if it is not one."""
-    if len(lines) < 2:
-        return None
-    cells = [cell.strip().strip('"').strip("[]()").strip() for cell in lines[1].split(separator)]
-    names = lines[0].split(separator)
-    is_one = len(cells) == len(names) and any(cells) and all(cell in _KNOWN_UNITS for cell in cells)
-    return [cell if cell != "-" else "" for cell in cells] if is_one else None
-
-
-def _with_unit(name: str, unit: str) -> str:
-    """A name with the unit of the second row."""
-    heading_unit = Heading.of(name).unit
-    if heading_unit is None or not unit:
-        return f"{name} [{unit}]" if unit else name
-    if heading_unit == unit:
-        return name
-    raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
-
-
-def _with_points(table: "polars.DataFrame") -> "polars.DataFrame":
-    """Decimal commas as points, where commas do not separate columns."""
-    import polars
-
-    for name in table.columns:
+    # decimal commas as points, where commas do not separate columns
+    for name in names if separator != "," else ():
         values = [value for value in table[name].to_list() if value and _NUMBER.fullmatch(value.replace(".", ""))]
         commas = next((value for value in values if _DECIMAL_COMMA.fullmatch(value)), None)
         points = next((value for value in values if "." in value), None)
@@ -269,4 +243,13 @@ def _with_points(table: "polars.DataFrame") -> "polars.DataFrame":
             )
         if commas is not None:
             table = table.with_columns(polars.col(name).str.replace(",", ".", literal=True))
+
+    if has_units:
+        for k, (name, unit) in enumerate(zip(names, cells, strict=True)):
+            heading_unit, is_stated = Heading.of(name).unit, unit not in ("", "-")
+            if heading_unit is None and is_stated:
+                names[k] = f"{name} [{unit}]"
+            elif is_stated and heading_unit != unit:
+                raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
+        table.columns = names
     return table
