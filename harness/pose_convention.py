@@ -33,13 +33,7 @@ _ROWS, _FOR_OFFSETS = 200, 12
 
 @dataclass(frozen=True)
 class PoseConvention:
-    """How poses are written; by default as in this project.
-
-    Raises
-    ------
-    ValueError
-        An unknown order, axes that are not three, or a pivot that is not.
-    """
+    """How poses are written; by default as in this project."""
 
     # Angles are those about x, y, z, in whatever order; where an axis comes twice, as in "ZXZ", they are in that order.
     rotation_order: str = "XYZ"
@@ -99,10 +93,7 @@ class PoseConvention:
     def written(self, position: FloatArray, orientation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions (n, 3) [m], and angles (n, 3) [rad] or quaternions (n, 4), of Op's poses; NaN remains.
 
-        Raises
-        ------
-        ValueError
-            Angles that are undefined in this order; names the row, counted from 1.
+        Angles that are undefined in this order are a `ValueError` with the row.
         """
         from scipy.spatial.transform import Rotation  # rarely needed
 
@@ -161,25 +152,12 @@ OURS = PoseConvention()
 
 def check_convention(
     platform: Platform,
-    leg_length: FloatArray,
-    position: FloatArray,
-    orientation: FloatArray,
+    leg_length: FloatArray,  # measured (n, 6) [m]
+    position: FloatArray,  # (n, 3) [m], as read in the convention
+    orientation: FloatArray,  # (n, 3) [rad]
     convention: PoseConvention,
 ) -> None:
-    """Refuse poses that contradict measured leg lengths in their convention and fit them in another.
-
-    Parameters
-    ----------
-    leg_length
-        (n, 6) [m].
-    position, orientation
-        (n, 3) [m] and [rad], as read in that convention.
-
-    Raises
-    ------
-    ValueError
-        Names the other order of rotations, or the other or mirrored frame.
-    """
+    """Refuse poses that contradict leg lengths in their convention and fit them in another, which it names."""
     rows = np.unique(np.linspace(0, len(leg_length) - 1, _ROWS).astype(int))
     rows = rows[np.isfinite(leg_length[rows]).all(axis=1)]
     if not rows.size:

@@ -108,15 +108,7 @@ def numbers() -> dict[str, list[float]]:
 def write_prebuilt(
     folder: Path, targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False
 ) -> None:
-    """Write the files, then the manifest; after an error there is none, and so nothing that would be used.
-
-    Raises
-    ------
-    BuildError
-        A package of the extra `compile` is not installed, or the compiler fails.
-    OSError
-        The folder cannot be written.
-    """
+    """Write the files, then the manifest; after an error there is none, and so nothing that would be used."""
     check_installed(TRACER, COMPILER)
     files = tuple(parts(targets, only_here=only_here, only_kernel=only_kernel))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:

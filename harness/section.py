@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self, get_args
+from typing import Annotated, Any, ClassVar, Self, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema
@@ -108,60 +108,45 @@ def kinds(base: type[Section]) -> dict[str, type[Section]]:
     return by_type
 
 
+_WORDS = {
+    "missing": "is missing; add it",
+    "union_tag_not_found": "the key type is missing; `gough-stewart experiments heave_step` shows a whole file",
+    "union_tag_invalid": "type is {tag!r}; expected one of {expected_tags}",
+}
+
+
 def complaints(error: ValidationError, section: type[Section], values: Mapping[str, Any]) -> str:
     """What is wrong with the values of a table, once per key: key, value found, value expected, remedy."""
-    lines = [
-        ": ".join(part for part in (_key_of(detail["loc"], values), _complaint(detail, section, values)) if part)
-        for detail in error.errors()
-    ]
+    lines = []
+    for detail in error.errors():
+        # the key, and the table that has it; pydantic also counts the type of a controller or reference as a step
+        parts, table, inner, kind = list[str](), section, cast("Any", values), None
+        for step in detail["loc"]:
+            if step == kind:
+                kind = None
+                continue
+            parts.append(str(step + 1) if isinstance(step, int) else step)
+            try:
+                inner = inner[step]
+            except (LookupError, TypeError):
+                inner = None
+            kind = inner.get("type") if isinstance(inner, Mapping) else None
+            if step in table.model_fields and (sections := _sections_in(table.model_fields[str(step)].annotation)):
+                table = kinds(sections[0]).get(str(kind), sections[0])
+
+        # in the words of this project
+        context, found = detail.get("ctx", {}), detail["input"]
+        if detail["type"] == "extra_forbidden":
+            text = f"unknown key (= {found!r}){nearest(str(detail['loc'][-1]), table.model_fields)}"
+        elif detail["type"] in _WORDS:
+            text = _WORDS[detail["type"]].format(**context)
+        else:
+            text = str(context.get("error", "")) or detail["msg"].replace("Input should be", "expected")
+            if detail["type"] in ("model_attributes_type", "model_type"):
+                text = "expected a table of keys"
+            text = text if isinstance(found, Mapping) else f"is {found!r}; {text}"
+        lines.append(": ".join(filter(None, (".".join(parts), text))))
     return "; ".join(dict.fromkeys(lines))
-
-
-def _key_of(place: tuple[int | str, ...], values: Any) -> str:
-    """The key of a location; pydantic also counts the type of a controller or reference as a step of the path."""
-    parts: list[str] = []
-    kind = None
-    for step in place:
-        if step == kind:
-            kind = None
-            continue
-        parts.append(str(step + 1) if isinstance(step, int) else step)
-        try:
-            values = values[step]
-        except (LookupError, TypeError):
-            values = None
-        kind = values.get("type") if isinstance(values, Mapping) else None
-    return ".".join(parts)
-
-
-def _complaint(error: Any, section: type[Section], values: Mapping[str, Any]) -> str:
-    """What is wrong, in the words of this project."""
-    kind, context = error["type"], error.get("ctx", {})
-    if kind == "extra_forbidden":
-        beside = _keys_beside(error["loc"], section, values)
-        return f"unknown key (= {error['input']!r}){nearest(str(error['loc'][-1]), beside)}"
-    fixed = {
-        "missing": "is missing; add it",
-        "union_tag_not_found": "the key type is missing; `gough-stewart experiments heave_step` shows a whole file",
-        "union_tag_invalid": "type is {tag!r}; expected one of {expected_tags}",
-    }
-    if kind in fixed:
-        return fixed[kind].format(**context)
-    text = str(context.get("error", "")) or error["msg"].replace("Input should be", "expected")
-    if kind in ("model_attributes_type", "model_type"):
-        text = "expected a table of keys"
-    return text if isinstance(error["input"], Mapping) else f"is {error['input']!r}; {text}"
-
-
-def _keys_beside(place: tuple[int | str, ...], section: type[Section], values: Mapping[str, Any]) -> list[str]:
-    """The keys that the table at a location may have."""
-    for step in place:
-        sections = _sections_in(section.model_fields[step].annotation) if step in section.model_fields else []
-        if sections:
-            table = values.get(str(step))
-            type_name = table.get("type") if isinstance(table, Mapping) else None
-            section = kinds(sections[0]).get(str(type_name), sections[0])
-    return list(section.model_fields)
 
 
 def _sections_in(annotation: Any) -> list[type[Section]]:

@@ -54,13 +54,7 @@ class Heading(NamedTuple):
         return cls(column, parts[1], parts[3].strip())
 
     def factor(self, units: Mapping[str, float]) -> float:
-        """What converts the column to the first of these units, each with its factor; 1 without a unit.
-
-        Raises
-        ------
-        ValueError
-            Another unit; names those that are known.
-        """
+        """What converts the column to the first of these units, each with its factor; 1 without a unit."""
         if self.unit is None:
             return 1.0
         unit = unit_typed(self.unit)
@@ -71,18 +65,7 @@ class Heading(NamedTuple):
 
 
 def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
-    """The table of a file: of CSV as strings, of Parquet with its own types.
-
-    Parameters
-    ----------
-    what
-        The kind of file for messages: "reference", "log".
-
-    Raises
-    ------
-    TableError
-        The file cannot be read, or is neither CSV nor Parquet.
-    """
+    """The table of a file, a `what` in messages, such as "log": of CSV as strings, of Parquet with its own types."""
     import polars  # slow to import, and the schema of experiments uses this module without it
 
     try:
@@ -98,15 +81,7 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
 
 
 def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: bool = False) -> FloatArray:
-    """A column as numbers (n,); `remedy` ends the message for non-numeric values.
-
-    With `gaps`, values that are empty or "nan" are NaN.
-
-    Raises
-    ------
-    TableError
-        The column appears twice, or has values that are not finite numbers; names the first row, counted from 1.
-    """
+    """A column as numbers (n,), with `gaps` NaN where it is empty or "nan"; a `TableError` ends with the remedy."""
     import polars
 
     if f"{name}_duplicated_0" in table.columns:
@@ -117,15 +92,8 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: 
     numbers = column.cast(polars.Float64, strict=False)
     if gaps:
         empty = column.is_null() | (column.cast(polars.String).str.to_lowercase().is_in(["", "nan"]))
-        return np.where(
-            empty,
-            np.nan,
-            numbers_of(
-                table.with_columns(column.zip_with(~empty, polars.zeros(len(column), eager=True).cast(column.dtype))),
-                name,
-                remedy,
-            ),
-        )
+        filled = column.zip_with(~empty, polars.zeros(len(column), eager=True).cast(column.dtype))
+        return np.where(empty, np.nan, numbers_of(table.with_columns(filled), name, remedy))
     bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
     if bad:
         value = column[bad[0]]
@@ -140,18 +108,13 @@ def times_of(table: "polars.DataFrame", name: str, remedy: str = "") -> tuple[fl
 
     Integers are subtracted as integers: nanoseconds since 1970 have more digits than a floating-point number. Dates and
     times by ISO 8601, such as 2024-05-01T12:00:00.25Z, are in seconds since 1970; without a zone they are UTC.
-
-    Raises
-    ------
-    TableError
-        The column appears twice, or has values that are not finite numbers.
     """
     import polars
 
     if has_dates(table, name):
         moments = table[name].to_list() if table[name].dtype == polars.String else table[name].dt.epoch("ns").to_list()
         nanoseconds = [_nanoseconds(moment, name, k + 1) for k, moment in enumerate(moments)]
-        return nanoseconds[0] / 1e9, np.array([each - nanoseconds[0] for each in nanoseconds], dtype=float) / 1e9
+        return nanoseconds[0] / 1e9, np.array([moment - nanoseconds[0] for moment in nanoseconds], dtype=float) / 1e9
     numbers = numbers_of(table, name, remedy)
     integers = table[name].cast(polars.Int64, strict=False)
     is_exact = len(integers) and not (integers.null_count() or table[name].dtype.is_float())
@@ -198,14 +161,9 @@ def _nanoseconds(moment: str | int | None, name: str, row: int) -> int:
 
 
 def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 0.0) -> NDArray[np.intp]:
-    """The rows to keep of times (n,) [s] and values (n, m): not those that repeat the row before with its time.
+    """The rows to keep of times (n,) [s] since a first one and values (n, m): not those that repeat the row before.
 
-    In the message `first` is added to the times.
-
-    Raises
-    ------
-    TableError
-        Two rows of one time have different values; names the second, counted from 1.
+    Two rows of one time with different values are refused.
     """
     same_time = np.diff(since) == 0
     differ = ~((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
@@ -227,13 +185,7 @@ def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 
 
 
 def _text_of(content: bytes) -> str:
-    """The text of a file: UTF-8, UTF-16 with its mark, or the code page 1252 of Windows.
-
-    Raises
-    ------
-    TableError
-        None of them.
-    """
+    """The text of a file: UTF-8, UTF-16 with its mark, or the code page 1252 of Windows."""
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
             return content.decode("utf-16")
@@ -253,11 +205,6 @@ def _columns_of(text: str) -> "polars.DataFrame":
 
     Blank rows, rows that begin with #, and blanks around names and values are left out. Columns are separated by
     semicolons or tabulators if the header has any, else by commas.
-
-    Raises
-    ------
-    TableError
-        Not CSV, or numbers with points and with commas.
     """
     import polars
 
@@ -265,8 +212,11 @@ def _columns_of(text: str) -> "polars.DataFrame":
     if not lines:
         raise TableError("has no rows; expected a header and rows of numbers")
     separator = next((mark for mark in _SEPARATORS if mark in lines[0]), ",")
-    units = _row_of_units(lines, separator)
-    if units is not None:
+    # a second row of units, in brackets or without, "-" where there is none
+    cells = [cell.strip().strip('"').strip("[]()").strip() for cell in "".join(lines[1:2]).split(separator)]
+    n_columns = len(lines[0].split(separator))
+    has_units = len(cells) == n_columns and any(cells) and all(cell in _KNOWN_UNITS for cell in cells)
+    if has_units:
         lines.pop(1)
     try:
         # as strings, so that "true" is not read as a number
@@ -281,38 +231,9 @@ def _columns_of(text: str) -> "polars.DataFrame":
         raise TableError(f"has the column {twice} twice; expected every column once")
     table.columns = names
     table = table.with_columns(polars.all().str.strip_chars())
-    if separator != ",":
-        table = _with_points(table)
-    if units is not None:
-        table.columns = [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)]
-    return table
 
-
-def _row_of_units(lines: list[str], separator: str) -> list[str] | None:
-    """The units in the second row, without brackets; None if it is not one."""
-    if len(lines) < 2:
-        return None
-    cells = [cell.strip().strip('"').strip("[]()").strip() for cell in lines[1].split(separator)]
-    names = lines[0].split(separator)
-    is_one = len(cells) == len(names) and any(cells) and all(cell in _KNOWN_UNITS for cell in cells)
-    return [cell if cell != "-" else "" for cell in cells] if is_one else None
-
-
-def _with_unit(name: str, unit: str) -> str:
-    """A name with the unit of the second row."""
-    heading_unit = Heading.of(name).unit
-    if heading_unit is None or not unit:
-        return f"{name} [{unit}]" if unit else name
-    if heading_unit == unit:
-        return name
-    raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
-
-
-def _with_points(table: "polars.DataFrame") -> "polars.DataFrame":
-    """Decimal commas as points, where commas do not separate columns."""
-    import polars
-
-    for name in table.columns:
+    # decimal commas as points, where commas do not separate columns
+    for name in names if separator != "," else ():
         values = [value for value in table[name].to_list() if value and _NUMBER.fullmatch(value.replace(".", ""))]
         commas = next((value for value in values if _DECIMAL_COMMA.fullmatch(value)), None)
         points = next((value for value in values if "." in value), None)
@@ -322,4 +243,13 @@ def _with_points(table: "polars.DataFrame") -> "polars.DataFrame":
             )
         if commas is not None:
             table = table.with_columns(polars.col(name).str.replace(",", ".", literal=True))
+
+    if has_units:
+        for k, (name, unit) in enumerate(zip(names, cells, strict=True)):
+            heading_unit, is_stated = Heading.of(name).unit, unit not in ("", "-")
+            if heading_unit is None and is_stated:
+                names[k] = f"{name} [{unit}]"
+            elif is_stated and heading_unit != unit:
+                raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
+        table.columns = names
     return table

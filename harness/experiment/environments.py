@@ -70,10 +70,10 @@ def vector_env(
         Gymnasium is not installed.
     """
     chosen = experiment_of(experiment, settings)
-    made: ExperimentVectorEnv = _classes().ExperimentVectorEnv(
+    environment: ExperimentVectorEnv = _classes().ExperimentVectorEnv(
         chosen, n, actions, observations, reward, hold, autoreset
     )
-    return made
+    return environment
 
 
 def env(
@@ -96,8 +96,8 @@ def env(
     """
     options: Any = {"actions": actions, "observations": observations, "reward": reward, "hold": hold}
     members = vector_env(experiment, 1, settings, **options, autoreset="disabled")
-    made: ExperimentEnv = _classes().ExperimentEnv(members)
-    return made
+    environment: ExperimentEnv = _classes().ExperimentEnv(members)
+    return environment
 
 
 def _classes() -> ModuleType:

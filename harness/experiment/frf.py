@@ -192,7 +192,7 @@ class FrequencyResponse:
         return polars.DataFrame(parts)
 
 
-def frf(
+def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
     record: Record | Path | str, *, experiment: Experiment | Path | str | None = None, controller: Any = None
 ) -> FrequencyResponse:
     """The frequency response of a loop, from a run of an experiment with an `[injection]`.
@@ -270,10 +270,38 @@ def frf(
     frequency = lines / (samples * sample_time)
 
     # compare: L of the linear model, as in `margins`
-    predicted, notes = None, _doubts_of_run(record)
+    predicted, notes = None, list[str]()
+    limited = float(record["flag.force_limited"].any(axis=1).mean())
+    if limited:
+        notes.append(f"forces were limited for {limited:.0%} of the time, so the loop is not linear; inject less")
+    if metadata["outcome"]["status"] != "completed":
+        notes.append(f"the run ended early: {metadata['outcome']['cause']}")
+    if chosen.loop.jitter:
+        notes.append("jitter delayed the samples, which the linear model does not include")
+    if chosen.sensors.sample_time:
+        notes.append("readings had a clock of their own, which the linear model does not include")
     try:
         if controller is None:
-            notes += _doubts_of_controller(record, chosen, is_given=experiment is not None)
+            # whether the experiment's controller is that of the run
+            code = chosen.controller.code
+            if "controller" in metadata.get("replaced", []):
+                if experiment is None:
+                    raise ControllerError(
+                        "the run had a controller of its own instead of the experiment's; give it: frf(…, controller=…)"
+                    )
+                notes.append("the run had a controller of its own; the linear model has the experiment's")
+            if code and experiment is None:
+                raise ControllerError(
+                    f"it would execute {', '.join(code)}, which the record names; if you trust this file, give the "
+                    "run's experiment: --experiment FILE.toml, or frf(…, experiment=…)"
+                )
+            then, today = metadata.get("files", {}), digests(chosen) if code else {}
+            executed = [name for name in today if name in code or name.endswith(".py")]
+            changed = [name for name in executed if name in then and then[name] != today[name]]
+            if changed:
+                notes.append(
+                    f"{', '.join(changed)} has changed since the run: the linear model is that of today's file"
+                )
             law = chosen.controller.controller(platform, sample_time, chosen.folder)
         else:
             law = controller_of(controller, chosen.controller.design(platform, sample_time))
@@ -308,43 +336,6 @@ def frf(
         metadata.get("settings") or {},
         chosen.requirements,
     )
-
-
-def _doubts_of_controller(record: Record, experiment_of_run: Experiment, is_given: bool) -> list[str]:
-    """Notes on whether the experiment's controller is that of the run."""
-    notes, code = [], experiment_of_run.controller.code
-    if "controller" in record.metadata.get("replaced", []):
-        if not is_given:
-            raise ControllerError(
-                "the run had a controller of its own instead of the experiment's; give it: frf(…, controller=…)"
-            )
-        notes.append("the run had a controller of its own; the linear model has the experiment's")
-    if code and not is_given:
-        raise ControllerError(
-            f"it would execute {', '.join(code)}, which the record names; if you trust this file, give the run's "
-            "experiment: --experiment FILE.toml, or frf(…, experiment=…)"
-        )
-    then, now = record.metadata.get("files", {}), digests(experiment_of_run) if code else {}
-    executed = [name for name in now if name in code or name.endswith(".py")]
-    changed = [name for name in executed if name in then and then[name] != now[name]]
-    if changed:
-        notes.append(f"{', '.join(changed)} has changed since the run: the linear model is that of today's file")
-    return notes
-
-
-def _doubts_of_run(record: Record) -> list[str]:
-    notes = []
-    limited = float(record["flag.force_limited"].any(axis=1).mean())
-    if limited:
-        notes.append(f"forces were limited for {limited:.0%} of the time, so the loop is not linear; inject less")
-    if record.metadata["outcome"]["status"] != "completed":
-        notes.append(f"the run ended early: {record.metadata['outcome']['cause']}")
-    choice = record.metadata["experiment"]
-    if choice["loop"]["jitter"]:
-        notes.append("jitter delayed the samples, which the linear model does not include")
-    if choice["sensors"].get("sample_time"):
-        notes.append("readings had a clock of their own, which the linear model does not include")
-    return notes
 
 
 def loop_is_known(result: Response) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -186,18 +186,36 @@ class LoopMargins(Margins):
         sections = [Section("Margins", _margin_tables(self)), Section("Design", _design_tables(self))]
         if charts:
             sections.append(Section("Responses", (*_responses(self), _step(self.transfer))))
+        numbers, disk, common = _numbers(self), self.disk, self.common
+        by_path = {number.path: number for number in numbers}
+        gain, guaranteed = (by_path[path].value for path in ("margins.gain", "margins.disk_gain"))
+        alone = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
+        bears = [
+            "any gain" if gain is None else f"{at_least(DECIBEL, gain)} of gain",
+            f"{at_least(ANGLE, common.phase)} of phase" if math.isfinite(common.phase) else "any phase",
+            f"{at_least(_DELAY, common.delay)} of further delay" if math.isfinite(common.delay) else "any delay",
+        ]
+        text = sentence(
+            [
+                f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
+                f"each leg by itself may change by {alone} or {at_least(ANGLE, disk.phase)}",
+                f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
+                self.doubt,
+            ]
+        )
+        carried = tuple(by_path[f"margins.{name}"] for name in ("disk", "gain", "phase", "delay"))
         lag = f", lag of the drives {about(TIME, self.lag)}" if self.lag else ""
         late = f" and up to {about(_DELAY, self.late)} by the sensors' clock and jitter" if self.late else ""
         delay = f"delay of {counted(self.delay, 'sample')}{late}"
         return Report(
             self.title,
-            _verdict(self),
+            Verdict(text, "marginal" if disk.alpha < FRAIL or self.doubt else "good", carried),
             tuple(sections),
             study="margins",
             lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}"
             + (", controller linearised numerically" if self.is_numerical else ""),
             settings=settings_of(self.changed),
-            numbers=_numbers(self),
+            numbers=numbers,
             notes=(
                 *(Note(text, "warning") for text in self.warnings),
                 Note(_LINEAR),
@@ -431,7 +449,10 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, drives = prepared.loop, prepared.loop.actuators
-    usual = dict(zip(("position", "orientation"), _pose(prepared), strict=True)) | {
+    position, orientation = _pose(prepared)
+    usual: dict[str, Any] = {
+        "position": position,
+        "orientation": orientation,
         "sample_time": loop.timing.sample_time,
         "delay": drives.delay,
         "lag": drives.lag,
@@ -469,7 +490,8 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
         ("lag", lag, f"the actuators' lag of {lag:g} s"),
         ("late", late, f"the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter"),
     ):
-        if value and is_stable_with(**{name: 0}):
+        without: dict[str, Any] = {name: 0}
+        if value and is_stable_with(**without):
             remedies.append(f"it is stable without {words}")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
@@ -489,29 +511,6 @@ def margins_file(margins: LoopMargins) -> bytes:
 def decibels(factor: float) -> float:
     """A factor on a gain in dB."""
     return 20 * math.log10(factor) if 0 < factor < math.inf else math.inf
-
-
-def _verdict(analysis: LoopMargins) -> Verdict:
-    """How much gain, phase and delay the loop bears."""
-    disk, common = analysis.disk, analysis.common
-    numbers = {number.path: number for number in _numbers(analysis)}
-    gain, guaranteed = (numbers[path].value for path in ("margins.gain", "margins.disk_gain"))
-    alone = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
-    bears = [
-        "any gain" if gain is None else f"{at_least(DECIBEL, gain)} of gain",
-        f"{at_least(ANGLE, common.phase)} of phase" if math.isfinite(common.phase) else "any phase",
-        f"{at_least(_DELAY, common.delay)} of further delay" if math.isfinite(common.delay) else "any delay",
-    ]
-    text = sentence(
-        [
-            f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
-            f"each leg by itself may change by {alone} or {at_least(ANGLE, disk.phase)}",
-            f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
-            analysis.doubt,
-        ]
-    )
-    carried = tuple(numbers[f"margins.{name}"] for name in ("disk", "gain", "phase", "delay"))
-    return Verdict(text, "marginal" if disk.alpha < FRAIL or analysis.doubt else "good", carried)
 
 
 def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
@@ -640,86 +639,80 @@ def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
     )
     parts.append(Table("Structural modes", columns, structural))
     first, bandwidth = structure.modes[0].frequency, structure.bandwidth
+    first_mode = f"the first structural mode at {about(FREQUENCY, first, 3)}"
     if bandwidth is not None and math.isnan(bandwidth):
         text = (
-            f"With the first structural mode at {about(FREQUENCY, first, 3)}, this controller has no bandwidth with a "
-            f"disk margin of {structure.disk:g}; a notch, more damping or stiffer legs may give one."
+            f"With {first_mode}, this controller has no bandwidth with a disk margin of {structure.disk:g}; a notch, "
+            "more damping or stiffer legs may give one."
         )
         parts.append(Note(text))
     elif bandwidth is not None:
         text = (
             f"This controller keeps a disk margin of {structure.disk:g} up to a bandwidth of "
-            f"{about(FREQUENCY, bandwidth, 3)}, {bandwidth / first:.2g} of the first structural mode at "
-            f"{about(FREQUENCY, first, 3)}."
+            f"{about(FREQUENCY, bandwidth, 3)}, {bandwidth / first:.2g} of {first_mode}."
         )
         parts.append(Note(text))
     return tuple(parts)
 
 
 def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
-    L = analysis.transfer
+    """Gain and phase of each leg's loop with the least margins of all legs, and the singular values of S and T."""
+    L, legs = analysis.transfer, analysis.legs
     low, high = frequency_range(L)
     # the range begins far below the slowest pole, where curves are flat
     omega = np.geomspace(min(30 * low, high / 10), high * (1 - 1e-9), _POINTS)
     frequency = Axis("frequency", FREQUENCY, omega / (2 * math.pi), scale="log")
-    everything = response(L, omega)
-    loops = [one_leg_open(everything, k) for k in range(len(analysis.legs))]
-    angles = []
-    for loop in loops:
+    everything, gain, phase = response(L, omega), list[Series](), list[Series]()
+    for k in range(len(legs)):
+        loop = one_leg_open(everything, k)
         angle = np.unwrap(np.angle(loop))
         angle -= 2 * math.pi * (angle[0] > math.radians(90.5))  # a loop that begins at 180° begins at −180°
-        angles.append(np.where(np.abs(loop) > _BELOW, angle, np.nan))
-    gain = tuple(Series(f"leg {k}", _GAIN, np.abs(loop), leg=k) for k, loop in enumerate(loops, 1))
-    phase = tuple(Series(f"leg {k}", ANGLE, angle, leg=k) for k, angle in enumerate(angles, 1))
-    sigma = []
+        gain.append(Series(f"leg {k + 1}", _GAIN, np.abs(loop), leg=k + 1))
+        phase.append(Series(f"leg {k + 1}", ANGLE, np.where(np.abs(loop) > _BELOW, angle, np.nan), leg=k + 1))
+    sigma = list[Series]()
     roles: tuple[Role, ...] = ("actual", "published")
     for matrices, name, color in zip(sensitivities(L, omega), ("S", "T"), roles, strict=True):
         singular = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=float)
         sigma.append(Series(f"σ({name})", _GAIN, singular[:, 0], color, low=singular[:, -1], high=singular[:, 0]))
-    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
-    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
-    legs = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < frequency.values[-1]]
+
+    # the least gain margins, from the gain of L to 1; the least phase margin, from the phase to ±180°
     role: Role = "marginal" if analysis.disk.alpha < FRAIL else "good"
-    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
-    gain_margins, phase_margins = _spans(analysis.legs, role, frequency.values, angles)
-    alone = "one leg cut, the others closed"
-    log = Axis("gain of L", _GAIN, scale="log")
-    return (
-        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*unity, *legs), spans=gain_margins, group="bode"),
-        Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
-              spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
-        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
-              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
-    )  # fmt: skip
-
-
-def _spans(
-    legs: Sequence[ClassicalMargins], role: Role, frequency: FloatArray, angles: Sequence[FloatArray]
-) -> tuple[tuple[Span, ...], tuple[Span, ...]]:
-    """The least gain margins of all legs, from the gain of L to 1; the least phase margin, from the phase to ±180°."""
+    shown, gains, phases = frequency.values, list[Span](), list[Span]()
 
     def which(leg: ClassicalMargins) -> str:
         # legs that are alike up to rounding are told as any
         spread = max(one_leg.phase for one_leg in legs) - min(one_leg.phase for one_leg in legs)
         return "any leg" if spread < _ALIKE * leg.phase else f"leg {legs.index(leg) + 1}"
 
-    gains: list[Span] = []
     up, down = min(legs, key=lambda leg: leg.gain_up), max(legs, key=lambda leg: leg.gain_down)
     for leg, factor, at in ((up, up.gain_up, up.gain_up_at), (down, down.gain_down, down.gain_down_at)):
-        if frequency[0] <= at <= frequency[-1]:
+        if shown[0] <= at <= shown[-1]:
             low, high = sorted((1.0, 1 / factor))
             size = DECIBEL.text(decibels(high / low))
             gains.append(Span(at, low, high, f"gain margin {size} at {about(FREQUENCY, at, 3)}, {which(leg)}", role))
     least = min(legs, key=lambda leg: leg.phase)
-    if not frequency[0] <= least.phase_at <= frequency[-1]:
-        return tuple(gains), ()
-    angle = angles[legs.index(least)]
-    has_phase = np.isfinite(angle)
-    phase = float(np.interp(math.log(least.phase_at), np.log(frequency[has_phase]), angle[has_phase]))
-    # the odd multiple of 180° that is nearest
-    low, high = sorted((phase, math.pi * (2 * round((phase / math.pi - 1) / 2) + 1)))
-    text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
-    return tuple(gains), (Span(least.phase_at, low, high, text, role),)
+    if shown[0] <= least.phase_at <= shown[-1]:
+        angle = phase[legs.index(least)].values
+        has_phase = np.isfinite(angle)
+        there = float(np.interp(math.log(least.phase_at), np.log(shown[has_phase]), angle[has_phase]))
+        # the odd multiple of 180° that is nearest
+        low, high = sorted((there, math.pi * (2 * round((there / math.pi - 1) / 2) + 1)))
+        text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
+        phases.append(Span(least.phase_at, low, high, text, role))
+
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
+    modes = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < shown[-1]]
+    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
+    alone, log = "one leg cut, the others closed", Axis("gain of L", _GAIN, scale="log")
+    return (
+        Chart(f"gain of L, {alone}", frequency, tuple(gain), y=log, marks=(*unity, *modes), spans=tuple(gains),
+              group="bode"),
+        Chart(f"phase of L, {alone}", frequency, tuple(phase), y=Axis("phase of L", ANGLE), group="bode",
+              spans=tuple(phases), marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
+        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
+              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
+    )  # fmt: skip
 
 
 def _step(L: StateSpace) -> Chart:

@@ -506,9 +506,8 @@ class Preparation:
         planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
 
         # the start, with angles in the turns of the reference
-        rest, given = np.zeros(3), tables["start"].model_dump(exclude_none=True)
-        start = State(platform.home_position, platform.home_orientation, rest, rest)
-        stated = {name: np.array(value) for name, value in given.items()}
+        stated = {name: np.array(value) for name, value in tables["start"].model_dump(exclude_none=True).items()}
+        start = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
         if planned.motion is not None:
             start = State(*(values[0] for values in planned.motion[:4]))
             if "orientation" in stated:
@@ -591,11 +590,11 @@ class Preparation:
             known=KnownAhead(
                 platform,
                 timing.sample_time,
-                forces,
-                forces if injected is None else forces + injected,
-                # the least of legs that differ
-                *(np.inf if most is None else float(np.min(most)) for most in (force_limit, rate_limit)),
-                MappingProxyType(choice.design(platform, timing.sample_time).parameters),
+                feedforward=forces,
+                planned=forces if injected is None else forces + injected,
+                force_limit=np.inf if force_limit is None else float(np.min(force_limit)),  # the least of the legs
+                rate_limit=np.inf if rate_limit is None else rate_limit,
+                gains=MappingProxyType(choice.design(platform, timing.sample_time).parameters),
             ),
             turned=tuple(change for change in turned if change.time < timing.duration),
         )

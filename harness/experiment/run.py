@@ -436,7 +436,23 @@ def save_record(record: Record, folder: Path | str, report: bool = False, figure
 
 def warnings_of(record: Record) -> list[str]:
     """Limits that a run exceeded, and a static error at its end; a stroke that it was to ignore is left out."""
-    warnings = _static_error(record)
+    warnings, choice = list[str](), record.metadata["experiment"]["controller"]
+    # a platform that rests off its reference: a PD acts as a spring, F = kp e, so the error is what the load takes
+    if choice.get("type") == "pd" and choice.get("feedforward", "none") == "none" and "error.position" in record:
+        first = int((1 - _LAST_PART) * record.table.height)
+        error, reference = record["error.position"][first:], record["reference.position"][first:]
+        if len(error) > 1 and not np.ptp(reference, axis=0).any() and np.isfinite(error).all():
+            mean, scale = error.mean(axis=0), float(record["leg_length"][0].mean())
+            distance = float(np.linalg.norm(mean))
+            if distance >= _NOTICEABLE * scale and np.abs(error - mean).max() <= _AT_REST * distance:
+                gravity, size = platform_of(record).gravity, exactly(LENGTH, distance, 3)
+                # e = reference − position points against gravity where the platform hangs below
+                along = -float(mean @ gravity) / (distance * float(np.linalg.norm(gravity)) or 1.0)
+                how = f"hangs {size} below" if along > 0.9 else f"rests {size} off"
+                warnings.append(
+                    f"the platform {how} its reference at the end: the load over the stiffness of its PD; "
+                    "set controller.feedforward = 'gravity', or use a PID, whose integral takes it away"
+                )
     feedforward, limit = np.abs(record["controller.feedforward"]), record.metadata["force_limit"]
     shares = feedforward / (np.inf if limit is None else limit)
     if shares.max() > 1:
@@ -454,30 +470,3 @@ def warnings_of(record: Record) -> list[str]:
             f"leg {leg + 1} left its stroke at {time:.6g} s with a length of {length:.6g} m; see flag.stroke_exceeded"
         )
     return warnings
-
-
-def _static_error(record: Record) -> list[str]:
-    """What a platform that rests off its reference needs: a feedforward of gravity, or an integral; empty otherwise.
-
-    At rest a PD acts as a spring, F = kp e, so the error is what the load, here the platform's weight, takes of it.
-    """
-    choice = record.metadata["experiment"]["controller"]
-    if choice.get("type") != "pd" or choice.get("feedforward", "none") != "none" or "error.position" not in record:
-        return []
-    first = int((1 - _LAST_PART) * record.table.height)
-    error, reference = record["error.position"][first:], record["reference.position"][first:]
-    if len(error) < 2 or np.ptp(reference, axis=0).any() or not np.isfinite(error).all():
-        return []
-    mean = error.mean(axis=0)
-    distance, scale = float(np.linalg.norm(mean)), float(record["leg_length"][0].mean())
-    if distance < _NOTICEABLE * scale or np.abs(error - mean).max() > _AT_REST * distance:
-        return []
-    gravity = platform_of(record).gravity
-    # e = reference − position points against gravity where the platform hangs below
-    along = -float(mean @ gravity) / (distance * float(np.linalg.norm(gravity)) or 1.0)
-    size = exactly(LENGTH, distance, 3)
-    how = f"hangs {size} below" if along > 0.9 else f"rests {size} off"
-    return [
-        f"the platform {how} its reference at the end: the load over the stiffness of its PD; "
-        "set controller.feedforward = 'gravity', or use a PID, whose integral takes it away"
-    ]

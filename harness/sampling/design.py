@@ -39,25 +39,15 @@ class SamplingDesign:
     - "saltelli": for Sobol' indices, in SALib's order without second order: for every point of two matrices
       A and B a row of A, for each group a row of A with that group from B, and the row of B.
 
-    Parameters
-    ----------
-    names
-        Of the varied inputs, each with as many columns as `sizes` states.
-    groups
-        For Saltelli's design, which names form one group, by index.
-
-    Raises
-    ------
-    ValueError
-        A number of members that the design does not allow.
+    A number of members that the design does not allow is a `ValueError`.
     """
 
     sampling: Sampling
     seed: int
     members: int
-    names: tuple[str, ...]
-    sizes: tuple[int, ...]
-    groups: tuple[tuple[int, ...], ...] = ()
+    names: tuple[str, ...]  # of the varied inputs
+    sizes: tuple[int, ...]  # the number of columns of each
+    groups: tuple[tuple[int, ...], ...] = ()  # of names that count as one in Saltelli's design, by index
 
     def __post_init__(self) -> None:
         if self.members % self.block:
@@ -185,13 +175,7 @@ class CorrelatedInputs(Section):
 
 
 def checked_matrix(matrix: Any) -> FloatArray:
-    """A covariance (n, n): symmetric and positive definite.
-
-    Raises
-    ------
-    ValueError
-        The matrix is not symmetric or not positive definite.
-    """
+    """A covariance (n, n), symmetric and positive definite; else a `ValueError`."""
     n = len(matrix)
     try:
         C = real_array(matrix, (n, n))

@@ -78,7 +78,8 @@ class Variation(Section):
 
     def spread(self, target: VariedValue) -> Spread:
         """The spread of a target under this distribution; a `ValueError` says what is no distribution of it."""
-        kind, value = self.kind, getattr(self, self.kind)
+        kind = self.kind
+        value = getattr(self, kind)
         if kind in ("factor", "offset") and value.kind in ("factor", "offset"):
             raise ValueError(f"{kind} of a {value.kind}; expected a distribution in it")
         if kind == "factor":
@@ -90,7 +91,8 @@ class Variation(Section):
             ones = (1,) * len(target.shape)
             return Spread(1, lambda u: factors(u).reshape(-1, *ones) * nominal, of_factor.levels, factors)
         if kind == "offset":
-            nominal, about_zero = _nominal(target), value.spread(replace(target, nominal=np.zeros(target.shape)))
+            nominal = _nominal(target)
+            about_zero: Spread = value.spread(replace(target, nominal=np.zeros(target.shape)))
             return replace(about_zero, draw=lambda u: nominal + np.asarray(about_zero.draw(u), dtype=float))
         if kind in ("choice", "grid"):
             return self._of_values(kind, value, target)
@@ -154,15 +156,15 @@ def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray
 
 def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
     """The quantile function of a distribution of numbers: normal, uniform, truncated_normal or lognormal."""
-    given, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
-    if len(given) not in sizes:
+    parts, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
+    if len(parts) not in sizes:
         raise ValueError(f"{kind} is {value!r}; expected {wanted} about the present value")
     # one number for all elements, or one for each
     numbers = [
         np.array(plain_number(part))
-        if kind == "lognormal" and k == len(given) - 1
+        if kind == "lognormal" and k == len(parts) - 1
         else _parsed(part, target, target.shape if isinstance(part, list | tuple) else ())
-        for k, part in enumerate(given)
+        for k, part in enumerate(parts)
     ]
     if kind == "truncated_normal" and len(numbers) == 2:  # about the present value, between bounds
         deviation, bound = numbers

@@ -9,7 +9,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from gough_stewart.harness import quantities
-from gough_stewart.harness.quantities import Unit, Vector, channels, positive_or_word, quantity_in
+from gough_stewart.harness.quantities import Vector, channels, positive_or_word, quantity_in
 from gough_stewart.harness.quantities import vector as vector_of
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.units import PLAIN, UNITS, number, unit_typed
@@ -143,28 +143,23 @@ def test_a_word_may_stand_for_a_positive_quantity() -> None:
 
 # The types of fields: unit, size (0 for a number), and what bounds them.
 FIELDS: dict[str, tuple[str, int, str]] = {
-    "Share": ("1", 0, "share"),
-    "Number": (PLAIN, 0, ""),
-    "PositiveNumber": (PLAIN, 0, "> 0"),
-    "AnyTime": ("s", 0, ""),
-    "Time": ("s", 0, ">= 0"),
-    "PositiveTime": ("s", 0, "> 0"),
-    "PositiveLength": ("m", 0, "> 0"),
-    "Angle": ("rad", 0, ""),
-    "Frequency": ("Hz", 0, "> 0"),
-    "Band": ("Hz", 2, ""),
-    "PositiveForce": ("N", 0, "> 0"),
-    "PositiveForceRate": ("N/s", 0, "> 0"),
-    "Position": ("m", 3, ""),
-    "Orientation": ("rad", 3, ""),
-    "Velocity": ("m/s", 3, ""),
-    "AngularVelocity": ("rad/s", 3, ""),
-    "Force": ("N", 3, ""),
-    "Torque": ("N.m", 3, ""),
-    "LegForces": ("N", 6, ""),
-    "ProportionalGains": ("N/m", 6, "channels"),
-    "DerivativeGains": ("N.s/m", 6, "channels"),
-    "IntegralGains": ("N/(m.s)", 6, "channels"),
+    **{
+        "Number": (PLAIN, 0, ""),
+        "PositiveNumber": (PLAIN, 0, "> 0"),
+        "AnyTime": ("s", 0, ""),
+        "Time": ("s", 0, ">= 0"),
+    },
+    **{"PositiveTime": ("s", 0, "> 0"), "PositiveLength": ("m", 0, "> 0"), "Angle": ("rad", 0, "")},
+    **{"Frequency": ("Hz", 0, "> 0"), "Band": ("Hz", 2, ""), "PositiveForce": ("N", 0, "> 0")},
+    **{"PositiveForceRate": ("N/s", 0, "> 0"), "Position": ("m", 3, ""), "Orientation": ("rad", 3, "")},
+    **{
+        "Velocity": ("m/s", 3, ""),
+        "AngularVelocity": ("rad/s", 3, ""),
+        "Force": ("N", 3, ""),
+        "Torque": ("N.m", 3, ""),
+    },
+    **{"LegForces": ("N", 6, ""), "ProportionalGains": ("N/m", 6, "channels")},
+    **{"DerivativeGains": ("N.s/m", 6, "channels"), "IntegralGains": ("N/(m.s)", 6, "channels")},
 }
 
 
@@ -172,35 +167,24 @@ FIELDS: dict[str, tuple[str, int, str]] = {
 def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
     """Expected: the table above; a text in the last unit of its row, from both sides of the bound."""
     unit, size, bound = FIELDS[name]
-    field = TypeAdapter(getattr(quantities, name))
-    factor = 1.0
-    last = ""
-    if unit != PLAIN:
-        last, factor = MEANT[unit][-1]
+    field, annotation = TypeAdapter(getattr(quantities, name)), quantity_in(getattr(quantities, name))
+    last, factor = MEANT[unit][-1] if unit != PLAIN else ("", 1.0)
 
     def written(value: float) -> Any:
-        one = f"{value} {last}" if unit != PLAIN else value
+        one = f"{value} {last}" if last else value
         return [one] * size if size else one
 
-    found = field.validate_python(written(0.5))
-    assert np.ravel(found) == pytest.approx(0.5 * factor)
-    assert np.size(found) == max(size, 1)
-    annotation = quantity_in(getattr(quantities, name))
     assert annotation is not None
-    assert annotation.unit == unit
-    assert (annotation.size if isinstance(annotation, Vector) else 0) == size
-    assert isinstance(annotation, Unit) == (name == "Share")
-    if bound in ("> 0", ">= 0"):
-        for value in (-0.5, 0.0):
-            if value == 0 and bound == ">= 0":
-                assert field.validate_python(written(value)) == 0
-                continue
-            with pytest.raises(ValidationError) as caught:
-                field.validate_python(written(value))
-            said = f"expected {bound}{f' {unit}' if unit else ''}"
-            assert [each["msg"] for each in caught.value.errors()] == [f"Value error, {said}"]
-    elif bound != "share":
-        assert np.ravel(field.validate_python(written(-0.5))) == pytest.approx(-0.5 * factor)
+    assert (annotation.unit, annotation.size if isinstance(annotation, Vector) else 0) == (unit, size)
+    for value in (0.5, 0.0, -0.5):
+        if value > 0 or bound in ("", "channels") or (value == 0 and bound == ">= 0"):
+            found = field.validate_python(written(value))
+            assert np.ravel(found) == pytest.approx([value * factor] * max(size, 1))
+            continue
+        with pytest.raises(ValidationError) as caught:
+            field.validate_python(written(value))
+        said = f"expected {bound}{f' {unit}' if unit else ''}"
+        assert [error["msg"] for error in caught.value.errors()] == [f"Value error, {said}"]
     if bound == "channels":
         assert field.validate_python(f"0.5 {last}") == pytest.approx((0.5 * factor,) * 6)
     elif size:
@@ -211,6 +195,7 @@ def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
 def test_a_share_is_from_nothing_to_below_all() -> None:
     """Expected: both ends, as numbers and in percent."""
     share: Any = TypeAdapter(quantities.Share)
+    assert quantity_in(quantities.Share) == quantities.Unit("1")
     assert [share.validate_python(value) for value in (0, "0 %", 0.25, "25 %", "99.9 %")] == pytest.approx(
         [0, 0, 0.25, 0.25, 0.999]
     )

@@ -57,7 +57,7 @@ def test_a_fitted_motion_uses_all_of_its_limit_on_the_rows_of_its_own_run_and_no
         gs.run(found.experiment)
     if what == "slower for the velocity":
         (text,) = gs.run(found.experiment, {"limits.reference": "warn"}).metadata["warnings"]
-        assert text.startswith("the velocity of leg")
+        assert "the velocity of leg" in text
     fitted = found.fitted(fit)
     assert fitted.within
     assert 1 - 1e-6 <= fitted.shares.total.max() <= 1

@@ -1,7 +1,6 @@
 """Environments for learning: episodes are the experiment's runs, restart one by one, and follow Gymnasium's rules."""
 
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -182,31 +181,34 @@ def test_time_is_up_at_the_duration_and_a_held_action_is_a_longer_step() -> None
     assert env.step(np.full((2, 6), 3.0))[1].tolist() == [0, 3]
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: gs.vector_env("heave_step", 0), "n is 0"),
-        (
-            lambda: gs.vector_env("heave_step", 2, actions="torque"),  # type: ignore[arg-type]
-            "expected 'force' or 'pose'",
-        ),
-        (lambda: gs.vector_env("heave_step", 2, observations=["leg_lenght"]), "leg_length"),
-        (lambda: gs.vector_env("heave_step", 2, observations=[]), "observations is"),
-        (lambda: gs.vector_env("heave_step", 2, reward="force.peak"), "tracking.position.norm_rms"),
-        (
-            lambda: gs.vector_env("heave_step", 2, autoreset="same_step"),  # type: ignore[arg-type]
-            "next_step",
-        ),
-        (lambda: gs.vector_env("impulse", 2), "disturbance"),
-        (lambda: gs.vector_env("heave_step", 2, {"loop.jitter": 0.0004, "loop.plant_step": 0.0002}), "jitter"),
-        (lambda: gs.vector_env("paper_open_loop", 2, actions="pose"), "controller"),
-        (lambda: gs.vector_env("heave_step", 2).step(np.zeros((3, 6))), "2 x 6"),
-        (lambda: gs.vector_env("heave_step", 2).step(np.full((2, 6), np.nan)), "nan"),
-        (lambda: gs.vector_env("heave_step", 2, reward=lambda _: np.zeros(3)).step(np.zeros((2, 6))), r"\(3,\)"),
-        (lambda: gs.vector_env("heave_step", 2).reset(options={"reset_mask": [1, 0]}), "True or False"),
-    ],
-)
-def test_what_cannot_be_an_environment_is_refused(call: Callable[[], Any], words: str) -> None:
+REFUSED: list[tuple[str, dict[str, Any], str]] = [
+    ("heave_step", {"n": 0}, "n is 0"),
+    ("heave_step", {"actions": "torque"}, "expected 'force' or 'pose'"),
+    ("heave_step", {"observations": ["leg_lenght"]}, "leg_length"),
+    ("heave_step", {"observations": []}, "observations is"),
+    ("heave_step", {"reward": "force.peak"}, "tracking.position.norm_rms"),
+    ("heave_step", {"autoreset": "same_step"}, "next_step"),
+    ("impulse", {}, "disturbance"),
+    ("heave_step", {"settings": {"loop.jitter": 0.0004, "loop.plant_step": 0.0002}}, "jitter"),
+    ("paper_open_loop", {"actions": "pose"}, "controller"),
+]
+
+
+@pytest.mark.parametrize(("name", "options", "words"), REFUSED)
+def test_what_cannot_be_an_environment_is_refused(name: str, options: dict[str, Any], words: str) -> None:
     """Expected: the value found, and what is possible."""
     with pytest.raises(gs.GoughStewartError, match=words):
-        call()
+        gs.vector_env(name, **{"n": 2, **options})
+
+
+def test_actions_rewards_and_masks_of_other_shapes_are_refused() -> None:
+    env = gs.vector_env("heave_step", 2, reward=lambda _: np.zeros(3))
+    for actions, words in (
+        (np.zeros((3, 6)), "2 x 6"),
+        (np.full((2, 6), np.nan), "nan"),
+        (np.zeros((2, 6)), r"\(3,\)"),
+    ):
+        with pytest.raises(gs.GoughStewartError, match=words):
+            env.step(actions)
+    with pytest.raises(gs.GoughStewartError, match="True or False"):
+        env.reset(options={"reset_mask": [1, 0]})

@@ -53,22 +53,17 @@ def compiled(text: str) -> dict[str, Any]:
     return names
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        *[("share = 0.5", "share = 0.25"), ("3 * force", "3 / force"), ("gain = 4.0", "gain = 4.5")],
-        *[
-            ('{"a", "b"}', '{"a", "c"}'),
-            ("offset=2.0", "offset=2.5"),
-            ("x + 1", "x + 11"),
-            ('{"u", "v"}', '{"u", "w"}'),
-        ],
-        *[("2 * self.gain", "2 * self.offset"), ("x - 7", "x - 8"), ("cls(8.0)", "cls(8.5)"), ("Law(Base)", "Law")],
-        *[("law = Law()", "law = Law(3.0)"), ("def twice", "def thrice")],
-    ],
-)
-def test_every_part_of_a_class_counts(old: str, new: str) -> None:
+OF_CLASS = """
+share = 0.5 → share = 0.25 | 3 * force → 3 / force | gain = 4.0 → gain = 4.5 | {"a", "b"} → {"a", "c"}
+offset=2.0 → offset=2.5 | x + 1 → x + 11 | {"u", "v"} → {"u", "w"} | 2 * self.gain → 2 * self.offset
+x - 7 → x - 8 | cls(8.0) → cls(8.5) | Law(Base) → Law | law = Law() → law = Law(3.0) | def twice → def thrice
+"""
+
+
+@pytest.mark.parametrize("change", OF_CLASS.strip().replace("\n", " | ").split(" | "))
+def test_every_part_of_a_class_counts(change: str) -> None:
     """Expected: of an object and of its bound methods; the class itself has no offset of its own."""
+    old, new = change.split(" → ")
     assert SOURCE.count(old) == 1
     one, other = compiled(SOURCE), compiled(SOURCE.replace(old, new))
     assert fingerprint(one["law"]) != fingerprint(other["law"])
@@ -111,23 +106,18 @@ LINEAR = gs.LinearController(
 
 def changed(system: Any, name: str) -> Any:
     """Another matrix of this name, or another sample time."""
-    parts = {each: np.asarray(getattr(system, each)) for each in "ABCD"} | {"dt": system.dt}
-    return control.ss(*(2 * value + 1e-3 if each == name else value for each, value in parts.items()))
+    parts = {part: np.asarray(getattr(system, part)) for part in "ABCD"} | {"dt": system.dt}
+    return control.ss(*(2 * value + 1e-3 if part == name else value for part, value in parts.items()))
 
 
-@pytest.mark.parametrize("name", ["A", "B", "C", "D", "dt"])
-def test_every_matrix_and_the_sample_time_of_a_linear_controller_count(name: str) -> None:
+def test_matrices_sample_time_signals_and_space_of_a_linear_controller_count() -> None:
     """Expected: as a system and as a controller; the same matrices have the same."""
-    system = LINEAR.system
-    assert fingerprint(changed(system, name)) != fingerprint(system) == fingerprint(control.ss(system))
-    assert fingerprint(replace(LINEAR, system=changed(system, name))) != fingerprint(LINEAR)
-
-
-def test_signals_and_space_of_a_linear_controller_count() -> None:
-    exchanged = replace(LINEAR, signals=LINEAR.signals[::-1])
-    of_lengths = replace(LINEAR, signals=("leg_length",))
-    in_task_space = replace(of_lengths, space="task")
-    assert len({fingerprint(each) for each in (LINEAR, exchanged, of_lengths, in_task_space)}) == 4
+    system, of_lengths = LINEAR.system, replace(LINEAR, signals=("leg_length",))
+    assert fingerprint(system) == fingerprint(control.ss(system))
+    systems = [system, *(changed(system, name) for name in ("A", "B", "C", "D", "dt"))]
+    controllers = [replace(LINEAR, system=one) for one in systems]
+    controllers += [replace(LINEAR, signals=LINEAR.signals[::-1]), of_lengths, replace(of_lengths, space="task")]
+    assert len({fingerprint(one) for one in (*systems, *controllers)}) == len(systems) + len(controllers)
 
 
 def test_it_begins_with_the_name_of_what_it_is_of() -> None:

@@ -177,28 +177,17 @@ def _unit(row: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _controller(row: dict[str, Any]) -> dict[str, Any]:
     """The table of a PD or PID."""
-    gains = TASK_GAINS if row["space"] == "task" else LEG_GAINS
-    stated = row["gains"] == "stated"
-    controller = {
-        "type": row["type"],
-        "space": row["space"],
-        **(
-            {"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}
-            if stated
-            else {"bandwidth": "1.9 Hz", "damping_ratio": 0.85}
-        ),
-        "derivative_on": row["derivative_on"],
-        "discretisation": row["discretisation"],
-        "feedforward": row["feedforward"],
-    }
-    if row["derivative_filter"]:
-        controller["derivative_filter"] = row["derivative_filter"]
+    gains, stated = TASK_GAINS if row["space"] == "task" else LEG_GAINS, row["gains"] == "stated"
+    plain = ("type", "space", "derivative_on", "discretisation", "feedforward")
+    kinds = [{"bandwidth": "1.9 Hz", "damping_ratio": 0.85}, {"integral_time": "310 ms"}]
+    if stated:
+        kinds = [{"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}, {"integral_gain": gains["ki"]}]
+    controller = {name: row[name] for name in plain} | kinds[0]
+    controller |= {"derivative_filter": row["derivative_filter"]} if row["derivative_filter"] else {}
     if row["type"] == "pid":
-        controller |= {"integral_gain": gains["ki"]} if stated else {"integral_time": "310 ms"}
-        if row["anti_windup_time"]:
-            controller["anti_windup_time"] = row["anti_windup_time"]
-    notch = row["notch"] and dict(zip(("frequency", "damping", "depth"), row["notch"], strict=True))
-    controller |= {"notch": notch} if notch else {}
+        controller |= kinds[1] | ({"anti_windup_time": row["anti_windup_time"]} if row["anti_windup_time"] else {})
+    if row["notch"]:
+        controller["notch"] = dict(zip(("frequency", "damping", "depth"), row["notch"], strict=True))
     return controller
 
 
@@ -209,75 +198,54 @@ def _recorded(
     limits: dict[str, Any] | None = None,
 ) -> gs.Record:
     gs.save_platform(UNEVEN, folder / "uneven.toml")
-    change = {"position_change": ALONG[:3].tolist(), "orientation_change": ALONG[3:].tolist()}
-    swing = {"position_amplitude": ALONG[:3].tolist(), "orientation_amplitude": ALONG[3:].tolist()}
-    reference = {
-        "sine": {"type": "sine", **swing, "frequency": 2.3, "phase": 0.6},
-        "point_to_point": {"type": "point_to_point", **change, "at": 0.03, "duration": 0.11},
-        "step": {"type": "step", **change, "at": 0.03},
-    }[row["reference"]]
-    reference |= {"time_scale": row["scales"][0], "amplitude_scale": row["scales"][1]}
+    what = "amplitude" if row["reference"] == "sine" else "change"
+    reference = {"type": row["reference"], "time_scale": row["scales"][0], "amplitude_scale": row["scales"][1]}
+    reference |= {f"position_{what}": ALONG[:3].tolist(), f"orientation_{what}": ALONG[3:].tolist()}
+    reference |= {"frequency": 2.3, "phase": 0.6} if what == "amplitude" else {"at": 0.03}
+    reference |= {"duration": 0.11} if row["reference"] == "point_to_point" else {}
     if row["about"] != "home":
         reference |= {"position": _ABOUT[:3].tolist(), "orientation": _ABOUT[3:].tolist()}
+    quantisation = {"leg_length": row["quantisation"]} if row["quantisation"] else {}
     values: dict[str, Any] = {
         "title": "options together",
         "platform": {"file": "uneven.toml", "parameters": parameters or {}},
         "plant": {"tolerance": 1e-11},
         "reference": reference,
         "controller": _unit(row, folder) if row["type"] == "fmu" else _controller(row),
-        "loop": {
-            "duration": DURATION,
-            "sample_time": SAMPLE_TIME,
-            "plant_step": row["plant_step"],
-            "delay": row["delay"],
-            "jitter": row["jitter"],
-        },
+        "loop": {"duration": DURATION, "sample_time": SAMPLE_TIME}
+        | {name: row[name] for name in ("plant_step", "delay", "jitter")},
         "sensors": {
-            "quantisation": {
-                **({"leg_length": row["quantisation"]} if row["quantisation"] else {}),
-                **(_OTHERS if row["others"] else {}),
-            },
+            "quantisation": quantisation | (_OTHERS if row["others"] else {}),
             "noise": {"leg_length": row["noise"]} if row["noise"] else {},
             "seed": crc32(_name(row).encode()) % 1000,
+            **({"sample_time": row["sensor_time"]} if row["sensor_time"] else {}),
         },
         "actuators": {
             "force_limit": row["force_limit"] if np.isfinite(row["force_limit"]) else "none",
             "lag": row["lag"],
+            **({"rate_limit": row["rate_limit"]} if np.isfinite(row["rate_limit"]) else {}),
         },
         "limits": {"reference": "warn", "position_error": 10.0, **(limits or {})},
     }
-    if row["sensor_time"]:
-        values["sensors"]["sample_time"] = row["sensor_time"]
-    if np.isfinite(row["rate_limit"]):
-        values["actuators"]["rate_limit"] = row["rate_limit"]
     if row["machine"] != "as believed":
         values["plant"]["parameters"] = _MACHINE
     if row["machine"] == "changes":
         values["change"] = [{"at": _CHANGE_AT, "parameters": _CHANGED}]
     if row["disturbance"]:
-        values["disturbance"] = [
-            {"at": _FROM, "duration": _FOR, "force": _WRENCH[:3].tolist(), "torque": _WRENCH[3:].tolist()}
-        ]
+        wrench = {"force": _WRENCH[:3].tolist(), "torque": _WRENCH[3:].tolist()}
+        values["disturbance"] = [{"at": _FROM, "duration": _FOR, **wrench}]
     if row["start"]:
-        home = _pose_about(row) + 0.3 * ALONG[::-1]
-        rest = [0.0, 0.0, 0.0]
-        values["start"] = {
-            "position": home[:3].tolist(),
-            "orientation": home[3:].tolist(),
-            "velocity": rest,
-            "angular_velocity": rest,
-        }
+        pose, rest = (_pose_about(row) + 0.3 * ALONG[::-1]).tolist(), [0.0] * 3
+        still = {"velocity": rest, "angular_velocity": rest}
+        values["start"] = {"position": pose[:3], "orientation": pose[3:], **still}
     if row["injection"]:
         values["injection"] = {"type": "chirp", "mode": "pitch", "amplitude": 8, "band": [30, 80], "period": "30 ms"}
-    if row["host"] == "member":
-        # of a spread far below what is compared
-        values["ensemble"] = {
-            "members": 4,
-            "tolerance": 1e-11,
-            "platform_mass": {"factor": {"uniform": [1 - 1e-13, 1 + 1e-13]}},
-        }
-        return gs.run(gs.Experiment(**values).from_file("options", folder), member=2)
-    return gs.run(gs.Experiment(**values).from_file("options", folder), plant=row["host"])
+    if row["host"] != "member":
+        return gs.run(gs.Experiment(**values).from_file("options", folder), plant=row["host"])
+    # of a spread far below what is compared
+    spread = {"factor": {"uniform": [1 - 1e-13, 1 + 1e-13]}}
+    values["ensemble"] = {"members": 4, "tolerance": 1e-11, "platform_mass": spread}
+    return gs.run(gs.Experiment(**values).from_file("options", folder), member=2)
 
 
 def _samples(record: gs.Record) -> list[int]:

@@ -64,36 +64,16 @@ def test_computed_torque_follows_the_circle() -> None:
     assert peaks["circle"] > 100 * peaks["circle_computed_torque"]
 
 
-def test_integral_action_finds_the_static_forces() -> None:
-    """Expected: at rest in the end, so the actuators hold what static equilibrium asks for."""
-    record = gs.run(gs.load_experiment("hold_against_gravity"), plant="fmu3")
-    platform = gs.load_preset("motion_base")
-    expected = gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
-    assert record["actuator_force"][-1] == pytest.approx(expected, rel=5e-3)
-    assert np.abs(record["error.position"][-1]).max() < 1e-4
-
-
 def test_a_payload_of_half_as_much_more_is_held() -> None:
-    """Expected: before the change nothing moves; after it the static forces of the heavier platform."""
+    """Expected: before the change nothing moves; after it the static forces of the heavier platform, by an integral."""
     record = gs.run(gs.load_experiment("payload_change"), plant="fmu2")
-    before = record["time"] < 2.0
-    assert np.abs(record["error.position"][before]).max() < 1e-9
-    heavier = gs.load_preset("liu2000").as_dict() | {"platform_mass": 15.0}
-    platform = type(gs.load_preset("liu2000"))(**heavier)
-    expected = gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
+    assert np.abs(record["error.position"][record["time"] < 2.0]).max() < 1e-9
+    platform = gs.load_preset("liu2000")
+    heavier = type(platform)(**(platform.as_dict() | {"platform_mass": 15.0}))
+    expected = gs.static_leg_forces(heavier, platform.home_position, platform.home_orientation)
     assert record["actuator_force"][-1] == pytest.approx(expected, rel=5e-3)
     assert record["platform_mass"][[0, -1]].tolist() == [10.0, 15.0]
     assert record["platform_inertia[3,3]"][[0, -1]].tolist() == [10.0, 15.0]
-
-
-def test_an_unstable_loop_ends_with_cause_and_time() -> None:
-    """Expected: an outcome, and a record up to there."""
-    record = gs.run(gs.load_experiment("too_slow"), plant="fmu3")
-    outcome = record.metadata["outcome"]
-    assert outcome["status"] == "diverged"
-    assert outcome["time"] == pytest.approx(record["time"][-1])
-    assert outcome["time"] < 8.0
-    assert outcome["cause"]
 
 
 def test_the_same_run_gives_the_same_bytes() -> None:

@@ -65,27 +65,6 @@ def test_joint_errors_of_a_millimetre_are_seen_at_the_platform_as_geometry_predi
     assert np.abs(record["error.orientation"][-1] - expected[3:]).max() < 0.2 * np.abs(expected[3:]).max()
 
 
-def test_references_of_the_legs_and_gravity_are_those_believed() -> None:
-    """Expected: inverse kinematics and statics of the believed platform, on a machine with other joints and payload."""
-    believed, seen = gs.load_preset("motion_base"), list[FloatArray]()
-
-    def law(sample: gs.Sample) -> FloatArray:
-        seen.append(sample.reference["leg_length"])
-        return np.zeros(6)
-
-    experiment = experiment_with(moved_joints() | {"platform_mass": 700.0}, loop={"duration": 0.01})
-    record = gs.run(experiment, controller=law)
-    pose = (np.array(POSE["position"]), np.array(POSE["orientation"]))
-    assert seen[0] == pytest.approx(gs.leg_geometry(believed, *pose).length, abs=1e-12)
-    assert record["controller.feedforward"][0] == pytest.approx(gs.static_leg_forces(believed, *pose), rel=1e-9)
-    # the machine is held still until the first command
-    machine = gs.Platform(**record.metadata["machine"])
-    delayed = gs.run(experiment, {"loop.delay": 1})
-    assert delayed["actuator_force"][0] == pytest.approx(gs.static_leg_forces(machine, *pose), rel=1e-9)
-    assert machine.platform_mass == 700
-    assert gs.Platform(**record.metadata["platform"]) == believed
-
-
 def test_gains_come_from_the_belief_and_margins_from_the_machine() -> None:
     """Expected: the same gains, whatever the machine is; a heavier machine has modes that are slower by its inertia."""
     one, other = (gs.margins(experiment_with(machine)) for machine in ({}, {"platform_mass": 900.0}))
