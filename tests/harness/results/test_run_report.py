@@ -279,7 +279,7 @@ def test_charts_show_what_a_record_has() -> None:
 # --- the scene -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("rows", "stride"), [(2001, 1), (2002, 2), (4004, 3)])
+@pytest.mark.parametrize(("rows", "stride"), [(2001, 1), (4004, 3)])
 def test_frames_are_evenly_spaced_rows_with_first_and_last(rows: int, stride: int) -> None:
     """Expected: at most 2,001 of them, with the bits of their rows; flags of the rows up to the next one."""
     made = waving_record(PLATFORM, rows=rows, size=0.02)

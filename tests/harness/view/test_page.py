@@ -164,17 +164,6 @@ def test_a_record_without_a_platform_or_an_outcome_is_refused(record: Record) ->
         view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
 
 
-def test_the_distance_of_colours_is_that_of_its_publication() -> None:
-    """Expected: pairs 1, 7, 16 and 25 of Sharma et al. (2005), table 1."""
-    for one, other, distance in (
-        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
-        ((50, 0, 0), (50, -1, 2), 2.3669),
-        ((50, 2.5, 0), (50, 0, -2.5), 4.3065),
-        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
-    ):
-        assert delta_e_2000(np.array(one), np.array(other)) == pytest.approx(distance, abs=1e-4)
-
-
 @pytest.mark.parametrize("blind", BLIND)
 def test_red_green_blind_readers_tell_the_middle_from_the_limit(blind: str) -> None:
     """Expected: ΔE ≥ 40 by either formula, simulated as by Machado et al. (2009); beyond the limit so by CIE76."""
