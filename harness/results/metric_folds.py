@@ -457,10 +457,10 @@ def metric_folds(
         Saturation("rate_limited"),
         StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags),
     ]
-    has = known or (lambda column: reference is not None or not column.startswith("error."))
+    has_column = known or (lambda column: reference is not None or not column.startswith("error."))
     if wanted is not None:
         folds = [fold for fold in folds if any(metric.path in wanted for metric in fold.metrics)]
-    return [CoveredRows(time), *(fold for fold in folds if all(map(has, fold.needs)))]
+    return [CoveredRows(time), *(fold for fold in folds if all(map(has_column, fold.needs)))]
 
 
 def _of_any_run() -> list[Any]:
