@@ -162,9 +162,7 @@ class Chart(Data):
         for series in self.series:
             shape = series.values.shape
             if shape != needed and (len(needed) != len(shape) or series.x is None):
-                raise ValueError(
-                    f"the series '{series.name}' of '{self.title}' has {shape} values; expected {needed}"
-                )
+                raise ValueError(f"the series '{series.name}' of '{self.title}' has {shape} values; expected {needed}")
         if self.map is not None:
             check_shapes(self.map, f"the map '{self.title}'", {"inside": needed})
 

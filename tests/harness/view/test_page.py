@@ -19,7 +19,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
 from tests.support.page_arrays import data_of, elements, unpacked
-from tests.support.records import oscillating, says_it_oscillates, waving_record
+from tests.support.records import waving_record
 from tests.support.uneven_records import OTHER, RUN
 
 
@@ -78,20 +78,6 @@ def test_text_of_the_user_stays_text(platform: Platform) -> None:
         assert bad in elements(page, "//h1")[0].text_content()
         assert bad in elements(page, "//section")[0].text_content()
     assert data_of(page)["scenes"][0]["name"] == bad
-
-
-def test_a_loop_that_oscillates_is_told_first(platform: Platform) -> None:
-    """Expected: in the verdict of one run, and beside that of two, what the record was given: leg 5, 40 Hz, 3 mm."""
-    record = oscillating(waving_record(platform, size=0.0))
-    (verdict,) = elements(view_page([record], ["a"]), "//p[contains(@class, 'verdict')]")
-    text = verdict.text_content()
-    assert all(word in text.lower() for word in ("leg 5 oscillates", " hz", " mm"))
-    assert verdict.get("class") != "verdict good"
-    notes = [
-        each.text_content() for each in elements(view_page([record] * 2, ["a", "b"]), "//p[@class='note warning']")
-    ]
-    assert [says_it_oscillates(text.partition(": ")[2]) for text in notes] == [True, True]
-    assert elements(view_page([waving_record(platform)], ["a"]), "//p[@class='note warning']") == []
 
 
 def test_a_page_starts_with_verdict_numbers_and_picture(record: Record, page: bytes) -> None:
