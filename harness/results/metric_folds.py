@@ -269,9 +269,7 @@ class StrokeUse(TermFold):
         Metric("stroke.shortest", "shortest leg", LENGTH, "shortest length, by leg", None, False, True),
         Metric("stroke.longest", "longest leg", LENGTH, "largest length, by leg", None, False),
         Metric("stroke.margin", "stroke margin", LENGTH, "to the nearest end of the stroke; < 0 beyond it", "larger"),
-        Metric(
-            "stroke.exceeded.legs", "beyond stroke, a leg", SHARE, "share of rows beyond it, by leg", "smaller", False
-        ),
+        Metric("stroke.exceeded.legs", "beyond stroke, a leg", SHARE, "share of rows beyond, by leg", "smaller", False),
         Metric("stroke.exceeded.any", "beyond stroke", SHARE, "share of the rows with any leg beyond it", "smaller"),
     )
 
