@@ -11,7 +11,7 @@ import gough_stewart as gs
 from gough_stewart.harness.loop.folding import FoldKernels, FoldsOfRows
 from gough_stewart.harness.loop.loop import Limits, Loop
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.results.metric_folds import METRICS, folds_of_loop, metric_kernels
+from gough_stewart.harness.results.metric_folds import METRICS, Saturation, folds_of_loop, metric_kernels
 from tests.support.metric_definitions import defined_metrics
 from tests.support.orientations import rotation_vectors
 from tests.support.records import Floats, columns
@@ -153,3 +153,13 @@ def test_a_member_that_ended_early_has_the_step_of_the_whole_run_or_none(levels:
     found = noise.results(metrics_of_members(2), 2, metric_kernels())
     for name in ("from", "to", "at", "overshoot_percent", "final_error"):
         assert np.isfinite(found[f"step_response.x.{name}"]).tolist() == [True, has]
+
+
+def test_a_fold_of_other_sizes_or_another_name_has_no_machine_code() -> None:
+    """Expected: none for five flags, or for a name that nobody has compiled; NumPy folds those."""
+    kernels, fold = metric_kernels(), Saturation("force_limited")
+    assert kernels.kernel(fold) is not None
+    fold.sizes = {"flag": 5}
+    assert kernels.kernel(fold) is None
+    fold.sizes, fold.kernel = {"flag": 6}, "another"
+    assert kernels.kernel(fold) is None
