@@ -31,8 +31,8 @@ def unit_report(
     built += [f"model of the platform {platform.name} for MuJoCo in {name}" for name in models]
     built.append("six actuator forces in, pose and leg lengths out")
     numbers = [Number("files", "files written", float(len(files)), COUNT)]
-    sections, status, outcome = list[Section](), "good", ["not yet run: `--check` runs and compares them"]
-    told: tuple[Number, ...] = ()
+    sections, told = list[Section](), tuple[Number, ...]()
+    outcome, failed = "not yet run: `--check` runs and compares them", list[str]()
     if checks is not None:
         from gough_stewart.harness.plants.unit_check import EXPLANATION
 
@@ -45,28 +45,33 @@ def unit_report(
         rows = ((check.file, check.name, "passed" if check.passed else "FAILED", check.result) for check in checks)
         columns = tuple(map(Column, ("unit", "check", "outcome", "deviation or problem")))
         sections.append(Section("Checks", (Table("", columns, tuple(rows), note=EXPLANATION),)))
-        status = "bad" if failed else "good"
-        outcome = [f"all {len(checks)} checks passed"]
+        outcome = f"all {len(checks)} checks passed"
         if failed:
-            outcome = [f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"]
-    verdict = Verdict(sentence([*built, *(outcome if versions else ())]), "bad" if status == "bad" else "good", told)
+            outcome = f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"
+    verdict = Verdict(sentence([*built, outcome if versions else None]), "bad" if failed else "good", told)
 
-    units = [name for name in files if name.endswith(".fmu")]
+    units = {version: name for version in versions for name in files if name.endswith(f"fmi{version[0]}.fmu")}
     steps = [f"Look at the model: `python -m mujoco.viewer --mjcf={name}`" for name in models]
-    for name, version in zip(units, versions, strict=True) if Variant.of(platform) == IDEAL else ():
-        command = f"gough-stewart run heave_step --plant fmu{version[0]} --fmu {name}"
-        steps.append(f"Run a closed loop on the FMI {version} unit, which takes the experiment's platform: `{command}`")
-    if "2.0" in versions:
-        force = float(plant_component(platform).starts["actuator_force"].flat[0])
-        values = f"--start-values 'actuator_force[1]' {1.05 * force:.6g}"
-        command = f"python -m fmpy --stop-time 0.5 {values} --output-file pushed.csv simulate {units[0]}"
-        steps.append(f"Push leg 1 with 5 % more than it needs to stand, by FMPy: `{command}`")
+    kinds = dict.fromkeys(models, "for MuJoCo; its comment says what it leaves out")
+    for version, name in units.items():
+        kinds[name] = f"FMI {version}, Co-Simulation and Model Exchange, with the compiled code for {systems}"
+        force = 1.05 * float(plant_component(platform).starts["actuator_force"].flat[0])
+        values, push = (
+            f"--start-values 'actuator_force[1]' {force:.6g} ",
+            "push leg 1 with 5 % more than it needs to stand",
+        )
+        if version != "2.0":  # FMPy's command sets scalars only
+            values, push = "", "let it stand"
+        command = f"python -m fmpy --stop-time 0.5 {values}--output-file fmi{version[0]}.csv simulate {name}"
+        steps.append(f"FMI {version}, by FMPy: {push}: `{command}`")
+        if Variant.of(platform) == IDEAL:
+            command = f"gough-stewart run heave_step --plant fmu{version[0]} --fmu {name}"
+            steps.append(
+                f"FMI {version}, a closed loop on the unit, which takes the experiment's platform: `{command}`"
+            )
     sections.append(Section("Next step", tuple(map(Note, steps)), detail=True))
     if units:
-        sections.append(Section("Variables", (_variables(platform, versions),), detail=True))
-    kinds = {**dict.fromkeys(models, "for MuJoCo; its comment says what it leaves out")}
-    for name, version in zip(units, versions, strict=True):
-        kinds[name] = f"FMI {version}, Co-Simulation and Model Exchange, with the compiled code for {systems}"
+        sections.append(Section("Variables", (_variables(platform, list(units)),), detail=True))
     return Report(
         f"FMU of {platform.name}" if versions else f"Model of {platform.name} for MuJoCo",
         verdict,

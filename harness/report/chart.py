@@ -158,13 +158,13 @@ class Chart(Data):
         along = len(self.x.labels) or len(self.x.values)
         slices = () if self.map is None or self.map.slices is None else (len(self.map.slices.values),)
         rows = (*slices, 0 if self.y is None else len(self.y.values)) if self.kind == "heat" else ()
-        wanted = (*rows, along - 1 if self.kind == "histogram" else along)
+        needed = (*rows, along - 1 if self.kind == "histogram" else along)
         for series in self.series:
             shape = series.values.shape
-            if shape != wanted and (len(wanted) != len(shape) or series.x is None):
-                raise ValueError(f"the series '{series.name}' of '{self.title}' has {shape} values; expected {wanted}")
+            if shape != needed and (len(needed) != len(shape) or series.x is None):
+                raise ValueError(f"the series '{series.name}' of '{self.title}' has {shape} values; expected {needed}")
         if self.map is not None:
-            check_shapes(self.map, f"the map '{self.title}'", {"inside": wanted})
+            check_shapes(self.map, f"the map '{self.title}'", {"inside": needed})
 
     @property
     def y_title(self) -> str:

@@ -6,7 +6,7 @@ None, or NaN in an array.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass
@@ -68,6 +68,7 @@ class Verdict(Data):
 class Note(Data):
     """A sentence for the reader."""
 
+    detail: ClassVar[bool] = False  # unlike a table or a chart
     text: str
     kind: Literal["note", "warning"] = "note"
 

@@ -76,12 +76,12 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
     head = report.title if is_well else f"{report.title} — {report.verdict.text}"
     head += f" ({', '.join(setting.text for setting in report.settings)})" if report.changed else ""
     files: dict[str, bytes] = {}
-    taken = set[str]()
+    used = set[str]()
     for title, charts in groupby(shown, key=lambda chart: chart.group or chart.title):
         stem = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-") or "chart"
         names = (stem if k == 1 else f"{stem}-{k}" for k in count(1))
-        name = next(name for name in names if name not in taken)
-        taken.add(name)
+        name = next(name for name in names if name not in used)
+        used.add(name)
         rows = _rows(list(charts))
         height = _HEAD + sum(ROW * _height_of(row) for row in rows)
         written = files_of(partial(_draw, head, rows), WIDTH, height, tuple(kinds))
@@ -129,8 +129,8 @@ def _slices(chart: Chart) -> list[Panel]:
     assert chart.map is not None
     axis, inside = chart.map.slices, chart.map.inside
     assert axis is not None
-    there = np.arange(len(axis.values)) if inside is None else np.flatnonzero((inside > 0).any(axis=(1, 2)))
-    low, high = (int(there[0]), int(there[-1])) if there.size else (0, len(axis.values) - 1)
+    filled = np.arange(len(axis.values)) if inside is None else np.flatnonzero((inside > 0).any(axis=(1, 2)))
+    low, high = (int(filled[0]), int(filled[-1])) if filled.size else (0, len(axis.values) - 1)
     chosen = sorted({round(low + (k + 0.5) / _SLICES * (high - low)) for k in range(_SLICES)})
     values = [number_text(axis.quantity.factor * float(axis.values[k]), 3) for k in chosen]
     titles = [f"{axis.name} {value} {axis.quantity.unit_text}".strip() for value in values]
@@ -268,18 +268,18 @@ def _styles(panel: Panel) -> list[dict[str, Any]]:
 
     No two share both.
     """
-    styles, taken = [], set[tuple[str, tuple[float, ...]]]()
+    styles, used = [], set[tuple[str, tuple[float, ...]]]()
     for series in panel.series:
         alike = [beside for beside in panel.series if beside.role == series.role]
         colour, dashes = colour_of(series.role), DASHES.get(series.role, ())
         if len(alike) > 1 and series.role not in ("reference", "limit", "band"):
-            same = [beside for beside in alike if beside.run == series.run].index(series)
-            place = series.run if series.run is not None else series.leg - 1 if series.leg else same
+            order = [beside for beside in alike if beside.run == series.run].index(series)
+            place = series.run if series.run is not None else series.leg - 1 if series.leg else order
             # of more than six, the colours come again with other dashes
-            colour, dashes = colour_of_six(place), SIX_DASHES[(same if series.run else place + place // 6) % 6]
-        while series.role != "band" and (colour, dashes) in taken:
+            colour, dashes = colour_of_six(place), SIX_DASHES[(order if series.run else place + place // 6) % 6]
+        while series.role != "band" and (colour, dashes) in used:
             dashes = (*dashes, 1.0, 3.0) if dashes else (6.0, 3.0)
-        taken.add((colour, dashes))
+        used.add((colour, dashes))
         styles.append({"color": colour, "linestyle": (0, dashes) if dashes else "-"})
     return styles
 

@@ -9,14 +9,14 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 from markupsafe import Markup
 
 from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Scene, Series, Surface
-from gough_stewart.harness.report.document import Note, Number, Part, Report, Section
+from gough_stewart.harness.report.document import Number, Part, Report, Section
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, bokeh_licence, document, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.palette import (
@@ -161,9 +161,9 @@ def colours() -> str:
         palette["roles"] | {f"six-{k}": colour for k, colour in enumerate(palette["six"])}
         for palette in map(palette_of, THEMES)
     )
-    both = "".join(f"--{name}: light-dark({colour}, {dark[name]}); " for name, colour in light.items())
+    shared = "".join(f"--{name}: light-dark({colour}, {dark[name]}); " for name, colour in light.items())
     contrast = "".join(f"--{name}: {colour}; " for name, colour in strong.items())
-    return f":root {{ {both}}}\n:root[data-theme=contrast] {{ {contrast}}}\n"
+    return f":root {{ {shared}}}\n:root[data-theme=contrast] {{ {contrast}}}\n"
 
 
 # --- charts and scenes as data for the scripts -----------------------------------------------------------------------
@@ -313,27 +313,19 @@ def _scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
 # --- filters of the templates ----------------------------------------------------------------------------------------
 
 
-class _Drawn(NamedTuple):
-    """A part of a section that its place on the page draws, and whether it is opened if needed."""
-
-    part: Part
-    detail: bool
-
-
-def _drawn(section: Section, first: Chart | None) -> list[_Drawn]:
+def _drawn(section: Section, first: Chart | None) -> list[Part]:
     """The parts of a section that are not in the picture of the page."""
-    parts = [part for part in section.parts if part is not first and not isinstance(part, Scene | Surface)]
-    return [_Drawn(part, not isinstance(part, Note) and part.detail) for part in parts]
+    return [part for part in section.parts if part is not first and not isinstance(part, Scene | Surface)]
 
 
 def _neighbours(parts: Iterable[Part]) -> list[tuple[str, list[Part]]]:
     """Parts in order; neighbours of a kind share a grid."""
     kinds: dict[type, str] = {Chart: "charts", Table: "tables"}
-    return [(kind, list(some)) for kind, some in groupby(parts, key=lambda part: kinds.get(type(part), "notes"))]
+    return [(kind, list(alike)) for kind, alike in groupby(parts, key=lambda part: kinds.get(type(part), "notes"))]
 
 
-def _titles(hidden: Sequence[_Drawn]) -> str:
-    text = ", ".join(dict.fromkeys(shown.part.title for shown in hidden if isinstance(shown.part, Chart | Table)))
+def _titles(hidden: Sequence[Part]) -> str:
+    text = ", ".join(dict.fromkeys(part.title for part in hidden if isinstance(part, Chart | Table)))
     return text if len(text) <= 120 else f"{text[:117].rpartition(', ')[0]} …"
 
 

@@ -78,9 +78,9 @@ class Quantity:
         if keys is None:
             return self.changed
         if self not in keys:
-            stem, taken = self.name or self.unit or "number", set(keys.values())
-            names = (stem, *(f"{stem} {k}" for k in range(2, len(taken) + 3)))
-            keys[self] = next(name for name in names if name not in taken)
+            stem, used = self.name or self.unit or "number", set(keys.values())
+            names = (stem, *(f"{stem} {k}" for k in range(2, len(used) + 3)))
+            keys[self] = next(name for name in names if name not in used)
         return keys[self]
 
     @property

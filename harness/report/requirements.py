@@ -125,9 +125,9 @@ def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report
     It is bad if one is missed, and marginal at best if one cannot be told. A RequirementError is as of `required`, for
     an unknown number, a unit of another kind, or a share of members of a single run.
     """
-    wanted = [required(text) if isinstance(text, str) else text for text in texts]
-    check_known(wanted, report.numbers)
-    judged = tuple(judge(requirement, report.number(requirement.path)) for requirement in wanted)
+    requirements = [required(text) if isinstance(text, str) else text for text in texts]
+    check_known(requirements, report.numbers)
+    judged = tuple(judge(requirement, report.number(requirement.path)) for requirement in requirements)
     if not judged:
         return report
     states, status = {outcome.status for outcome in judged}, report.verdict.status

@@ -272,14 +272,7 @@ class StrokeUse(TermFold):
         Metric("stroke.shortest", "shortest leg", LENGTH, "shortest length, by leg", None, False, True),
         Metric("stroke.longest", "longest leg", LENGTH, "largest length, by leg", None, False),
         Metric("stroke.margin", "stroke margin", LENGTH, "to the nearest end of the stroke; < 0 beyond it", "larger"),
-        Metric(
-            "stroke.exceeded.legs",
-            "beyond stroke, a leg",
-            SHARE,
-            "share of the rows, by leg",
-            "smaller",
-            False,
-        ),
+        Metric("stroke.exceeded.legs", "beyond stroke, a leg", SHARE, "share of rows beyond, by leg", "smaller", False),
         Metric("stroke.exceeded.any", "beyond stroke", SHARE, "share of the rows with any leg beyond it", "smaller"),
     )
 
@@ -461,10 +454,10 @@ def metric_folds(
         Saturation("rate_limited"),
         StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags),
     ]
-    has = known or (lambda column: reference is not None or not column.startswith("error."))
+    has_column = known or (lambda column: reference is not None or not column.startswith("error."))
     if wanted is not None:
         folds = [fold for fold in folds if any(metric.path in wanted for metric in fold.metrics)]
-    return [CoveredRows(time), *(fold for fold in folds if all(map(has, fold.needs)))]
+    return [CoveredRows(time), *(fold for fold in folds if all(map(has_column, fold.needs)))]
 
 
 def _of_any_run() -> list[Any]:

@@ -108,10 +108,10 @@ def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
     Frames have the values of their rows: time, pose, leg lengths, forces, reference, neither interpolated nor rounded.
     Flags cover the time from each frame to the next, and are set if they are set in any row of it.
     """
-    made, of_run = [], max(frames // len(runs), 101)
+    of_runs, most = list[Scene](), max(frames // len(runs), 101)
     for k, run in enumerate(runs):
         record, platform = run.record, run.machine
-        rows = frame_rows(record.table.height, of_run)
+        rows = frame_rows(record.table.height, most)
         few = RecordData(record.table[rows], record.metadata)
         lower, upper = leg_parts(record["leg_length"], platform)
         nearness, flags = nearness_to_limits(few, platform), list[Flag]()
@@ -141,8 +141,8 @@ def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
             run=k if len(runs) > 1 else None,
             decimals=max(4, 3 + round(-math.log10(fineness_of(platform)))),
         )
-        made.append(scene)
-    return made
+        of_runs.append(scene)
+    return of_runs
 
 
 def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:

@@ -224,14 +224,14 @@ def _verdict(
             continue
         sizes = [abs(value or 0.0) for value in values[path]]
         leaders, last = listed([names[k] for k in sorted(top)]), max(range(len(names)), key=sizes.__getitem__)
-        one, other = (at_most(quantity, sizes[k]) for k in (min(top), last))
+        bounds = [at_most(quantity, sizes[k]) for k in (min(top), last)]
         ending = "s" if len(top) == 1 else ""
         verb, place = (f"settle{ending} first", "in") if path in settling else (f"follow{ending} best", "within")
         after = (" after settling" if steps else " at the end") if path in _LEFT else ""
-        text = f"{leaders} {verb}, {place} {one}{after}; {names[last]} {place} {other}{beside}"
+        text = f"{leaders} {verb}, {place} {bounds[0]}{after}; {names[last]} {place} {bounds[1]}{beside}"
         return Verdict(text, "told", told)
-    same = f"{listed(names)} end equally near" if beside else f"{listed(names)} follow equally well"
-    return Verdict(same + beside, "told", told)
+    alike = f"{listed(names)} end equally near" if beside else f"{listed(names)} follow equally well"
+    return Verdict(alike + beside, "told", told)
 
 
 def side_by_side(

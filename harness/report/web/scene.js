@@ -139,7 +139,6 @@ GoughStewart.prepareScene = () => {
     look("corner");
     return {
       show, look,
-      soft: viewer.soft,
       canvas: viewer.canvas,
       copy: viewer.copy,
       render: viewer.render,

@@ -60,18 +60,22 @@ def gs_unit(unit: str | None) -> str:
 def test_the_page_lists_the_files_and_its_commands_drive_the_units(
     folder: Path, page: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Expected: links to both units; leg 1 is longer after FMPy's push; a closed loop on the unit completes."""
+    """Expected: links to both units; leg 1 is longer after FMPy's push; a closed loop on it completes."""
     assert page.xpath("//ul[@class='files']//a/@href") == ["gough_stewart_fmi2.fmu", "gough_stewart_fmi3.fmu"]
     commands = [shlex.split(each.text_content()) for each in page.xpath("//code")]
-    (push,) = (words for words in commands if words[:3] == ["python", "-m", "fmpy"])
-    (loop,) = (words for words in commands if words[-1] == "gough_stewart_fmi3.fmu")
+    push, stand = (words for words in commands if words[:3] == ["python", "-m", "fmpy"])
+    loops = [words for words in commands if words[0] == "gough-stewart"]
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("sys.argv", ["fmpy", *push[3:]])
-    cli.main()
-    rows = list(csv.DictReader((folder / "pushed.csv").read_text().splitlines()))
-    lengths = [float(rows[-1][f"leg_length[{k}]"]) - float(rows[0][f"leg_length[{k}]"]) for k in range(1, 7)]
-    assert lengths[0] == max(lengths) > 1e-3
-    assert loop[0] == "gough-stewart"
-    done = invoke(*loop[1:], "--set", "loop.duration=0.02", "--out", str(folder / "loop"))
+    for words in (push, stand):
+        monkeypatch.setattr("sys.argv", ["fmpy", *words[3:]])
+        cli.main()
+    first, *_, last = csv.DictReader((folder / "fmi2.csv").read_text().splitlines())
+    changes = [float(last[f"leg_length[{k}]"]) - float(first[f"leg_length[{k}]"]) for k in range(1, 7)]
+    assert changes[0] == max(changes) > 1e-3
+    first, *_, last = csv.DictReader((folder / "fmi3.csv").read_text().splitlines())
+    still = [name for name in first if name.startswith(("position", "leg_length"))]
+    assert [float(last[name]) for name in still] == pytest.approx([float(first[name]) for name in still], abs=1e-6)
+    assert [words[4] for words in loops] == ["fmu2", "fmu3"]
+    done = invoke(*loops[1][1:], "--set", "loop.duration=0.02", "--out", str(folder / "loop"))
     assert done.exit_code == 0, done.output
     assert gs.read_record(folder / "loop").metadata["plant"] == "fmu3"

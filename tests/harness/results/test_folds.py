@@ -1,34 +1,17 @@
 """Metrics of many members, folded during their runs: those of each member's own record, to the bit."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import polars
 import pytest
-from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.cache import digest_of_texts
-from gough_stewart.fmu_build.libraries import folds_sources, machine_code, vector_library
 from gough_stewart.harness.loop.folding import FoldKernels, FoldsOfRows
-from gough_stewart.harness.loop.folds import (
-    AfterLast,
-    First,
-    Largest,
-    Last,
-    Reduction,
-    Smallest,
-    State,
-    Sum,
-    SumButLast,
-    TermFold,
-    TermRow,
-)
 from gough_stewart.harness.loop.loop import Limits, Loop
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.results.metric_folds import METRICS, folds_of_loop, metric_kernels
-from gough_stewart.model.operations import greater, where
+from gough_stewart.harness.results.metric_folds import METRICS, Saturation, folds_of_loop, metric_kernels
 from tests.support.metric_definitions import defined_metrics
 from tests.support.orientations import rotation_vectors
 from tests.support.records import Floats, columns
@@ -172,95 +155,11 @@ def test_a_member_that_ended_early_has_the_step_of_the_whole_run_or_none(levels:
         assert np.isfinite(found[f"step_response.x.{name}"]).tolist() == [True, has]
 
 
-class MadeUp(TermFold):
-    """Work of some legs, errors, and flags, with all reductions."""
-
-    kernel = "made_up"
-    needs = ("leg_velocity", "actuator_force", "error.position", "flag.force_limited")
-    sizes: Mapping[str, int] = {"velocity": 2, "force": 2, "error": 3, "flag": 6}
-    begins: Mapping[str, int] = {"velocity": 3, "force": 1}
-    term_sizes: Mapping[str, int] = {"work": 2, "change": 2, "first error": 1, "flag": 6}
-    reductions: Mapping[str, Reduction] = {
-        "sum": Sum("work"),
-        "but last": SumButLast("work"),
-        "largest": Largest("change"),
-        "smallest": Smallest("work"),
-        "last": Last("first error"),
-        "first": First("work", greater, "bound"),
-        "after": AfterLast("first error", greater, 0.4),
-        "flags": Sum("flag"),
-    }
-
-    def __init__(self, bound: Any) -> None:
-        self.parameters = {"gain": 1.7, "bound": bound}
-
-    def terms(self, row: TermRow) -> Iterator[tuple[str, Any]]:
-        """Work of the force before; of no row the first."""
-        work = row["velocity"] * row.before["force"] / row.parameters["gain"]
-        yield "work", where(greater(row.index, 0.5), work, -0.5)
-        # two products, which one operation that rounds once would give otherwise
-        yield "change", row["velocity"] * row["force"] - row["velocity"] * row.before["force"]
-        yield "first error", row["error"][..., :1, :]
-        yield "flag", row["flag"]
-
-    def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, Floats]:
-        """All states."""
-        return {**state, "row": rows[None].astype(float)}
-
-
-@pytest.fixture(scope="module")
-def kernels() -> FoldKernels:
-    sources = folds_sources([MadeUp(1.0).traced()])
-    return FoldKernels(machine_code(vector_library("folds", lambda: sources, digest_of_texts(sources.files))).path)
-
-
-def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops(kernels: FoldKernels) -> None:
-    """Expected: loops in Python over each member's rows, up to the first not finite; NumPy's bits."""
-    noise, bound = Noise(), np.linspace(0.1, 1.5, MOST)
-    # squares overflow, and their difference is no number; and a signal that no fold needs
-    noise.signals[8, 9, 21:23] = noise.forces[7:9, 9, 1:3] = 1e200
-    noise.signals[5, 10, 7] = np.nan
-    noise.signals[21, 3::7, 14] = 1.0
-    broken = {
-        4: (noise.signals, 20, 22),
-        5: (noise.forces, 0, 3),
-        7: (noise.reference, 16, 2),
-        12: (noise.signals, 30, 1),
-    }
-    for member, (array, row, at) in broken.items():
-        array[row, member, at] = (np.nan, np.inf, -np.inf)[row % 3]
-    for number, size in ((1, 16), (MOST, 40), (MOST, 1000)):
-        compiled, by_numpy = (
-            noise.results(lambda _loop, n=number: [MadeUp(bound[:n])], number, code, size) for code in (kernels, None)
-        )
-        assert list(compiled) == list(by_numpy)
-        for name, values in by_numpy.items():
-            np.testing.assert_array_equal(compiled[name], values, err_msg=name)
-    for k in (0, 1, 4, 5, 7, 9, 10, 12, 16, 39):
-        rows = min(noise.ends[k], broken[k][1] if k in broken else N)
-        velocity, force = (array[:rows, k].tolist() for array in (noise.signals[..., 21:23], noise.forces[..., 1:3]))
-        error = (noise.reference[:rows, k, 0] - noise.signals[:rows, k, 0]).tolist()
-        flags = noise.flags[0, :rows, k]
-        earlier = [force[max(i - 1, 0)] for i in range(rows)]
-        for leg in range(2):
-            work = [velocity[i][leg] * earlier[i][leg] / 1.7 if i else -0.5 for i in range(rows)]
-            change = [velocity[i][leg] * force[i][leg] - velocity[i][leg] * earlier[i][leg] for i in range(rows)]
-            expected = {
-                "sum": sum(work),
-                "but last": sum(work[:-1]),
-                "but last.last": work[-1] if rows else 0.0,
-                "largest": np.nan if np.isnan(change).any() else max(change, default=-np.inf),
-                "smallest": min(work, default=np.inf),
-                "first": next((float(i) for i, value in enumerate(work) if value > bound[k]), np.inf),
-            }
-            for name, value in expected.items():
-                assert compiled[name][leg, k] == pytest.approx(value, rel=1e-12, abs=1e-12, nan_ok=True), (name, k)
-        assert compiled["row"][0, k] == rows
-        assert compiled["last"][0, k] == (error[-1] if rows else 0.0)
-        assert compiled["after"][0, k] == max((i + 1.0 for i, value in enumerate(error) if value > 0.4), default=0.0)
-        assert compiled["flags"][:, k].tolist() == flags.sum(axis=0).tolist()
-    fold = MadeUp(1.0)
-    assert kernels.kernel(fold) == 0
-    fold.sizes = {**fold.sizes, "error": 2}
+def test_a_fold_of_other_sizes_or_another_name_has_no_machine_code() -> None:
+    """Expected: none for five flags, or for a name that nobody has compiled; NumPy folds those."""
+    kernels, fold = metric_kernels(), Saturation("force_limited")
+    assert kernels.kernel(fold) is not None
+    fold.sizes = {"flag": 5}
     assert kernels.kernel(fold) is None
-    assert metric_kernels().kernel(MadeUp(1.0)) is None
+    fold.sizes, fold.kernel = {"flag": 6}, "another"
+    assert kernels.kernel(fold) is None

@@ -56,30 +56,25 @@ def test_a_run_that_follows_says_how_near_and_which_limit_it_uses_most() -> None
     made = waving_record(PLATFORM, force_limit=None)
     weaker = {"actuator_force": 0.31 * made["actuator_force"], "leg_velocity": 0.3 * made["leg_velocity"]}
     record = changed(made, flag__force_limited=False, **weaker)
-    report = record.report(charts=False)
+    found, limit = verdict(record), PLATFORM.leg_velocity_max or 0.0
     error = np.sqrt((record["error.position"] ** 2).sum(axis=1)).max()
     turn = np.degrees(np.sqrt((record["error.orientation"] ** 2).sum(axis=1)).max())
-    text = report.verdict.text
-    assert text.startswith("Follows within ")
-    assert first_number(text, "within ") == pytest.approx(up(1e3 * error))
-    assert text.split()[3] == "mm"
-    assert first_number(text, " and ") == pytest.approx(up(turn))
-    speed = np.abs(record["leg_velocity"]).max(axis=0) / PLATFORM.leg_velocity_max
-    leg, limit = int(speed.argmax()), PLATFORM.leg_velocity_max or 0.0
-    assert f"leg {leg + 1} uses {100 * speed[leg]:.2g} % of its speed" in text
-    numbers = {number.path: number for number in report.verdict.numbers}
+    assert found.text.startswith("Follows within ")
+    assert first_number(found.text, "within ") == pytest.approx(up(1e3 * error))
+    assert (found.text.split()[3], first_number(found.text, " and ")) == ("mm", pytest.approx(up(turn)))
+    speed = np.abs(record["leg_velocity"]).max(axis=0) / limit
+    leg = int(speed.argmax())
+    assert f"leg {leg + 1} uses {100 * speed[leg]:.2g} % of its speed" in found.text
+    numbers = {number.path: number for number in found.numbers}
     assert numbers["tracking.position.norm_peak"].value == pytest.approx(error)
     used = numbers["limits.leg_velocity_max.used"]
     assert (used.value, used.limit, used.margin) == pytest.approx((speed[leg], 1.0, 1 - speed[leg]))
-    fast = changed(record, leg_velocity=1.1 * limit, actuator_force=0.0)
-    nearly = changed(record, leg_velocity=0.95 * limit, actuator_force=0.0)
-    slow = changed(record, leg_velocity=0.85 * limit, actuator_force=0.0)
-    assert [verdict(each).status for each in (fast, nearly, slow)] == ["bad", "marginal", "good"]
+    for share, status in ((1.1, "bad"), (0.95, "marginal"), (0.85, "good")):
+        assert verdict(changed(record, leg_velocity=share * limit, actuator_force=0.0)).status == status
     # of the run's actuators, which may be weaker than the platform's
     weak = changed(record, actuator_force=40.0, leg_velocity=0.0)
     assert "forces 32 % of what the drives have" in verdict(weak, force_limit=125.0).text
-    straight = changed(record, error__orientation=1e-9)
-    assert " and " not in verdict(straight).text.split(";")[0]
+    assert " and " not in verdict(changed(record, error__orientation=1e-9)).text.split(";")[0]
 
 
 @pytest.mark.parametrize("size", [0.03, -0.12])
@@ -89,8 +84,7 @@ def test_a_jump_is_judged_by_where_it_ends_and_when_it_settles(size: float) -> N
     What is left is its error at the beginning of the last tenth of the rows, in which it is largest.
     """
     tau, n, at = 0.05, 1001, 101
-    time = 1e-3 * np.arange(n)
-    axis = np.array([0.0, 0.0, size])
+    time, axis = 1e-3 * np.arange(n), np.array([0.0, 0.0, size])
     wanted = np.where(np.arange(n)[:, None] >= at, axis, 0.0)
     actual = np.where(time < time[at], 0.0, 1 - np.exp(-(time - time[at]) / tau))[:, None] * axis
     home, turned = PLATFORM.home_position, PLATFORM.home_orientation
@@ -115,12 +109,11 @@ def test_a_jump_is_judged_by_where_it_ends_and_when_it_settles(size: float) -> N
 def test_limits_that_act_are_told_with_their_share_of_the_time() -> None:
     """Expected: flags in a quarter of the rows; a stroke that ends 20 mm before the longest leg; no limit at all."""
     made = waving_record(PLATFORM, rows=401)
-    flags = np.zeros((401, 6), dtype=bool)
-    flags[100:200, 4] = True
+    flags = (np.arange(401) // 100 == 1)[:, None] & (np.arange(6) == 4)
     assert "forces at the drives' limit for 25 % of the time" in verdict(changed(made, flag__force_limited=flags)).text
     longest = {**made.metadata["platform"], "leg_length_max": float(made["leg_length"].max()) - 0.02}
-    assert "a leg is 20 mm beyond its stroke" in verdict(made, platform=longest).text
-    assert verdict(made, platform=longest).status == "bad"
+    beyond = verdict(made, platform=longest)
+    assert ("a leg is 20 mm beyond its stroke" in beyond.text, beyond.status) == (True, "bad")
     bare = {name: value for name, value in made.metadata["platform"].items() if "_max" not in name}
     peak = np.abs(made["actuator_force"]).max()
     text = verdict(changed(made, flag__force_limited=False), platform=bare, force_limit=None).text
@@ -136,13 +129,10 @@ def test_how_a_run_ends_comes_first() -> None:
     swinging = oscillating(waving_record(PLATFORM, size=0.0))
     wave = swinging["error.leg_length[5]"] * 30 ** (swinging["time"] / 0.5) / 10
     growing = gs.Record(swinging.table.with_columns(**{"error.leg_length[5]": wave}), swinging.metadata)
+    of_itself = "although nothing acts on the loop"
     for record, status, words in (
-        (swinging, "marginal", r"Leg 5 oscillates by 3\.\d mm at (39\.\d|40) Hz although nothing acts on the loop"),
-        (
-            growing,
-            "bad",
-            r"Unstable: the error of leg 5 grows to \S+ mm( at \S+ Hz)? although nothing acts on the loop",
-        ),
+        (swinging, "marginal", rf"Leg 5 oscillates by 3\.\d mm at (39\.\d|40) Hz {of_itself}"),
+        (growing, "bad", rf"Unstable: the error of leg 5 grows to \S+ mm( at \S+ Hz)? {of_itself}"),
     ):
         assert (verdict(record).status, bool(re.match(words, verdict(record).text))) == (status, True)
     (line,) = (line for line in repr(swinging).splitlines() if line.split()[0] == "outcome")
@@ -172,14 +162,34 @@ def test_what_was_set_is_told_beside_what_the_file_has() -> None:
     experiment = gs.load_experiment("heave_step", {"loop.duration": 0.2, "controller.bandwidth": "3 Hz"})
     changes = ["loop.duration=0.05", "reference.position_change=[0, 0, 0.01]", "plant.parameters.platform_mass=1300"]
     report = gs.run(experiment, changes).report(charts=False)
-    assert {each.key: (each.values, each.default) for each in report.settings} == {
-        "loop.duration": (("0.05",), "2 s"),
-        "controller.bandwidth": (("3 Hz",), "2 Hz"),
-        "reference.position_change": (("0, 0, 0.01",), "0, 0, 0.05"),
-        "plant.parameters.platform_mass": (("1300",), ""),
+    assert {each.key: (*each.values, each.default) for each in report.settings} == {
+        "loop.duration": ("0.05", "2 s"),
+        "controller.bandwidth": ("3 Hz", "2 Hz"),
+        "reference.position_change": ("0, 0, 0.01", "0, 0, 0.05"),
+        "plant.parameters.platform_mass": ("1300", ""),
     }
     assert "platform motion_base, plant model, 0.05 s, sampled every " in report.lead
     assert {type(each).__name__ for each in report.parts()} == {"Table"}
+
+
+def test_faults_stand_in_the_verdict_and_at_their_times_in_charts() -> None:
+    """Expected: the experiment's two faults, of which the run has not seen a third, in order of time."""
+    faults = [
+        {"at": 0.3, "duration": 0.1, "freeze": {"leg_length": [2, 5]}}, {"at": 0.1, "cut": [3]}, {"at": 9.0, "cut": [1]}
+    ]  # fmt: skip
+    made = waving_record(PLATFORM, rows=501)
+    record = gs.Record(made.table, {**made.metadata, "experiment": {"fault": faults}})
+    report = record.report()
+    said = "Leg 3 without force from 0.1 s; leg_length 2 and 5 frozen from 0.3 to 0.4 s; "
+    assert report.verdict.text.startswith(said)
+    ended = verdict(record, outcome={"status": "diverged", "time": 0.2, "cause": None})
+    assert ended.text.endswith("; leg 3 without force from 0.1 s")
+    marks = [mark for mark in part(report, "Chart", "position error").marks if mark.direction == "vertical"]
+    assert [(mark.value, mark.text) for mark in marks] == [
+        (0.1, "leg 3 without force from"),
+        (0.3, "leg_length 2 and 5 frozen from"),
+        (0.4, "leg_length 2 and 5 frozen until"),
+    ]
 
 
 # --- charts ----------------------------------------------------------------------------------------------------------
@@ -279,7 +289,7 @@ def test_charts_show_what_a_record_has() -> None:
 # --- the scene -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("rows", "stride"), [(2001, 1), (2002, 2), (4004, 3)])
+@pytest.mark.parametrize(("rows", "stride"), [(2001, 1), (4004, 3)])
 def test_frames_are_evenly_spaced_rows_with_first_and_last(rows: int, stride: int) -> None:
     """Expected: at most 2,001 of them, with the bits of their rows; flags of the rows up to the next one."""
     made = waving_record(PLATFORM, rows=rows, size=0.02)
@@ -396,12 +406,8 @@ def test_the_table_of_a_run() -> None:
         ("disturbance", "at 0.04"),
     ]
     bare = {"outcome": {**RUN.metadata["outcome"], "cause": "a cause"}, "platform": plain(BELIEVED)}
-    assert rows_of(part(gs.Record(RUN.table, bare).report(), "Table", "Run")) == [
-        ("outcome", "completed at 0.3 s: a cause"),
-        ("plant", "–"),
-        ("platform", "uneven"),
-        ("rows", "301"),
-    ]
+    rows = rows_of(part(gs.Record(RUN.table, bare).report(), "Table", "Run"))
+    assert [row[1] for row in rows] == ["completed at 0.3 s: a cause", "–", "uneven", "301"]
 
 
 def test_the_table_of_limits_and_flags() -> None:
@@ -485,25 +491,3 @@ def test_what_users_write_is_text_in_a_notebook() -> None:
         allowed = {"div", "table", "caption", "thead", "tbody", "tr", "th", "td", "span", "img", "p", "strong"}
         assert {str(element.tag) for element in page.iter()} <= allowed
         assert BAD in page.text_content()
-
-
-def test_faults_stand_in_the_verdict_and_at_their_times_in_charts() -> None:
-    """Expected: the experiment's two faults, of which the run has not seen a third, in order of time."""
-    faults = [
-        {"at": 0.3, "duration": 0.1, "freeze": {"leg_length": [2, 5]}},
-        {"at": 0.1, "cut": [3]},
-        {"at": 9.0, "cut": [1]},
-    ]
-    made = waving_record(PLATFORM, rows=501)
-    record = gs.Record(made.table, {**made.metadata, "experiment": {"fault": faults}})
-    report = record.report()
-    said = "Leg 3 without force from 0.1 s; leg_length 2 and 5 frozen from 0.3 to 0.4 s; "
-    assert report.verdict.text.startswith(said)
-    ended = verdict(record, outcome={"status": "diverged", "time": 0.2, "cause": None})
-    assert ended.text.endswith("; leg 3 without force from 0.1 s")
-    marks = [mark for mark in part(report, "Chart", "position error").marks if mark.direction == "vertical"]
-    assert [(mark.value, mark.text) for mark in marks] == [
-        (0.1, "leg 3 without force from"),
-        (0.3, "leg_length 2 and 5 frozen from"),
-        (0.4, "leg_length 2 and 5 frozen until"),
-    ]

@@ -7,34 +7,28 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.report.chart import Chart
-from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.quantities import ENERGY, LENGTH
-from gough_stewart.harness.report.table import Table
-from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.harness.view.view import best, difference, differing_settings, side_by_side, view_report
-from gough_stewart.model.platform import Platform, load_preset
-from tests.support.records import oscillating, says_it_oscillates, waving_record
+from tests.support.records import oscillating, plain, says_it_oscillates, waving_record
 from tests.support.uneven_records import record_of
 
 
-def cells_of(table: Table) -> dict[str, tuple[str, ...]]:
+def cells_of(table: Any) -> dict[str, tuple[str, ...]]:
     return {table.texts(k)[0]: table.texts(k)[1:] for k in range(len(table.rows))}
 
 
-def rows_of(records: list[Record]) -> dict[str, tuple[str, ...]]:
-    return cells_of(side_by_side(records, [metrics(record) for record in records], "abc"[: len(records)]))
+def rows_of(records: list[gs.Record]) -> dict[str, tuple[str, ...]]:
+    return cells_of(side_by_side(records, [gs.metrics(record) for record in records], "abc"[: len(records)]))
 
 
-def charts_of(report: Report, section: str) -> dict[str, Chart]:
+def charts_of(report: Any, section: str) -> dict[str, Any]:
     (found,) = (each for each in report.sections if each.title == section)
-    return {part.title: part for part in found.parts if isinstance(part, Chart)}
+    return {part.title: part for part in found.parts if type(part).__name__ == "Chart"}
 
 
 def test_the_verdict_names_the_run_that_follows_best() -> None:
     """Expected: of peaks found from the columns, the smallest first and the largest last, in mm, rounded up."""
-    base = load_preset("motion_base")
+    base = gs.load_preset("motion_base")
     records = [waving_record(base, size=size) for size in (0.03, 0.02, 0.04)]
     report = view_report(records, ["a", "b", "c"])
     peaks = [np.linalg.norm(each["error.position"], axis=1).max() for each in records]
@@ -45,7 +39,7 @@ def test_the_verdict_names_the_run_that_follows_best() -> None:
     for text, peak in ((first, peaks[1]), (last, peaks[2])):
         shown = float(text.split()[-2])
         assert 1e3 * peak <= shown <= 1.1e3 * peak
-    later = Record(records[1].table, {**records[1].metadata, "duration": 7.0})
+    later = gs.Record(records[1].table, {**records[1].metadata, "duration": 7.0})
     assert "none is best" in view_report([records[0], later], ["a", "b"]).verdict.text
 
 
@@ -56,7 +50,7 @@ def test_steps_are_not_compared_by_the_size_of_the_step() -> None:
     text = view_report(records, ["slow", "fast"]).verdict.text
     assert text.startswith("fast ")
     assert "equally" not in text
-    rises = [metrics(record)["step_response"][0]["rise_time"] for record in records]
+    rises = [gs.metrics(record)["step_response"][0]["rise_time"] for record in records]
     assert rises[0] > 1.8 * rises[1]
     assert text.endswith(f"rise time {rises[0]:.4g} s (slow) and {rises[1]:.4g} s (fast)")
 
@@ -70,7 +64,7 @@ def test_steps_are_not_compared_by_the_size_of_the_step() -> None:
     ],
 )
 def test_nothing_is_best_where_runs_had_different_tasks_or_did_not_complete(other: dict[str, Any]) -> None:
-    base = load_preset("motion_base")
+    base = gs.load_preset("motion_base")
     records = [waving_record(base, size=0.04), waving_record(base, size=0.02, **other)]
     rows = rows_of(records)
     assert not any("★" in text for row in rows.values() for text in row)
@@ -79,7 +73,7 @@ def test_nothing_is_best_where_runs_had_different_tasks_or_did_not_complete(othe
 
 def test_nothing_is_best_where_a_loop_oscillates_and_its_outcome_says_so() -> None:
     """Expected: an error of leg 5 made of 40 Hz and 3 mm, in words; the other run completed and is named as such."""
-    base = load_preset("motion_base")
+    base = gs.load_preset("motion_base")
     sound = waving_record(base, size=0.0)
     rows = rows_of([sound, oscillating(sound)])
     outcomes = rows["outcome"]
@@ -107,7 +101,7 @@ def test_values_that_read_alike_are_equally_good() -> None:
 
 def test_what_differs_between_the_files_comes_first() -> None:
     """Expected: the keys with other values, of tables, lists and machines; nothing that all have."""
-    base = load_preset("motion_base")
+    base = gs.load_preset("motion_base")
     heavy = replace(base, platform_mass=1300.0)
     files = [
         {"controller": {"bandwidth": 2.0, "type": "pd"}, "disturbance": [{"at": 0.1}, {"at": 0.2}]},
@@ -115,7 +109,7 @@ def test_what_differs_between_the_files_comes_first() -> None:
         {"controller": {"bandwidth": 4.0, "type": "pd", "damping": 0.7}, "disturbance": [{"at": 0.1}, {"at": 0.2}]},
     ]
     records = [waving_record(base, rows=9, experiment=file) for file in files]
-    records[2] = Record(records[2].table, {**records[2].metadata, "platform": plain(heavy)})
+    records[2] = gs.Record(records[2].table, {**records[2].metadata, "platform": plain(heavy)})
     found = {each.key: each.values for each in differing_settings(records)}
     assert found == {
         "controller.bandwidth": ("2 Hz", "4 Hz", "4 Hz"),
@@ -129,7 +123,7 @@ def test_what_differs_between_the_files_comes_first() -> None:
 def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     """Expected: three runs with the numbers of their metrics in words and units; the best marked of those that rank."""
     records = [record_of(0.03), record_of(0.02), record_of(0.025)]
-    found = [metrics(each) for each in records]
+    found = [gs.metrics(each) for each in records]
     table = side_by_side(records, found, ["a", "b", "c"])
     assert table.note == "★ is the best of its row."
     assert [column.name for column in table.columns] == ["", "a", "b", "c"]
@@ -164,7 +158,7 @@ def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None
 
     A row's straight line is off by (2π f h)²/8 of the amplitude at most.
     """
-    platform: Platform = load_preset("motion_base")
+    platform = gs.load_preset("motion_base")
     records = [waving_record(platform, rows=501, size=0.04), waving_record(platform, rows=251, size=0.03, step=1.7e-3)]
     report = view_report(records, ["long", "short"])
     position = charts_of(report, "Over time")["position from home"]
@@ -186,39 +180,33 @@ def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None
 
 
 def test_a_difference_is_of_the_times_that_both_records_span() -> None:
-    """Expected: of two straight lines 3 + 2t and 1 − t the line −2 − 3t, at the times of both from 0.5 s to 1 s."""
+    """Expected: of two straight lines 3 + 2t and 1 − t the line −2 − 3t, at the times of both from 0.5 s to 1 s.
+
+    A flag holds: it is up from 0.2 s to 0.4 s, the other never, and nothing is between 0 and 1. Tenths as multiples and
+    as sums differ in the last bits, and are the same rows.
+    """
     one, other = np.arange(0, 1.01, 0.25), np.arange(0.5, 2, 0.2)
     lines = (3 + 2 * one, 1 - other)
     time, values = difference((one, other), lines)
     assert time == pytest.approx([0.5, 0.7, 0.75, 0.9, 1.0])
     assert values == pytest.approx(-2 - 3 * time)
     assert len(difference((one, other + 5), lines)[0]) == 0
-    same, gap = difference((one, one), (np.zeros(5), np.ones(5)))
-    assert (same.tolist(), gap.tolist()) == (one.tolist(), [1.0] * 5)
-
-
-def test_a_flag_holds_in_a_difference() -> None:
-    """Expected: the first flag is up from 0.2 s to 0.4 s, the other never, and nothing is between 0 and 1."""
-    one, other = np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.3, 0.4])
-    time, values = difference((one, other), (np.array([0.0, 1.0, 0.0]), np.zeros(3)), holds=True)
+    flags = (np.array([0.0, 1.0, 0.0]), np.zeros(3))
+    time, values = difference((np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.3, 0.4])), flags, holds=True)
     assert dict(zip(time, values, strict=True)) == {0.0: 0.0, 0.2: -1.0, 0.3: -1.0, 0.4: 0.0}
-
-
-def test_clocks_that_agree_but_for_rounding_have_the_same_rows() -> None:
-    """Expected: tenths as multiples and as sums differ in the last bits; equal flags have no difference at any row."""
-    one, other = np.linspace(0.0, 1.1, 12), np.cumsum(np.full(12, 0.1)) - 0.1
-    assert not np.array_equal(one, other)
-    flags = (np.arange(12.0) % 3 == 0).astype(float)
-    time, values = difference((one, other), (flags, flags), holds=True)
-    assert time == pytest.approx(one)
+    multiples, sums = np.linspace(0.0, 1.1, 12), np.cumsum(np.full(12, 0.1)) - 0.1
+    assert not np.array_equal(multiples, sums)
+    up = (np.arange(12.0) % 3 == 0).astype(float)
+    time, values = difference((multiples, sums), (up, up), holds=True)
+    assert time == pytest.approx(multiples)
     assert not values.any()
-    assert difference((one, other), (one, 3 * other))[1] == pytest.approx(2 * one)
+    assert difference((multiples, sums), (multiples, 3 * sums))[1] == pytest.approx(2 * multiples)
 
 
 def test_what_differs_between_the_files_is_said_first() -> None:
     """Expected: by hand, in the order of the files; no names; long values and more than four keys are counted only."""
     keys = {"title": "t{}", "a": "{}", "b": "b{}", "c": 60 * "{}", "d": "d{}", "e": "e{}", "f": "f{}"}
-    base = load_preset("motion_base")
+    base = gs.load_preset("motion_base")
     records = []
     for k in (1, 2):
         record = waving_record(base)

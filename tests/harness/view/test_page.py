@@ -19,7 +19,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
 from tests.support.page_arrays import data_of, elements, unpacked
-from tests.support.records import oscillating, says_it_oscillates, waving_record
+from tests.support.records import waving_record
 from tests.support.uneven_records import OTHER, RUN
 
 
@@ -78,20 +78,6 @@ def test_text_of_the_user_stays_text(platform: Platform) -> None:
         assert bad in elements(page, "//h1")[0].text_content()
         assert bad in elements(page, "//section")[0].text_content()
     assert data_of(page)["scenes"][0]["name"] == bad
-
-
-def test_a_loop_that_oscillates_is_told_first(platform: Platform) -> None:
-    """Expected: in the verdict of one run, and beside that of two, what the record was given: leg 5, 40 Hz, 3 mm."""
-    record = oscillating(waving_record(platform, size=0.0))
-    (verdict,) = elements(view_page([record], ["a"]), "//p[contains(@class, 'verdict')]")
-    text = verdict.text_content()
-    assert all(word in text.lower() for word in ("leg 5 oscillates", " hz", " mm"))
-    assert verdict.get("class") != "verdict good"
-    notes = [
-        each.text_content() for each in elements(view_page([record] * 2, ["a", "b"]), "//p[@class='note warning']")
-    ]
-    assert [says_it_oscillates(text.partition(": ")[2]) for text in notes] == [True, True]
-    assert elements(view_page([waving_record(platform)], ["a"]), "//p[@class='note warning']") == []
 
 
 def test_a_page_starts_with_verdict_numbers_and_picture(record: Record, page: bytes) -> None:
@@ -162,17 +148,6 @@ def test_a_record_without_a_platform_or_an_outcome_is_refused(record: Record) ->
             view_page([Record(record.table, without)], ["waves"])
     with pytest.raises(RecordError, match="the metadata have no platform"):
         view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
-
-
-def test_the_distance_of_colours_is_that_of_its_publication() -> None:
-    """Expected: pairs 1, 7, 16 and 25 of Sharma et al. (2005), table 1."""
-    for one, other, distance in (
-        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
-        ((50, 0, 0), (50, -1, 2), 2.3669),
-        ((50, 2.5, 0), (50, 0, -2.5), 4.3065),
-        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
-    ):
-        assert delta_e_2000(np.array(one), np.array(other)) == pytest.approx(distance, abs=1e-4)
 
 
 @pytest.mark.parametrize("blind", BLIND)
