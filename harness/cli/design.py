@@ -245,11 +245,10 @@ def ensemble_command(
     metrics = [metric for metric in METRICS if has_margins or not metric.path.startswith("margins.")]
     known = metrics if second is None else comparing.known_numbers(metrics)
     paths = [number.path for number in known]
-    judged = second or loaded
     folder = out or opt.results_folder("ensemble", experiment, "" if second is None else "_compared")
     running.hold(folder, study="ensemble" if second is None else "ensemble --compare")
     running.expect(paths, paths)
-    running.require(judged.requirements, known)
+    running.require((second or loaded).requirements, known)
 
     options: dict[str, Any] = {
         "members": members,
@@ -260,37 +259,31 @@ def ensemble_command(
         "progress": lambda done, total: running.step(completed=done, total=total),
     }
     if second is None:
-        results = [ensemble(loaded, out=folder, **options, status=running.step)]
-    else:
-        names = comparing.names_of(experiment, str(compare))
-        compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
-        results = [compared.a, compared.b]
-    running.command.written.append(folder)
-
-    # pages and records of the worst members, and the report
-    running.step("worst members and report" if second is None else "worst members and reports", total=None)
-    folders = [folder] if second is None else [folder / name for name in names]
-    reports = [
-        write_worst(result, at, pages=running.page, charts=running.draws)
-        for result, at in zip(results, folders, strict=True)
-    ]
-    if second is None:
+        result = ensemble(loaded, out=folder, **options, status=running.step)
+        running.command.written.append(folder)
+        running.step("worst members and report", total=None)
+        report = write_worst(result, folder, pages=running.page, charts=running.draws)
         numbers = {"ensemble.members": members, "ensemble.seed": seed}
         changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
         repeat = "".join(f"--set {quote(setting)} " for setting in changed)
-        report = replace(reports[0], repeat=f"gough-stewart run {quote(experiment)} {repeat}--open --member")
-        files = [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if (folder / WORST).is_dir() else [])]
+        report = replace(report, repeat=f"gough-stewart run {quote(experiment)} {repeat}--open --member")
+        worst = [WORST] if (folder / WORST).is_dir() else []
+        running.present(report, [MEMBERS, BANDS, SAMPLES, METADATA, *worst])
+        results = [result]
     else:
-        for report, at in zip(reports, folders, strict=True):
-            running.write(report, at, {})
-        report = comparing.comparison_report(compared, charts=running.draws)
-        files = [*names, comparing.DIFFERENCES]
-    running.present(report, files)
+        names = comparing.names_of(experiment, str(compare))
+        compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
+        running.command.written.append(folder)
+        running.step("worst members and reports", total=None)
+        results = [compared.a, compared.b]
+        for name, result in zip(names, results, strict=True):
+            report = write_worst(result, folder / name, pages=running.page, charts=running.draws)
+            running.write(report, folder / name, {})
+        running.present(comparing.comparison_report(compared, charts=running.draws), [*names, comparing.DIFFERENCES])
     for result in results:
-        table = result.members
         if not result.works.any():
-            first = table["cause"][0]
-            said = f"none of {table.height} members completed its run; the first: {first}"
+            how_many, cause = result.members.height, result.members["cause"][0]
+            said = f"none of {how_many} members completed its run; the first: {cause}"
             if result.is_complete.any():
                 said = f"no member completed its run with a loop that does not grow: {result.oscillation_warning}"
             raise MissedError(said)

@@ -187,14 +187,11 @@ class Running:
         self,
         report: "Report",
         files: "Mapping[str, Content] | Sequence[str]",
-        *,
-        done: str | None = "Done",
         then: str | None = None,
     ) -> None:
         """Judge the requirements, write the files with report.json, figures and page, and say what was found.
 
-        `files` has their contents by name, or only names, if the study has written them; `done` and `then` are for the
-        closing lines: what is done, and the next step.
+        `files` has their contents by name, or only names, if the study has written them; `then` is the next step.
         """
         from gough_stewart.harness.report.document import Number
         from gough_stewart.harness.report.requirements import with_requirements
@@ -202,15 +199,14 @@ class Running:
         self.step("files and report", total=None)
         if self.required:
             # numbers that it might have had, such as a settling time without a step, cannot be told
-            absent = {wanted.path for wanted in self.required} & {*self.known} - {
-                number.path for number in report.numbers
-            }
+            paths = {*self.known} - {number.path for number in report.numbers}
+            absent = {wanted.path for wanted in self.required if wanted.path in paths}
             added = (Number(path, path, None, self.known[path].quantity) for path in absent)
             wanted = [replace(wanted, share=None) if wanted.path in absent else wanted for wanted in self.required]
             judged = with_requirements(replace(report, numbers=(*report.numbers, *added)), wanted)
             report = replace(judged, numbers=report.numbers)
         written = self.write(report, self.folder, files if isinstance(files, Mapping) else {})
-        self.end(report, [*files, *written], done=done, then=then)
+        self.end(report, [*files, *written], then=then)
 
     def write(self, report: "Report", folder: Path, files: "Mapping[str, Content]") -> list[str]:
         """Write these files with report.json, figures and page as one set; the names of those that are not in `files`.

@@ -312,7 +312,5 @@ def test_what_cannot_be_copied_or_passed_or_varied_is_refused(monkeypatch: pytes
     with pytest.raises(ExperimentError, match=r"controller\.bandwidth: has no effect, since controller="):
         gs.tune(EXPERIMENT, ["controller.bandwidth=1..3Hz"], RMS, SHORT, controller=Pid, members=2)
     monkeypatch.setitem(sys.modules, "cloudpickle", None)
-    with pytest.raises(
-        ControllerError, match=r"cannot be passed .* install cloudpickle.* workers=1"
-    ):
+    with pytest.raises(ControllerError, match=r"cannot be passed .* install cloudpickle.* workers=1"):
         gs.ensemble(EXPERIMENT, SHORTEST, controller=lambda _sample: np.zeros(6), members=600, workers=2)

@@ -361,12 +361,6 @@ def test_the_worst_members_come_in_order(done: Done) -> None:
     assert [int(member) for member in named] == [*early, *rest.to_list()]
 
 
-
-
-
-
-
-
 def test_ensemble_json_counts_what_happened(done: Done) -> None:
     """Expected: counts of the table, seeds and names of the experiment file, in groups that vary together."""
     said = json.loads((done.folder / "ensemble.json").read_text())
