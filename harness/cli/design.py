@@ -7,21 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.options import (
-    ExperimentArgument,
-    NoPythonOption,
-    PlainExperimentArgument,
-    SeedOption,
-    SetOption,
-    choice,
-    chosen_experiment,
-    experiments,
-    option,
-    out_option,
-    path,
-    results_folder,
-)
+from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.cli.terminal import Terminal, errors, warn
 from gough_stewart.harness.errors import MissedError, UsageError
@@ -35,9 +23,9 @@ Fit = Literal["time", "amplitude"]
 @study(figures=("shares",))
 def check_command(
     running: Running,
-    experiment: PlainExperimentArgument,
-    out: Annotated[Path | None, out_option("results/check_NAME, after the experiment")] = None,
-    settings: SetOption = None,
+    experiment: opt.PlainExperimentArgument,
+    out: Annotated[Path | None, opt.out_option("results/check_NAME, after the experiment")] = None,
+    settings: opt.SetOption = None,
     fit: Annotated[
         Fit | None,
         choice(
@@ -70,11 +58,11 @@ def check_command(
 
     - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
     """
-    loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
+    loaded = opt.chosen_experiment(experiment, settings, executed=lambda _: ())
     from gough_stewart.harness.experiment.checking import FILES, PATHS, check, check_files
 
     running.expect(PATHS)
-    running.hold(out or results_folder("check", experiment), FILES)
+    running.hold(out or opt.results_folder("check", experiment), FILES)
     running.step("shares of all limits")
     checked = check(loaded, payload=payload, payload_height=payload_height)
     report = checked.report(charts=running.draws)
@@ -102,10 +90,10 @@ def check_command(
 @study(figures=("bode", "step"))
 def margins_command(
     running: Running,
-    experiment: ExperimentArgument,
-    out: Annotated[Path | None, out_option("results/margins_NAME, after the experiment")] = None,
-    settings: SetOption = None,
-    no_python: NoPythonOption = False,
+    experiment: opt.ExperimentArgument,
+    out: Annotated[Path | None, opt.out_option("results/margins_NAME, after the experiment")] = None,
+    settings: opt.SetOption = None,
+    no_python: opt.NoPythonOption = False,
 ) -> None:
     """Compute gains, closed-loop modes and stability margins of an experiment, on the linear model.
 
@@ -120,11 +108,11 @@ def margins_command(
 
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
-    loaded = chosen_experiment(experiment, settings, no_python)
+    loaded = opt.chosen_experiment(experiment, settings, no_python)
     from gough_stewart.harness.experiment.margins import PATHS, margins, margins_file
 
     running.expect(PATHS)
-    running.hold(out or results_folder("margins", experiment), ["margins.json"])
+    running.hold(out or opt.results_folder("margins", experiment), ["margins.json"])
     running.step("linear model, margins")
     analysis = margins(loaded)
     report = analysis.report(charts=running.draws)
@@ -135,14 +123,16 @@ def margins_command(
 @study(numbers=("S", "T", "L", "agreement", "coherence"), figures=("bode",))
 def frf_command(
     running: Running,
-    record: Annotated[Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=path)],
+    record: Annotated[
+        Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=opt.path)
+    ],
     experiment: Annotated[
         str | None,
         option(
             "The experiment of the run, if its controller is a Python file: that file is executed for the linear "
             "model. A record alone never executes code.",
             "FILE.toml|NAME",
-            autocompletion=experiments,
+            autocompletion=opt.experiments,
         ),
     ] = None,
     out: Annotated[
@@ -151,7 +141,7 @@ def frf_command(
             "Folder for the files; created if needed. Default: the record's folder; with --report or --figures, "
             "frf in it.",
             "DIR",
-            parser=path,
+            parser=opt.path,
         ),
     ] = None,
 ) -> None:
@@ -167,7 +157,7 @@ def frf_command(
     run_folder = record if record.is_dir() else record.parent
     # the page of the run is in its folder
     folder = out or (run_folder / "frf" if running.page or running.options.figures else run_folder)
-    loaded = None if experiment is None else chosen_experiment(experiment, None)
+    loaded = None if experiment is None else opt.chosen_experiment(experiment, None)
     from gough_stewart.harness.experiment.frf import FILES, frf, frf_files
 
     running.hold(folder, FILES, keeps_data=folder != run_folder)
@@ -181,15 +171,16 @@ def frf_command(
 @study(figures=("distribution", "bands", "dependence", "sensitivity", "beside"), many=True)
 def ensemble_command(
     running: Running,
-    experiment: ExperimentArgument,
+    experiment: opt.ExperimentArgument,
     members: Annotated[int | None, option("Number of members. Default: from the experiment.", "N", min=1)] = None,
     seed: Annotated[int | None, option("Seed of samples and noise. Default: from the experiment.", "N", min=0)] = None,
-    out: Annotated[Path | None, out_option("results/ensemble_NAME, after the experiment")] = None,
+    out: Annotated[Path | None, opt.out_option("results/ensemble_NAME, after the experiment")] = None,
     resume: Annotated[
         bool, option("Continue an interrupted run in the folder from its finished chunks.", None, "--resume")
     ] = False,
     workers: Annotated[
-        int | None, option("Number of processes on this machine. Default: one thread or process per core.", "N", min=1)
+        int | None,
+        option("Number of processes on this machine. Default: one thread or process per core.", "N", min=1),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -205,8 +196,8 @@ def ensemble_command(
             "FILE.toml|NAME",
         ),
     ] = None,
-    settings: SetOption = None,
-    no_python: NoPythonOption = False,
+    settings: opt.SetOption = None,
+    no_python: opt.NoPythonOption = False,
 ) -> None:
     """Run the members of an experiment's [ensemble]: machines that differ, all with the same controller.
 
@@ -241,8 +232,8 @@ def ensemble_command(
     """
     if workers is not None and scheduler is not None:
         raise UsageError("--workers and --scheduler exclude each other: a scheduler has its own workers; give one")
-    loaded = chosen_experiment(experiment, settings, no_python)
-    second = None if compare is None else chosen_experiment(compare, None, no_python)
+    loaded = opt.chosen_experiment(experiment, settings, no_python)
+    second = None if compare is None else opt.chosen_experiment(compare, None, no_python)
     from gough_stewart.harness.ensemble import compare as comparing
     from gough_stewart.harness.ensemble.ensemble import ensemble
     from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES
@@ -254,11 +245,10 @@ def ensemble_command(
     metrics = [metric for metric in METRICS if has_margins or not metric.path.startswith("margins.")]
     known = metrics if second is None else comparing.known_numbers(metrics)
     paths = [number.path for number in known]
-    judged = second or loaded
-    folder = out or results_folder("ensemble", experiment, "" if second is None else "_compared")
+    folder = out or opt.results_folder("ensemble", experiment, "" if second is None else "_compared")
     running.hold(folder, study="ensemble" if second is None else "ensemble --compare")
     running.expect(paths, paths)
-    running.require(judged.requirements, known)
+    running.require((second or loaded).requirements, known)
 
     options: dict[str, Any] = {
         "members": members,
@@ -269,37 +259,31 @@ def ensemble_command(
         "progress": lambda done, total: running.step(completed=done, total=total),
     }
     if second is None:
-        results = [ensemble(loaded, out=folder, **options, status=running.step)]
-    else:
-        names = comparing.names_of(experiment, str(compare))
-        compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
-        results = [compared.a, compared.b]
-    running.command.written.append(folder)
-
-    # pages and records of the worst members, and the report
-    running.step("worst members and report" if second is None else "worst members and reports", total=None)
-    folders = [folder] if second is None else [folder / name for name in names]
-    reports = [
-        write_worst(result, at, pages=running.page, charts=running.draws)
-        for result, at in zip(results, folders, strict=True)
-    ]
-    if second is None:
+        result = ensemble(loaded, out=folder, **options, status=running.step)
+        running.command.written.append(folder)
+        running.step("worst members and report", total=None)
+        report = write_worst(result, folder, pages=running.page, charts=running.draws)
         numbers = {"ensemble.members": members, "ensemble.seed": seed}
         changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
         repeat = "".join(f"--set {quote(setting)} " for setting in changed)
-        report = replace(reports[0], repeat=f"gough-stewart run {quote(experiment)} {repeat}--open --member")
-        files = [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if (folder / WORST).is_dir() else [])]
+        report = replace(report, repeat=f"gough-stewart run {quote(experiment)} {repeat}--open --member")
+        worst = [WORST] if (folder / WORST).is_dir() else []
+        running.present(report, [MEMBERS, BANDS, SAMPLES, METADATA, *worst])
+        results = [result]
     else:
-        for report, at in zip(reports, folders, strict=True):
-            running.write(report, at, {})
-        report = comparing.comparison_report(compared, charts=running.draws)
-        files = [*names, comparing.DIFFERENCES]
-    running.present(report, files)
+        names = comparing.names_of(experiment, str(compare))
+        compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
+        running.command.written.append(folder)
+        running.step("worst members and reports", total=None)
+        results = [compared.a, compared.b]
+        for name, result in zip(names, results, strict=True):
+            report = write_worst(result, folder / name, pages=running.page, charts=running.draws)
+            running.write(report, folder / name, {})
+        running.present(comparing.comparison_report(compared, charts=running.draws), [*names, comparing.DIFFERENCES])
     for result in results:
-        table = result.members
         if not result.works.any():
-            first = table["cause"][0]
-            said = f"none of {table.height} members completed its run; the first: {first}"
+            how_many, cause = result.members.height, result.members["cause"][0]
+            said = f"none of {how_many} members completed its run; the first: {cause}"
             if result.is_complete.any():
                 said = f"no member completed its run with a loop that does not grow: {result.oscillation_warning}"
             raise MissedError(said)
@@ -308,7 +292,7 @@ def ensemble_command(
 @study(figures=("search", "values"))
 def tune_command(
     running: Running,
-    experiment: ExperimentArgument,
+    experiment: opt.ExperimentArgument,
     vary: Annotated[
         list[str],
         option(
@@ -334,10 +318,10 @@ def tune_command(
     ] = None,
     generations: Annotated[int, option("Number of generations.", "N", min=1)] = 25,
     population: Annotated[int | None, option("Candidates per generation. Default: 16 per key.", "N", min=5)] = None,
-    seed: SeedOption = 0,
-    out: Annotated[Path | None, out_option("results/tune_NAME, after the experiment")] = None,
-    settings: SetOption = None,
-    no_python: NoPythonOption = False,
+    seed: opt.SeedOption = 0,
+    out: Annotated[Path | None, opt.out_option("results/tune_NAME, after the experiment")] = None,
+    settings: opt.SetOption = None,
+    no_python: opt.NoPythonOption = False,
 ) -> None:
     """Find the numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
 
@@ -363,7 +347,7 @@ def tune_command(
             raise UsageError(
                 f"--over-ensemble {over_ensemble}: expected quantile=Q with Q above 0, up to 1, such as quantile=0.95"
             )
-    loaded = chosen_experiment(experiment, settings, no_python)
+    loaded = opt.chosen_experiment(experiment, settings, no_python)
     if over_ensemble is not None and loaded.ensemble is None:
         raise UsageError(
             f"--over-ensemble {over_ensemble}: {experiment} has no [ensemble], so there are no machines that "
@@ -380,7 +364,7 @@ def tune_command(
     metrics = [metric.path for metric in METRICS]
     differs = over_ensemble is not None or loaded.sensors.noise or loaded.loop.jitter
     running.expect(["value", "values", "fresh", *metrics], metrics if differs else ())
-    folder = running.hold(out or results_folder("tune", experiment), (TUNED, "tuning.json", "candidates.csv"))
+    folder = running.hold(out or opt.results_folder("tune", experiment), (TUNED, "tuning.json", "candidates.csv"))
     text_with_settings(experiment, settings or (), folder=folder)
 
     def status(search: "Search") -> None:

@@ -11,9 +11,6 @@ from types import FrameType
 
 from gough_stewart.harness.cli.exit_codes import ExitCode
 
-_INTERRUPTED = "interrupted; nothing written"
-_COMMAND = "gough_stewart.harness.cli.command"
-
 
 class _Interrupts:
     """Turns Ctrl-C, SIGTERM and SIGHUP into `KeyboardInterrupt`, where that is safe.
@@ -96,8 +93,20 @@ def main() -> None:
     try:
         try:
             sys.unraisablehook = _interrupts.lost
-            _open_streams()
-            _speak_utf8()
+            # closed standard streams lead nowhere: the next file that is opened would take their place
+            for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+                try:
+                    os.fstat(descriptor)
+                except OSError:
+                    os.open(os.devnull, os.O_RDWR)  # the lowest free descriptor
+                if getattr(sys, name) is None:
+                    stream = os.fdopen(descriptor, mode, encoding="utf-8", errors="replace", closefd=False)
+                    setattr(sys, name, stream)
+            # start again in UTF-8 mode where the locale is ASCII, in which names with umlauts cannot be written
+            is_ascii = os.name == "posix" and sys.getfilesystemencoding().lower() == "ascii"
+            if is_ascii and os.environ.get("PYTHONUTF8") != "1":
+                os.environ["PYTHONUTF8"] = "1"
+                os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
             if isinstance(sys.stderr, io.TextIOWrapper):
                 sys.stderr = _ErrorStream(sys.stderr)
             # these end the process like Ctrl-C: keep rows, remove temporary files, end compilers
@@ -112,42 +121,25 @@ def main() -> None:
         code = ended.code
         # Typer exits silently if it is itself interrupted
         if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
-            _say(_whereabouts())
+            _say_interrupted()
     except KeyboardInterrupt as interrupt:
         # an interrupt of the very end changes nothing
         if isinstance(interrupt.__context__, SystemExit):
             code = interrupt.__context__.code
         else:
-            _say(_whereabouts())
+            _say_interrupted()
             code = ExitCode.INTERRUPTED
     except OSError as error:  # the help cannot be printed
-        _say(f"error: {error.strerror or error}")
+        print(f"error: {error.strerror or error}", file=sys.stderr, flush=True)
         code = ExitCode.FAILED
     sys.exit(_flushed(code))
 
 
-def _open_streams() -> None:
-    """Let closed standard streams lead nowhere: the next file that is opened would take their place."""
-    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest free descriptor
-        if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(descriptor, mode, encoding="utf-8", errors="replace", closefd=False))
-
-
-def _speak_utf8() -> None:
-    """Start again in UTF-8 mode where the locale's encoding is ASCII, in which names with umlauts cannot be written."""
-    if os.name == "posix" and sys.getfilesystemencoding().lower() == "ascii" and os.environ.get("PYTHONUTF8") != "1":
-        os.environ["PYTHONUTF8"] = "1"
-        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-
-
-def _whereabouts() -> str:
-    """What an interrupt says outside of a command: its files may be written already."""
-    command = sys.modules.get(_COMMAND)
-    return _INTERRUPTED if command is None else f"interrupted; {command.Command.latest.whereabouts()}"
+def _say_interrupted() -> None:
+    """What an interrupt says outside of a command, whose files may be written already."""
+    command = sys.modules.get("gough_stewart.harness.cli.command")
+    place = "nothing written" if command is None else command.Command.latest.whereabouts()
+    print(f"interrupted; {place}", file=sys.stderr, flush=True)
 
 
 def _flushed(code: str | int | None) -> str | int | None:
@@ -160,15 +152,15 @@ def _flushed(code: str | int | None) -> str | int | None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        _say(f"error: standard output: {error.strerror or error}")
-        # discard what is left in the buffer
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(f"error: standard output: {error.strerror or error}", file=sys.stderr, flush=True)
+        _lead_nowhere(sys.stdout.fileno())
         return code or ExitCode.FAILED
     return code
 
 
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+def _lead_nowhere(descriptor: int) -> None:
+    """Discard what is left in the buffers of a stream, and all later output."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 
 
 class _ErrorStream(io.TextIOWrapper):
@@ -182,15 +174,11 @@ class _ErrorStream(io.TextIOWrapper):
         try:
             return super().write(text)
         except OSError:
-            self._close_the_ear()
+            _lead_nowhere(self.fileno())
             return len(text)
 
     def flush(self) -> None:
         try:
             super().flush()
         except OSError:
-            self._close_the_ear()
-
-    def _close_the_ear(self) -> None:
-        """Discard what is left in the buffers, and all later output."""
-        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            _lead_nowhere(self.fileno())

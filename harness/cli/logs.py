@@ -8,31 +8,9 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.options import (
-    ColumnOption,
-    FrameOption,
-    LegLengthsOption,
-    NoPythonOption,
-    PivotOption,
-    PlatformOption,
-    PresetOption,
-    RotationAboutOption,
-    RotationOrderOption,
-    SeedOption,
-    SetOption,
-    choice,
-    chosen_convention,
-    chosen_experiment,
-    chosen_platform,
-    columns_by_name,
-    experiments,
-    log_folder,
-    option,
-    out_option,
-    path,
-    platform_folder,
-)
+from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import IdentificationWarning, UsageError
 
@@ -42,8 +20,8 @@ Criterion = Literal["determinant", "trace"]
 @study(numbers=("condition_number", "log_determinant"), figures=("pose",))
 def excite_command(
     running: Running,
-    preset: PresetOption = None,
-    platform: PlatformOption = None,
+    preset: opt.PresetOption = None,
+    platform: opt.PlatformOption = None,
     estimate: Annotated[
         str,
         option(
@@ -61,8 +39,8 @@ def excite_command(
         choice("What to optimise: the determinant of the information, or the trace of its inverse.", Criterion),
     ] = "determinant",
     trials: Annotated[int, option("Number of motions from which the search starts.", "N", min=1)] = 2,
-    seed: SeedOption = 0,
-    out: Annotated[Path | None, out_option("results/excite_NAME, after the platform")] = None,
+    seed: opt.SeedOption = 0,
+    out: Annotated[Path | None, opt.out_option("results/excite_NAME, after the platform")] = None,
 ) -> None:
     """Design a motion for the identification of parameters: a finite Fourier series within all limits.
 
@@ -73,11 +51,11 @@ def excite_command(
     --------
     - `gough-stewart excite --preset motion_base`, then `gough-stewart run results/excite_motion_base/excitation.toml`
     """
-    folder = out or platform_folder("excite", preset, platform)
+    folder = out or opt.platform_folder("excite", preset, platform)
     for name, value in (("duration", duration), ("frequency", frequency), ("fade", fade)):
         if not 0 < value < float("inf"):
             raise UsageError(f"--{name} is {value:g}; expected a number > 0")
-    loaded = chosen_platform(preset, platform)
+    loaded = opt.chosen_platform(preset, platform)
     from gough_stewart.harness.identify.excite import excite, excite_report, experiment_text
     from gough_stewart.harness.identify.names import expanded
     from gough_stewart.model.platform import platform_to_toml
@@ -109,17 +87,17 @@ def poses_command(
     running: Running,
     log: Annotated[
         Path,
-        typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=path),
+        typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=opt.path),
     ],
-    preset: PresetOption = None,
-    platform: PlatformOption = None,
-    leg_lengths: LegLengthsOption = "absolute",
-    column: ColumnOption = None,
-    rotation_order: RotationOrderOption = "XYZ",
-    rotation_about: RotationAboutOption = "fixed",
-    frame: FrameOption = "z_up",
-    pivot: PivotOption = "0,0,0",
-    out: Annotated[Path | None, out_option("results/poses_NAME, after the log")] = None,
+    preset: opt.PresetOption = None,
+    platform: opt.PlatformOption = None,
+    leg_lengths: opt.LegLengthsOption = "absolute",
+    column: opt.ColumnOption = None,
+    rotation_order: opt.RotationOrderOption = "XYZ",
+    rotation_about: opt.RotationAboutOption = "fixed",
+    frame: opt.FrameOption = "z_up",
+    pivot: opt.PivotOption = "0,0,0",
+    out: Annotated[Path | None, opt.out_option("results/poses_NAME, after the log")] = None,
 ) -> None:
     """Compute the poses of a log of leg lengths, as from encoders, by forward kinematics.
 
@@ -139,17 +117,17 @@ def poses_command(
 
     - `gough-stewart poses encoders.csv --preset motion_base --rotation-order ZYX --rotation-about moving`
     """
-    loaded = chosen_platform(preset, platform)
-    convention = chosen_convention(rotation_order, rotation_about, frame, pivot)
+    loaded = opt.chosen_platform(preset, platform)
+    convention = opt.chosen_convention(rotation_order, rotation_about, frame, pivot)
     from gough_stewart.harness.identify.log import read_log
     from gough_stewart.harness.identify.poses import FILES, NUMBERS, poses_of_log, poses_report
     from gough_stewart.harness.pose_convention import QUATERNION
 
     running.expect(NUMBERS)
-    running.hold(out or log_folder("poses", log), FILES)
+    running.hold(out or opt.log_folder("poses", log), FILES)
     running.step("poses")
     of_log = replace(convention, rotation_order="XYZ") if rotation_order == QUATERNION else convention
-    read = read_log(log, columns=columns_by_name(column), gaps=True, **asdict(of_log))
+    read = read_log(log, columns=opt.columns_by_name(column), gaps=True, **asdict(of_log))
     poses = poses_of_log(read, loaded, leg_lengths, convention)
     running.present(poses_report(poses, read, loaded, convention), poses.files)
 
@@ -167,12 +145,12 @@ def identify_command(
         typer.Argument(
             help="A CSV or Parquet file, or the folder of a record; several of one machine are fitted at once.",
             metavar="LOG",
-            parser=path,
+            parser=opt.path,
         ),
     ],
     estimate: Annotated[str, option("Parameters to estimate, separated by commas; NAME[1..6] for each leg.", "NAME,…")],
-    preset: PresetOption = None,
-    platform: PlatformOption = None,
+    preset: opt.PresetOption = None,
+    platform: opt.PlatformOption = None,
     method: Annotated[Method, choice("Method of estimation.", Method)] = "linear",
     force_per_current: Annotated[
         float | None, option("Force per current of each motor [N/A], for logs with motor_current[1..6].", "FACTOR")
@@ -201,7 +179,7 @@ def identify_command(
             "A log of the same machine that validates the fit and is not fitted; may be repeated. Then all of the "
             "other logs is fitted.",
             "LOG",
-            parser=path,
+            parser=opt.path,
         ),
     ] = None,
     validation: Annotated[
@@ -212,23 +190,23 @@ def identify_command(
         PoseFrame | None,
         choice("Frame of measured poses: world, or the tracker's own, at any unknown pose.", PoseFrame),
     ] = None,
-    column: ColumnOption = None,
-    rotation_order: RotationOrderOption = "XYZ",
-    rotation_about: RotationAboutOption = "fixed",
-    frame: FrameOption = "z_up",
-    pivot: PivotOption = "0,0,0",
+    column: opt.ColumnOption = None,
+    rotation_order: opt.RotationOrderOption = "XYZ",
+    rotation_about: opt.RotationAboutOption = "fixed",
+    frame: opt.FrameOption = "z_up",
+    pivot: opt.PivotOption = "0,0,0",
     experiment: Annotated[
         str | None,
         option(
             "Run this experiment with the nominal platform and with the identified one, and compare errors and "
             "margins.",
             "FILE.toml|NAME",
-            autocompletion=experiments,
+            autocompletion=opt.experiments,
         ),
     ] = None,
-    settings: SetOption = None,
-    no_python: NoPythonOption = False,
-    out: Annotated[Path | None, out_option("results/identify_NAME, after the log")] = None,
+    settings: opt.SetOption = None,
+    no_python: opt.NoPythonOption = False,
+    out: Annotated[Path | None, opt.out_option("results/identify_NAME, after the log")] = None,
 ) -> None:
     """Identify parameters of a platform from logs of time, leg lengths and forces, with their uncertainty.
 
@@ -250,7 +228,7 @@ def identify_command(
     """
     if validate and validation is not None:
         raise UsageError("--validate and --validation exclude each other; give one")
-    nominal = chosen_platform(preset, platform)
+    nominal = opt.chosen_platform(preset, platform)
     from gough_stewart.harness.identify.estimate import FILES, identification_files
     from gough_stewart.harness.identify.identify import identify
     from gough_stewart.harness.identify.log import read_log
@@ -261,15 +239,15 @@ def identify_command(
 
     metrics = () if experiment is None else METRICS
     running.expect(["parameters", "condition_number", *(metric.path for metric in metrics)])
-    running.hold(out or log_folder("identify", logs[0]), FILES)
+    running.hold(out or opt.log_folder("identify", logs[0]), FILES)
     loaded = None
     if experiment is not None:
-        loaded = chosen_experiment(experiment, settings, no_python, lambda loaded: loaded.code)
+        loaded = opt.chosen_experiment(experiment, settings, no_python, lambda loaded: loaded.code)
     running.step("identifying")
     options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame}
-    convention = chosen_convention(rotation_order, rotation_about, frame, pivot)
+    convention = opt.chosen_convention(rotation_order, rotation_about, frame, pivot)
     log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side, **asdict(convention)}
-    log_options["columns"] = columns_by_name(column)
+    log_options["columns"] = opt.columns_by_name(column)
     fitted = [read_log(log, force_per_current, **log_options) for log in logs]
     if validate:
         options["validation"] = [read_log(log, force_per_current, **log_options) for log in validate]

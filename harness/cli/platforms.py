@@ -6,18 +6,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
-from gough_stewart.harness.cli.options import (
-    PlatformOption,
-    PresetOption,
-    choice,
-    chosen_platform,
-    experiments,
-    option,
-    out_option,
-    platform_folder,
-    presets,
-)
+from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import ExperimentError, MissedError, UsageError
@@ -26,7 +17,7 @@ from gough_stewart.model.errors import PlatformFileError, WorkspaceError
 
 def presets_command(
     name: Annotated[
-        str | None, typer.Argument(help="Print this preset's TOML file.", metavar="NAME", autocompletion=presets)
+        str | None, typer.Argument(help="Print this preset's TOML file.", metavar="NAME", autocompletion=opt.presets)
     ] = None,
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
@@ -61,7 +52,7 @@ def presets_command(
 def experiments_command(
     name: Annotated[
         str | None,
-        typer.Argument(help="Print this experiment's TOML file.", metavar="NAME", autocompletion=experiments),
+        typer.Argument(help="Print this experiment's TOML file.", metavar="NAME", autocompletion=opt.experiments),
     ] = None,
 ) -> None:
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
@@ -87,8 +78,8 @@ TABLE = "workspace.csv"
 @study(numbers=("reachable", "worst"), figures=("maps",))
 def workspace_command(
     running: Running,
-    preset: PresetOption = None,
-    platform: PlatformOption = None,
+    preset: opt.PresetOption = None,
+    platform: opt.PlatformOption = None,
     over: Annotated[
         str | None,
         option(
@@ -105,7 +96,7 @@ def workspace_command(
         ),
     ] = None,
     points: Annotated[int | None, option("Points per swept coordinate. Default: 101; 31 for a volume.", "N")] = None,
-    out: Annotated[Path | None, out_option("results/workspace_NAME, after the platform")] = None,
+    out: Annotated[Path | None, opt.out_option("results/workspace_NAME, after the platform")] = None,
 ) -> None:
     """Map the reachable poses of the platform, its conditioning and its strength.
 
@@ -127,7 +118,7 @@ def workspace_command(
 
     - `gough-stewart workspace --preset desktop_hexapod --over x,y,z --points 41 --out results/volume`
     """
-    folder = out or platform_folder("workspace", preset, platform)
+    folder = out or opt.platform_folder("workspace", preset, platform)
     ranges: dict[str, tuple[float, float] | None] = {}
     for part in (over or "").split(",") if over is not None else ():
         name, text = _assigned("--over", str(over), part)
@@ -146,7 +137,7 @@ def workspace_command(
         if name in fixed:
             raise UsageError(f"--at {text}: {name} is fixed twice; expected one value")
         fixed[name] = _quantity("--at", text, name, value)
-    loaded = chosen_platform(preset, platform)
+    loaded = opt.chosen_platform(preset, platform)
     from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report
     from gough_stewart.model.workspace import POINTS, sweep
 
@@ -187,7 +178,7 @@ Order = Literal["plus-first", "minus-first"]
 @study(numbers=("case", "agreement"))
 def reproduce_command(
     running: Running,
-    out: Annotated[Path | None, out_option("results/reproduce_NAME, after the platform")] = None,
+    out: Annotated[Path | None, opt.out_option("results/reproduce_NAME, after the platform")] = None,
     order: Annotated[
         Order | None,
         choice(
@@ -196,8 +187,8 @@ def reproduce_command(
             Order,
         ),
     ] = None,
-    preset: PresetOption = None,
-    platform: PlatformOption = None,
+    preset: opt.PresetOption = None,
+    platform: opt.PlatformOption = None,
 ) -> None:
     """Reproduce the paper's open-loop simulation, and verify it with independent formulations.
 
@@ -220,12 +211,12 @@ def reproduce_command(
 
     - `gough-stewart presets liu2000 > mine.toml`, change it, then `gough-stewart reproduce --platform mine.toml`
     """
-    folder = out or platform_folder("reproduce", preset, platform)
+    folder = out or opt.platform_folder("reproduce", preset, platform)
     from gough_stewart.harness.paper.reproduce import FILES, reproduce
     from gough_stewart.model.formulations import cases
 
     running.hold(folder, FILES)
-    loaded = chosen_platform(preset, platform)
+    loaded = opt.chosen_platform(preset, platform)
     if order is None:
         case = cases.case_of(loaded)
     elif platform is not None or preset not in (None, cases.PAPER_PRESET):

@@ -9,21 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.options import (
-    ExperimentArgument,
-    NoPythonOption,
-    PlainExperimentArgument,
-    SetOption,
-    check_page_name,
-    choice,
-    chosen_experiment,
-    option,
-    out_option,
-    path,
-    results_folder,
-)
+from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
 from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, warn
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
@@ -36,7 +25,7 @@ if TYPE_CHECKING:
 @study()
 def run_command(
     running: Running,
-    experiment: ExperimentArgument,
+    experiment: opt.ExperimentArgument,
     plant: Annotated[
         PlantKind | None, choice("Simulator of the platform. Default: from the experiment.", PlantKind)
     ] = None,
@@ -45,7 +34,7 @@ def run_command(
         option(
             "The FMU for the plant fmu2 or fmu3; built if omitted. Its code is executed in a process of its own.",
             "FILE",
-            parser=path,
+            parser=opt.path,
         ),
     ] = None,
     controller: Annotated[
@@ -57,7 +46,8 @@ def run_command(
         ),
     ] = None,
     anyway: Annotated[
-        bool, option("Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", None, "--anyway")
+        bool,
+        option("Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", None, "--anyway"),
     ] = False,
     member: Annotated[
         int | None,
@@ -67,9 +57,9 @@ def run_command(
             "K",
         ),
     ] = None,
-    out: Annotated[Path | None, out_option("results/run_NAME, after the experiment")] = None,
-    settings: SetOption = None,
-    no_python: NoPythonOption = False,
+    out: Annotated[Path | None, opt.out_option("results/run_NAME, after the experiment")] = None,
+    settings: opt.SetOption = None,
+    no_python: opt.NoPythonOption = False,
 ) -> None:
     """Run an experiment: a controller in a loop with the stepping model or the FMU, sampled as on the machine.
 
@@ -101,8 +91,8 @@ def run_command(
         unit = None if in_batch else loaded.plant.own_unit(plant, fmu)
         return law if unit is None else (*law, unit)
 
-    loaded = chosen_experiment(experiment, settings, no_python, executed)
-    folder = out or results_folder("run", experiment, "" if member is None else f"_member_{member}")
+    loaded = opt.chosen_experiment(experiment, settings, no_python, executed)
+    folder = out or opt.results_folder("run", experiment, "" if member is None else f"_member_{member}")
     from gough_stewart.harness.experiment.run import names_of_files, run, warnings_of, write_results
     from gough_stewart.harness.report.document import Note
     from gough_stewart.harness.results.metric_folds import METRICS
@@ -169,16 +159,18 @@ def _unit_of(
         return nullcontext()
     if controller not in FMI_VERSIONS:
         warn(f"the stability of the loop with {controller} is not judged: an FMU has no linear form")
-        return nullcontext(path(controller))
+        return nullcontext(opt.path(controller))
     from gough_stewart.harness.export.fmu import exported_controller
 
     return exported_controller(experiment, FMI_VERSIONS[controller], running.step, anyway=anyway, warn=warn)
 
 
 def live_command(
-    experiment: PlainExperimentArgument,
-    settings: SetOption = None,
-    out: Annotated[Path | None, option("The page to write. Default: NAME_live.html.", "FILE.html", parser=path)] = None,
+    experiment: opt.PlainExperimentArgument,
+    settings: opt.SetOption = None,
+    out: Annotated[
+        Path | None, option("The page to write. Default: NAME_live.html.", "FILE.html", parser=opt.path)
+    ] = None,
     no_open: Annotated[bool, option("Do not open it in the browser.", None, "--no-open")] = False,
 ) -> None:
     """Play with the loop of an experiment in the browser: it runs there, from the same compiled code as everywhere.
@@ -194,14 +186,14 @@ def live_command(
     """
     with clear_errors() as command:
         if out is not None:
-            check_page_name(out)
+            opt.check_page_name(out)
         with progress_bar() as progress:
             progress.add_task("writing the page", total=None)
             from gough_stewart.harness.export.choices import name_of
             from gough_stewart.harness.export.live.page import live_page
             from gough_stewart.model.process.files import write_files
 
-            loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
+            loaded = opt.chosen_experiment(experiment, settings, executed=lambda _: ())
             page = Path(f"{name_of(loaded)}_live.html") if out is None else out
             write_files(page.parent, {page.name: live_page(loaded)})
         command.written.append(page)
@@ -209,9 +201,9 @@ def live_command(
 
 
 def serve_command(
-    experiment: PlainExperimentArgument,
+    experiment: opt.PlainExperimentArgument,
     udp: Annotated[int, option("The port to listen on; 0 is any that is free.", "PORT", "--udp", min=0, max=65535)],
-    settings: SetOption = None,
+    settings: opt.SetOption = None,
     host: Annotated[str, option("The address to listen on; 0.0.0.0 opens it to the network.", "HOST")] = "127.0.0.1",
     rate: Annotated[float, option("Rows a second, at most 250.", "HZ")] = 100.0,
     binary: Annotated[bool, option("Fixed binary rows instead of JSON.", None, "--binary")] = False,
@@ -235,7 +227,7 @@ def serve_command(
             progress.add_task("preparing", total=None)
             from gough_stewart.harness.export.stream import Stream
 
-            loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
+            loaded = opt.chosen_experiment(experiment, settings, executed=lambda _: ())
             try:
                 with wrong_use_if(ExportError):
                     stream = Stream(loaded, (host, udp), rate, binary, silence, stop)
@@ -260,10 +252,10 @@ def view_command(
             help="The folder of any command, or a report.json; of runs also several, or their record.parquet or "
             "record.csv.",
             metavar="FOLDER",
-            parser=path,
+            parser=opt.path,
         ),
     ],
-    out: Annotated[Path, option("The page to write.", "FILE.html", parser=path)] = Path("report.html"),
+    out: Annotated[Path, option("The page to write.", "FILE.html", parser=opt.path)] = Path("report.html"),
     open_it: Annotated[bool, option("Open the page in the browser.", None, "--open")] = False,
 ) -> None:
     """Show in a browser what a command found: verdict, numbers, charts; of runs also the platform in 3-D motion.
@@ -279,7 +271,7 @@ def view_command(
     - `gough-stewart view results/run_circle results/run_circle_computed_torque --out compared.html`
     """
     with clear_errors() as command:
-        check_page_name(out)
+        opt.check_page_name(out)
         page, place = out, records[0]
         is_run = any((place / name).is_file() for name in RECORDS)
         is_report = place.name == DATA or any((place / name).is_file() for name in (DATA, PAGE))

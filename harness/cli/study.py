@@ -102,19 +102,10 @@ class Running:
     ) -> Path:
         """Check the folder of the results, and reserve it to the end of the command.
 
-        Parameters
-        ----------
-        names
-            All files that the study may write, apart from those of its report.
-        study
-            The name of the study in its report, if it is not that of the command.
-        keeps_data
-            Write report.json. Without it, the folder is another's, such as the current one, and not reserved.
-
-        Raises
-        ------
-        OutputError
-            It cannot be written to, another command writes there, or it holds the results of another study.
+        `names` are all files that the study may write, apart from those of its report; `study` is its name there, if
+        not that of the command. Without `keeps_data` there is no report.json: the folder is another's, such as the
+        current one, and not reserved. `OutputError` if it cannot be written to, another command writes there, or it
+        holds the results of another study.
         """
         from gough_stewart.model.errors import OutputError
         from gough_stewart.model.process.files import check_output_folder, reserved
@@ -170,12 +161,8 @@ class Running:
         """Take the requirements of the experiment's file that are on this study, beside those of the command line.
 
         A file may have requirements for several studies: those on other kinds of numbers, on numbers that other studies
-        have, or on a share of members that this one does not have, are named and left out.
-
-        Raises
-        ------
-        RequirementError
-            An unknown number, a unit of another kind, or a requirement that cannot be read.
+        have, or on a share of members that this one does not have, are named and left out. `RequirementError` for an
+        unknown number, or a unit of another kind.
         """
         if not self.required and not from_file:
             return []
@@ -200,23 +187,11 @@ class Running:
         self,
         report: "Report",
         files: "Mapping[str, Content] | Sequence[str]",
-        *,
-        done: str | None = "Done",
         then: str | None = None,
     ) -> None:
         """Judge the requirements, write the files with report.json, figures and page, and say what was found.
 
-        Parameters
-        ----------
-        files
-            Their contents by name; or only names, if the study has written them.
-        done, then
-            For the closing lines: what is done, and the next step.
-
-        Raises
-        ------
-        RequirementError
-            A number that the report does not have.
+        `files` has their contents by name, or only names, if the study has written them; `then` is the next step.
         """
         from gough_stewart.harness.report.document import Number
         from gough_stewart.harness.report.requirements import with_requirements
@@ -224,15 +199,14 @@ class Running:
         self.step("files and report", total=None)
         if self.required:
             # numbers that it might have had, such as a settling time without a step, cannot be told
-            absent = {wanted.path for wanted in self.required} & {*self.known} - {
-                number.path for number in report.numbers
-            }
+            paths = {*self.known} - {number.path for number in report.numbers}
+            absent = {wanted.path for wanted in self.required if wanted.path in paths}
             added = (Number(path, path, None, self.known[path].quantity) for path in absent)
             wanted = [replace(wanted, share=None) if wanted.path in absent else wanted for wanted in self.required]
             judged = with_requirements(replace(report, numbers=(*report.numbers, *added)), wanted)
             report = replace(judged, numbers=report.numbers)
         written = self.write(report, self.folder, files if isinstance(files, Mapping) else {})
-        self.end(report, [*files, *written], done=done, then=then)
+        self.end(report, [*files, *written], then=then)
 
     def write(self, report: "Report", folder: Path, files: "Mapping[str, Content]") -> list[str]:
         """Write these files with report.json, figures and page as one set; the names of those that are not in `files`.
@@ -290,17 +264,10 @@ def _is_among(requirement: "Required", names: Collection[str]) -> bool:
 def study(
     numbers: Sequence[str] = (), figures: Sequence[str] = (), *, many: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Declare a study, whose function gets itself `Running` first.
+    """Declare a study, whose function gets itself `Running` first; `figures` are the groups of its charts.
 
-    Parameters
-    ----------
-    numbers
-        First words of the paths of its numbers, if the function does not check requirements itself by `expect` before
-        it computes.
-    figures
-        The groups of its charts.
-    many
-        Show progress in members.
+    `numbers` are first words of the paths of its numbers, if the function does not check requirements itself by
+    `expect`; with `many`, progress is shown in members.
     """
     KINDS_OF_NUMBERS.update(numbers)
 

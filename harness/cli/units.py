@@ -6,24 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import wrong_use_if
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.options import (
-    ExperimentArgument,
-    FmiOption,
-    FmiVersion,
-    FolderOption,
-    NoPythonOption,
-    PlatformOption,
-    PresetOption,
-    SetOption,
-    TargetOption,
-    choice,
-    chosen_experiment,
-    chosen_platform,
-    chosen_targets,
-    option,
-)
+from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import ExportError
 
@@ -35,11 +21,11 @@ if TYPE_CHECKING:
 @study(numbers=("files", "checks"))
 def build_command(
     running: Running,
-    fmi: FmiOption = None,
-    target: TargetOption = None,
-    preset: PresetOption = None,
-    platform: PlatformOption = None,
-    out: FolderOption = Path(),
+    fmi: opt.FmiOption = None,
+    target: opt.TargetOption = None,
+    preset: opt.PresetOption = None,
+    platform: opt.PlatformOption = None,
+    out: opt.FolderOption = Path(),
     forms: Annotated[
         str, option("What to write: fmu, mjcf (a model for MuJoCo), or both with a comma.", "FORMS", "--as")
     ] = "fmu",
@@ -79,8 +65,8 @@ def build_command(
     from gough_stewart.fmu_build.toolchain import native
     from gough_stewart.harness.plants.unit_report import unit_report
 
-    loaded = chosen_platform(preset, platform)
-    versions, targets = [version.value for version in fmi] if fmi else VERSIONS, chosen_targets(target)
+    loaded = opt.chosen_platform(preset, platform)
+    versions, targets = [version.value for version in fmi] if fmi else VERSIONS, opt.chosen_targets(target)
     chosen_as = [form.strip() for form in forms.split(",")]
     with wrong_use_if(BuildError):
         check_forms(chosen_as)
@@ -122,23 +108,26 @@ ReferenceFrom = Literal["inside", "inputs"]
 @study(numbers=("files", "stability", "margins"))
 def export_command(
     running: Running,
-    experiment: ExperimentArgument,
+    experiment: opt.ExperimentArgument,
     forms: Annotated[
         str, option("What to write: fmu, c, ssp, page, or several with commas between them.", "FORMS", "--as")
     ] = "fmu",
-    fmi: FmiOption = None,
+    fmi: opt.FmiOption = None,
     ssp_fmi: Annotated[
-        FmiVersion,
-        choice("FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.", FmiVersion),
-    ] = FmiVersion.fmi2,
+        opt.FmiVersion,
+        choice(
+            "FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.", opt.FmiVersion
+        ),
+    ] = opt.FmiVersion.fmi2,
     ssp: Annotated[SspVersion, choice("Version of SSP.", SspVersion)] = "1.0",
-    target: TargetOption = None,
+    target: opt.TargetOption = None,
     reference: Annotated[
         ReferenceFrom,
         choice("Put the experiment's reference inside the controller, or make references its inputs.", ReferenceFrom),
     ] = "inside",
     safe_force: Annotated[
-        SafeForce, choice("Forces while a measurement is NaN or out of its range: the feedforward, or zero.", SafeForce)
+        SafeForce,
+        choice("Forces while a measurement is NaN or out of its range: the feedforward, or zero.", SafeForce),
     ] = "feedforward",
     frozen: Annotated[
         str | None,
@@ -159,9 +148,9 @@ def export_command(
             "--with",
         ),
     ] = None,
-    settings: SetOption = None,
-    out: FolderOption = Path(),
-    no_python: NoPythonOption = False,
+    settings: opt.SetOption = None,
+    out: opt.FolderOption = Path(),
+    no_python: opt.NoPythonOption = False,
 ) -> None:
     """Export the controller of an experiment, to run without Python.
 
@@ -189,11 +178,11 @@ def export_command(
     from gough_stewart.harness.report.document import settings_of
     from gough_stewart.model.units import number
 
-    loaded = chosen_experiment(experiment, settings, no_python)
+    loaded = opt.chosen_experiment(experiment, settings, no_python)
     with wrong_use_if(ExportError):
         chosen_as = chosen_forms(form.strip() for form in forms.split(","))
         inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
-    versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], chosen_targets(target)
+    versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], opt.chosen_targets(target)
     held: tuple[int, float] | None = None
     if frozen is not None:
         samples, _, movement = frozen.partition(",")

@@ -98,12 +98,7 @@ class LegErrors(KeptRows):
 def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     """Run members first to last − 1: a pure function, with the same result on any machine and any number of threads.
 
-    Raises
-    ------
-    GoughStewartError
-        An error that concerns all members of this experiment.
-    SharedMemoryError
-        Members share the memory of their controller.
+    `GoughStewartError` if an error concerns all members, `SharedMemoryError` as of `check_memory`.
     """
     members = plan.prepared
     draws = members.draws(first, last)
@@ -137,13 +132,7 @@ class Reduced(NamedTuple):
 def reduced(
     batch: Batch, stepping: Stepping, threads: int = 1, folds: Sequence[Fold] = (), names: Sequence[str] | None = None
 ) -> Reduced:
-    """Run members in parallel; `folds` keep more of their rows.
-
-    Parameters
-    ----------
-    names
-        Only these metrics, to save time.
-    """
+    """Run members in parallel; `folds` keep more of their rows, `names` are the only metrics, to save time."""
     n, running = len(batch), batch.in_parallel(stepping)
     metrics = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
     rows = FoldsOfRows(running.loop, [*metrics, *folds], running.size, metric_kernels())
@@ -160,19 +149,8 @@ def reduced(
 def check_memory(batch: Batch, run: Reduced, again: Callable[[Batch], Reduced]) -> None:
     """Run the first member again if members may share the memory of its controller: it must give the same bits.
 
-    What a function keeps from its first call on, and never changes, is not found.
-
-    Parameters
-    ----------
-    run
-        Of all members.
-    again
-        Runs others.
-
-    Raises
-    ------
-    SharedMemoryError
-        It gives others.
+    `run` is of all members, `again` runs others; `SharedMemoryError` if the first one gives others. What a function
+    keeps from its first call on, and never changes, is not found.
     """
     controller = shared_by_members(batch.setups[0].controller)
     if controller is None:
@@ -228,13 +206,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
 
 def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, FloatArray], BandSamples]:
-    """The columns of metrics (0,) and the bands that the members of an ensemble have, of none of them.
-
-    Raises
-    ------
-    RecordError
-        An unknown name in `signals`.
-    """
+    """The columns of metrics (0,) and the bands of an ensemble, of nobody; `RecordError` for an unknown signal."""
     try:
         batch = members.possible()
     except GoughStewartError:
@@ -247,13 +219,7 @@ def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, Float
 
 
 def check_names(plan: EnsemblePlan) -> None:
-    """Refuse unknown bands and metrics before anything runs.
-
-    Raises
-    ------
-    ExperimentError
-        An unknown name in `signals` or `worst_by`; suggests the nearest.
-    """
+    """Refuse unknown names in `signals` or `worst_by` before anything runs; suggests the nearest."""
     by = plan.prepared.choice.worst_by
     try:
         columns = results_of_nobody(plan.prepared)[0]

@@ -60,14 +60,8 @@ def run_compared(
 ) -> Comparison:
     """Run both over the first one's `[ensemble]` with the same seed; write both and their differences.
 
-    Each has a folder with its name; `options` are those of `ensemble`.
-
-    Raises
-    ------
-    ExperimentError
-        The first has no `[ensemble]`.
-    RecordError
-        Their members differ nevertheless, for example if factors apply to different platforms.
+    Each has a folder with its name; `options` are those of `ensemble`. `ExperimentError` if the first has no
+    `[ensemble]`, `RecordError` if members differ nevertheless, for example if factors apply to different platforms.
     """
     first, second = experiments
     choice = first.ensemble
@@ -99,10 +93,7 @@ def known_numbers(metrics: Iterable[Metric] = METRICS) -> list[Number]:
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
     """Compare two ensembles of the same members (common random numbers), using members that completed in both.
 
-    Raises
-    ------
-    RecordError
-        Their members are not the same: another number of them, or other drawn values.
+    `RecordError` if their members are not the same: another number of them, or other drawn values.
     """
     joined = a.members.select("member").join(b.members, on="member", maintain_order="left")
     if not a.members.height == b.members.height == joined.height:

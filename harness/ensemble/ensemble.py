@@ -181,10 +181,7 @@ def _planned(
 ) -> EnsemblePlan | None:
     """The plan of this run, continuing the one in the folder if there is one; None if that is complete.
 
-    Raises
-    ------
-    EnsembleError
-        The folder has another experiment, or an unfinished one that would be lost.
+    `EnsembleError` if the folder has another experiment, or an unfinished one that would be lost.
     """
     begun = None
     for name in (PLAN, METADATA):

@@ -101,13 +101,7 @@ class MemberTable:
         return float(self.metadata.get("fineness", 1.0))
 
     def values(self, name: str) -> FloatArray:
-        """A metric, a margin or a varied input of every member (N,); NaN if undefined.
-
-        Raises
-        ------
-        RecordError
-            Unknown; suggests the nearest name.
-        """
+        """A metric, a margin or a varied input of every member (N,), NaN if undefined; `RecordError` if unknown."""
         column = f"varied.{name}" if f"varied.{name}" in self.members.columns else SHORT.get(name, name)
         if not column.startswith("varied.") and column not in self.metrics:
             raise RecordError(f"no metric '{name}'{nearest(name, self.metrics)}")

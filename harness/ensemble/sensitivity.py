@@ -103,12 +103,8 @@ def sensitivity(ensemble: MemberTable, metric: str) -> Sensitivity:
     """For one metric: Sobol' indices if the members are Saltelli's design, else regression.
 
     Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
-    table 2, total by (f). Confidence intervals come from resampled members.
-
-    Raises
-    ------
-    RecordError
-        Unknown metric, nothing varies, or too few members have a value.
+    table 2, total by (f). Confidence intervals come from resampled members. `RecordError` if the metric is unknown,
+    nothing varies, or too few members have a value.
     """
     merit = np.where(ensemble.is_complete, ensemble.values(metric), np.nan)
     if ensemble.block > 1:

@@ -76,10 +76,7 @@ class _DiedError(EnsembleError):
 def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Workers") -> Chunks:
     """Finished chunks, in any order, from a number of cores, or from workers that have been started already.
 
-    Raises
-    ------
-    EnsembleError
-        A chunk whose process died repeatedly.
+    `EnsembleError` if the process of a chunk died repeatedly.
     """
     if isinstance(workers, Workers):
         yield from workers.chunks(plan, ranges)
@@ -171,10 +168,7 @@ class Workers:
 def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> Chunks:
     """Finished chunks of the workers, in any order; if a worker dies, others compute its chunks.
 
-    Raises
-    ------
-    EnsembleError
-        No dask.distributed, no scheduler or worker within `TIMEOUT`, or workers with other versions.
+    `EnsembleError` without dask.distributed, without an answer within `TIMEOUT`, or of workers with other versions.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -272,15 +266,10 @@ def difference(here: dict[str, str], there: dict[str, str]) -> str:
 
 
 def packed(plan: EnsemblePlan) -> bytes | None:
-    """The plan's controller from Python, if there is one, for a worker.
+    """The plan's controller from Python, if there is one, for a worker; `ControllerError` if it cannot be pickled.
 
     cloudpickle, which comes with dask.distributed, is used if it is installed: it also packs what is defined in a
     notebook, in a script or inside a function.
-
-    Raises
-    ------
-    ControllerError
-        It cannot be pickled.
     """
     if plan.given is None:
         return None
@@ -303,13 +292,7 @@ def packed(plan: EnsemblePlan) -> bytes | None:
 
 @lru_cache(2)
 def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
-    """The plan of a text, with its controller, on a worker.
-
-    Raises
-    ------
-    ControllerError
-        The controller's modules are not there.
-    """
+    """The plan of a text, with its controller, on a worker; `ControllerError` if its modules are not there."""
     if content is None:
         return plan_from(text)
     try:

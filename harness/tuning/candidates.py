@@ -26,12 +26,7 @@ RunsProgress = Callable[[int], None]
 class Candidates:
     """Runs points of a search over the members of an experiment, the same for all points (common random numbers).
 
-    Members that are impossible in the original experiment are left out.
-
-    Raises
-    ------
-    TuningError
-        No member is possible.
+    Members that are impossible in the original experiment are left out; `TuningError` if none is possible.
     """
 
     def __init__(self, experiment: Experiment, members: int, seed: int | None = None, controller: Any = None) -> None:
@@ -71,15 +66,7 @@ class Candidates:
         progress: RunsProgress | None = None,
         further: Sequence[str] = (),
     ) -> list[Evaluation]:
-        """Evaluate all points over all members; `further` metrics are kept for each member.
-
-        Raises
-        ------
-        TuningError
-            A metric that the runs do not have.
-        SharedMemoryError
-            As `check_memory`.
-        """
+        """Evaluate all points over all members; `further` metrics are kept for each member."""
         names = [goal.metric, *(condition.metric for condition in goal.conditions), *further]
         numbers = np.full((len(points), self.members.count, len(names)), np.nan)
         completed = np.zeros((len(points), self.members.count), dtype=bool)

@@ -77,10 +77,7 @@ class Goal:
                    reason: str, further: Iterable[str]) -> Evaluation:  # fmt: skip
         """Quantiles over the members; a member that failed, or has no value, counts as the worst.
 
-        Parameters
-        ----------
-        numbers
-            (members, k): the metric, that of each condition, and `further` ones, which are kept for each member.
+        `numbers` (members, k) are the metric, that of each condition, and `further` ones, kept for each member.
         """
 
         def quantile(column: int, is_upper: bool) -> float:
@@ -100,11 +97,8 @@ class Goal:
 def condition_of(text: str, known: Iterable[str]) -> Condition:
     """Parse a condition on one of the known metrics; nothing is executed.
 
-    Raises
-    ------
-    SearchError
-        Not a condition, an unknown metric, a unit of another kind, or a share of members, which is that of the search;
-        states what was expected.
+    `SearchError` if it is none, of an unknown metric, in a unit of another kind, or on a share of members, which is
+    that of the search.
     """
     try:
         requirement = required(text)
@@ -121,13 +115,7 @@ def condition_of(text: str, known: Iterable[str]) -> Condition:
 
 
 def check_metric(name: str, known: Iterable[str], where: str) -> str:
-    """The full name of a metric.
-
-    Raises
-    ------
-    SearchError
-        Unknown; suggests the nearest name.
-    """
+    """The full name of a metric; `SearchError` if it is unknown, with the nearest name."""
     full, margins = SHORT.get(name, name), tuple(SHORT.values())
     is_margin = full.startswith("margins.")
     names = [*(() if is_margin else known), *margins]

@@ -67,11 +67,7 @@ class SearchAxis:
 def axes_of(texts: Sequence[str], members: Members) -> tuple[SearchAxis, ...]:
     """The axes of strings such as `controller.bandwidth=1..6Hz`; `,log` after it selects a logarithmic scale.
 
-    Raises
-    ------
-    SearchError
-        No range, reversed bounds, an unknown key, one that is not a single number, or one that also varies in the
-        ensemble.
+    `SearchError` for no range, reversed bounds, an unknown key, or one that is not a single number or also varies.
     """
     if not texts:
         raise SearchError("nothing to vary; expected --vary KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")

@@ -5,6 +5,7 @@ must be entered here.
 """
 
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -21,9 +22,7 @@ import gough_stewart as gs
 from gough_stewart.harness.cli.app import app
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.experiment.schema import PlantChoice, PlatformChoice
-from gough_stewart.harness.identify import retuned
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.report import plotting
 from gough_stewart.harness.section import Section, kinds, names_file
 
 EXPERIMENT, PLATFORM, RECORD, LOG, POSES = "experiment", "platform", "record", "log", "poses"
@@ -90,42 +89,34 @@ members = 2
 worst = 1
 platform_com = { normal = "1 mm" }
 """
-LOOP = ("--set", "loop.duration=0.2")
-VARY = ("--vary", "plant.platform_mass=900..1100kg", "--vary", "controller.bandwidth=2..4Hz")
-TUNE = (*VARY, "--minimise", "tracking.position.norm_rms", "--generations", "1", "--population", "5")
-MASS = ("--estimate", "platform_mass")
-EXCITE = ("--duration", "1", "--frequency", "1", "--fade", "0.3", "--trials", "1", "--harmonics", "2")
-ENSEMBLE_OF = ("--set", "ensemble={members=2,worst=0,platform_com={normal='1 mm'}}", "--workers", "1")
+LOOP = "--set loop.duration=0.2"
+VARY = "--vary plant.platform_mass=900..1100kg --vary controller.bandwidth=2..4Hz"
+TUNE = f"{VARY} --minimise tracking.position.norm_rms --generations 1 --population 5"
+MASS = "--estimate platform_mass"
+EXCITE = "--duration 1 --frequency 1 --fade 0.3 --trials 1 --harmonics 2"
+MEMBERS = "--set \"ensemble={members=2,worst=0,platform_com={normal='1 mm'}}\" --workers 1"
+OWN_PLATFORM, OWN_RUN = "--platform platforms/own.toml", "run mine/own.toml --out used/run --set"
 # What writes files: every command, in an order in which each has what it needs. `>` is the file of what is printed.
-PRODUCERS: tuple[tuple[str, ...], ...] = (
-    ("presets", "motion_base", ">", "printed/preset.toml"),
-    ("experiments", "recorded_ride", ">", "printed/experiment.toml"),
-    ("run", "mine/own.toml", "--out", "out/run"),
-    ("frf", "out/run"),
-    ("view", "out/run", "--out", "out/page.html"),
-    ("margins", "mine/own.toml", "--out", "out/margins"),
-    ("check", "mine/own.toml", "--set", "reference.amplitude_scale=100", "--fit", "amplitude", "--out", "out/check"),
-    ("tune", "mine/own.toml", *TUNE, "--out", "out/tune"),
-    ("ensemble", "mine/own.toml", "--workers", "1", "--out", "out/ensemble"),
-    ("excite", "--platform", "platforms/own.toml", *EXCITE, "--estimate", "platform_mass", "--out", "out/excite"),
-    ("run", "out/excite/excitation.toml", "--out", "out/excited"),
-    (
-        "identify",
-        "out/excited",
-        "--platform",
-        "platforms/own.toml",
-        "--estimate",
-        "platform_mass",
-        "--out",
-        "out/found",
-    ),
-    ("poses", "out/excited", "--platform", "platforms/own.toml", "--out", "out/poses"),
-    ("export", "mine/own.toml", "--as", "fmu,c,ssp", "--out", "out/export"),
-    ("live", "mine/own.toml", "--no-open", "--out", "out/live.html"),
-    ("serve", "mine/own.toml", "--udp", "0", "--duration", "0.1"),
-    ("build", "--platform", "platforms/own.toml", "--out", "out/build"),
-    ("workspace", "--platform", "platforms/own.toml", "--points", "3", "--out", "out/workspace"),
-    ("reproduce", "--platform", "out/excite/platform.toml", "--out", "out/reproduce"),
+PRODUCERS = (
+    "presets motion_base > printed/preset.toml",
+    "experiments recorded_ride > printed/experiment.toml",
+    "run mine/own.toml --out out/run",
+    "frf out/run",
+    "view out/run --out out/page.html",
+    "margins mine/own.toml --out out/margins",
+    "check mine/own.toml --set reference.amplitude_scale=100 --fit amplitude --out out/check",
+    f"tune mine/own.toml {TUNE} --out out/tune",
+    "ensemble mine/own.toml --workers 1 --out out/ensemble",
+    f"excite {OWN_PLATFORM} {EXCITE} {MASS} --out out/excite",
+    "run out/excite/excitation.toml --out out/excited",
+    f"identify out/excited {OWN_PLATFORM} {MASS} --out out/found",
+    f"poses out/excited {OWN_PLATFORM} --out out/poses",
+    "export mine/own.toml --as fmu,c,ssp --out out/export",
+    "live mine/own.toml --no-open --out out/live.html",
+    "serve mine/own.toml --udp 0 --duration 0.1",
+    f"build {OWN_PLATFORM} --out out/build",
+    f"workspace {OWN_PLATFORM} --points 3 --out out/workspace",
+    "reproduce --platform out/excite/platform.toml --out out/reproduce",
 )
 
 
@@ -133,67 +124,64 @@ PRODUCERS: tuple[tuple[str, ...], ...] = (
 class Use:
     """A command line that takes files: `takes` names the kind of each parameter or key, in braces in the line."""
 
-    line: tuple[str, ...]
+    line: str
     takes: Mapping[str, str]
     exits: tuple[int, ...] = (0,)
     # the right refusal of some of these files
     unless: tuple[str, ...] = ()
 
 
-OWN_RUN = ("run", "mine/own.toml", "--out", "used/run", "--set")
+OF_EXPERIMENT, OF_PLATFORM = {"experiment": EXPERIMENT}, {"platform": PLATFORM}
 CONSUMERS = (
-    Use(("run", "{experiment}", *LOOP, "--out", "used/run"), {"experiment": EXPERIMENT}),
-    Use(("check", "{experiment}", *LOOP, "--out", "used/check"), {"experiment": EXPERIMENT}, (0, 3)),
-    Use(("margins", "{experiment}", "--out", "used/margins"), {"experiment": EXPERIMENT}),
-    Use(("tune", "{experiment}", *LOOP, *TUNE, "--out", "used/tune"), {"experiment": EXPERIMENT}),
+    Use(f"run {{experiment}} {LOOP} --out used/run", OF_EXPERIMENT),
+    Use(f"check {{experiment}} {LOOP} --out used/check", OF_EXPERIMENT, (0, 3)),
+    Use("margins {experiment} --out used/margins", OF_EXPERIMENT),
+    Use(f"tune {{experiment}} {LOOP} {TUNE} --out used/tune", OF_EXPERIMENT),
     Use(
-        ("ensemble", "{experiment}", "--compare", "{compare}", *LOOP, *ENSEMBLE_OF, "--out", "used/compared"),
+        f"ensemble {{experiment}} --compare {{compare}} {LOOP} {MEMBERS} --out used/compared",
         {"experiment": EXPERIMENT, "compare": EXPERIMENT},
     ),
-    Use(("export", "{experiment}", "--as", "c", "--out", "used/export"), {"experiment": EXPERIMENT}),
-    Use(("live", "{experiment}", *LOOP, "--no-open", "--out", "used/live.html"), {"experiment": EXPERIMENT}),
+    Use("export {experiment} --as c --out used/export", OF_EXPERIMENT),
+    Use(f"live {{experiment}} {LOOP} --no-open --out used/live.html", OF_EXPERIMENT),
     Use(
-        ("serve", "{experiment}", *LOOP, "--udp", "0", "--duration", "0.1"),
-        {"experiment": EXPERIMENT},
+        f"serve {{experiment}} {LOOP} --udp 0 --duration 0.1",
+        OF_EXPERIMENT,
         unless=("follows no reference that a sender can take over",),
     ),
-    Use(("view", "{records}", "--out", "used/page.html"), {"records": RECORD}),
+    Use("view {records} --out used/page.html", {"records": RECORD}),
     Use(
-        ("frf", "{record}", "--experiment", "{experiment}", "--out", "used/frf"),
+        "frf {record} --experiment {experiment} --out used/frf",
         {"record": RECORD, "experiment": EXPERIMENT},
         unless=("the record's run had no [injection]",),
     ),
     # 3: written, with an alarm that the platform of another command is not that of the log
     Use(
-        ("identify", "{logs}", "--validate", "{validate}", "--platform", "{platform}", *MASS, "--out", "used/found"),
+        f"identify {{logs}} --validate {{validate}} --platform {{platform}} {MASS} --out used/found",
         {"logs": LOG, "validate": LOG, "platform": PLATFORM},
         (0, 3),
         unless=("the log contradicts this platform", "too short: after the filters"),
     ),
     Use(
-        (
-            *("identify", "out/excited", "--platform", "platforms/own.toml", *MASS),
-            *("--experiment", "{experiment}", *LOOP, "--out", "used/found"),
-        ),
-        {"experiment": EXPERIMENT},
+        f"identify out/excited {OWN_PLATFORM} {MASS} --experiment {{experiment}} {LOOP} --out used/found",
+        OF_EXPERIMENT,
         (0, 3),
     ),
     Use(
-        ("poses", "{log}", "--platform", "{platform}", "--out", "used/poses"),
+        "poses {log} --platform {platform} --out used/poses",
         {"log": LOG, "platform": PLATFORM},
         unless=("no pose of this platform has the leg lengths", "no pose near this guess"),
     ),
-    Use(("excite", "--platform", "{platform}", *EXCITE, "--out", "used/excite"), {"platform": PLATFORM}),
-    Use(("build", "--platform", "{platform}", "--fmi", "3.0", "--out", "used/build"), {"platform": PLATFORM}),
-    Use(("workspace", "--platform", "{platform}", "--points", "3", "--out", "used/map"), {"platform": PLATFORM}),
-    Use(("run", "mine/own.toml", "--plant", "{kind}", "--fmu", "{fmu}", "--out", "used/run"), {"fmu": PLANT}),
-    Use(("run", "mine/own.toml", "--controller", "{controller}", "--out", "used/run"), {"controller": CONTROLLER}),
-    Use((*OWN_RUN, "platform.file={platform.file}"), {"platform.file": PLATFORM}),
-    Use((*OWN_RUN, "plant.file={plant.file}"), {"plant.file": PLATFORM}),
-    Use((*OWN_RUN, "plant.fmu={plant.fmu}", "--set", "plant.kind={kind}"), {"plant.fmu": PLANT}),
-    Use((*OWN_RUN, "controller={type='fmu',file='{fmu.file}'}"), {"fmu.file": CONTROLLER}),
-    Use((*OWN_RUN, "reference.file={file.file}"), {"file.file": POSES}),
-    Use((*OWN_RUN, "reference={type='path',timing=5,file='{path.file}'}"), {"path.file": POSES}),
+    Use(f"excite --platform {{platform}} {EXCITE} --out used/excite", OF_PLATFORM),
+    Use("build --platform {platform} --fmi 3.0 --out used/build", OF_PLATFORM),
+    Use("workspace --platform {platform} --points 3 --out used/map", OF_PLATFORM),
+    Use("run mine/own.toml --plant {kind} --fmu {fmu} --out used/run", {"fmu": PLANT}),
+    Use("run mine/own.toml --controller {controller} --out used/run", {"controller": CONTROLLER}),
+    Use(f"{OWN_RUN} platform.file={{platform.file}}", {"platform.file": PLATFORM}),
+    Use(f"{OWN_RUN} plant.file={{plant.file}}", {"plant.file": PLATFORM}),
+    Use(f"{OWN_RUN} plant.fmu={{plant.fmu}} --set plant.kind={{kind}}", {"plant.fmu": PLANT}),
+    Use(f"{OWN_RUN} \"controller={{type='fmu',file='{{fmu.file}}'}}\"", {"fmu.file": CONTROLLER}),
+    Use(f"{OWN_RUN} reference.file={{file.file}}", {"file.file": POSES}),
+    Use(f"{OWN_RUN} \"reference={{type='path',timing=5,file='{{path.file}}'}}\"", {"path.file": POSES}),
 )
 # Takes seconds, and its option is that of the others: once among the producers, with the file of another command.
 TAKEN_ABOVE = {("reproduce", "platform")}
@@ -215,8 +203,8 @@ def declared() -> set[tuple[str, str]]:
 def test_no_command_and_no_key_is_forgotten() -> None:
     """Expected: the commands of the command line, their parameters, and the keys of the schema that name files."""
     commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    assert {line[0] for line in PRODUCERS} == set(commands)
-    taken = {(use.line[0], name) for use in CONSUMERS for name in use.takes if "." not in name}
+    assert {line.split()[0] for line in PRODUCERS} == set(commands)
+    taken = {(use.line.split()[0], name) for use in CONSUMERS for name in use.takes if "." not in name}
     assert taken == declared() - TAKEN_ABOVE
     tables: dict[str, type[Section]] = {"platform": PlatformChoice, "plant": PlantChoice}
     tables |= {**kinds(ControllerChoice), **kinds(ReferenceChoice)}
@@ -252,7 +240,7 @@ def lines_of(use: Use, written: Mapping[str, Sequence[str]]) -> Iterator[tuple[s
     for files in zip(*places.values(), strict=True):
         values = dict(zip(places, files, strict=True))
         kind = "fmu2" if any("fmi2" in file for file in files) else "fmu3"
-        yield tuple(filled(word, {**values, "kind": kind}) for word in use.line)
+        yield tuple(filled(word, {**values, "kind": kind}) for word in shlex.split(use.line))
 
 
 def filled(word: str, values: Mapping[str, str]) -> str:
@@ -266,10 +254,6 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, S
     """The files of all commands by kind, in a folder that is the present one."""
     folder = tmp_path_factory.mktemp("files")
     with pytest.MonkeyPatch.context() as patch:
-        # pictures take most of the time, and no command reads one
-        patch.setattr(plotting, "files_of", lambda _draw, _width, _height, kinds: dict.fromkeys(kinds, b"picture"))
-        # margins of the same experiments are those of their own command
-        patch.setattr(retuned, "_margins", lambda _experiment: dict.fromkeys(retuned._MARGINS, "–"))
         patch.chdir(folder)
         for name in ("mine", "mine/data", "platforms", "printed"):
             (folder / name).mkdir()
@@ -281,8 +265,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, S
         (folder / "mine" / "recorded.csv").write_text("\n".join(rows))
         given = set(folder.rglob("*"))
         for line in PRODUCERS:
-            *words, _, target = line if ">" in line else (*line, "", "")
-            printed = checked(words)
+            words, _, target = line.partition(" > ")
+            printed = checked(shlex.split(words))
             if target:
                 (folder / target).write_text(printed)
         found: dict[str, list[str]] = {}

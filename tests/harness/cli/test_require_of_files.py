@@ -34,7 +34,7 @@ def _invoke(*arguments: str) -> Result:
 
 
 def _states(done: Result) -> dict[str, str]:
-    return {each["path"]: each["status"] for each in json.loads(done.stdout)["requirements"]}
+    return {each["path"]: each["status"] for each in json.loads(done.stdout).get("requirements", [])}
 
 
 def _left_out(done: Result) -> set[str]:
@@ -51,6 +51,24 @@ def test_a_run_judges_its_metrics_and_its_disk_margin() -> None:
     assert gs.margins("heave_step").disk.alpha == pytest.approx(
         next(each["value"] for each in json.loads(done.stdout)["numbers"] if each["path"] == "margins.disk")
     )
+
+
+def test_a_share_of_members_in_a_file_is_for_ensembles_and_a_margin_for_those_that_compute_it() -> None:
+    """Expected: named before a run, which goes on; judged in an ensemble; a margin that it lacks is named."""
+    shared = 'tracking.position.norm_peak = "<= 1 m for 60 % of members"\nmargins.disk = ">= 0.1"\n'
+    Path("mine.toml").write_text(f"{shipped_text('heave_tolerances')}\n[require]\n{shared}", encoding="utf-8")
+    short = ("--set", "loop.duration=0.1", "--json")
+    done = _invoke("run", "mine.toml", "--out", "run", *short)
+    assert (done.exit_code, _states(done), _left_out(done)) == (
+        *(0, {"margins.disk": "met"}, {"tracking.position.norm_peak"}),
+    )
+    done = _invoke("run", "mine.toml", "--member", "1", "--out", "member", *short)
+    assert (_states(done), _left_out(done)) == ({}, {"tracking.position.norm_peak", "margins.disk"})
+    few = ("--members", "9", "--workers", "1", "--set", "ensemble.worst=0")
+    done = _invoke("ensemble", "mine.toml", *few, *short, "--out", "members")
+    assert (_states(done), _left_out(done)) == ({"tracking.position.norm_peak": "met"}, {"margins.disk"})
+    done = _invoke("ensemble", "mine.toml", *few, *short, "--set", "ensemble.margins=true", "--out", "judged")
+    assert _states(done) == {"tracking.position.norm_peak": "met", "margins.disk": "met"}
 
 
 def test_a_search_judges_what_it_has_chosen() -> None:

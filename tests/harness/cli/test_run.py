@@ -4,9 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from gough_stewart.harness.cli import app as cli
 from gough_stewart.harness.results.record import read_record
 from gough_stewart.model.errors import GoughStewartError
 from tests.support.commands import invoke
@@ -119,22 +117,3 @@ def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyP
     assert "missing: metrics.json, errors.pdf" in done.output
     assert {path.name for path in (own / "out").iterdir()} == {"record.parquet", "record.csv", "metadata.json"}
     assert read_record(own / "out").metadata["rows"] == 301
-
-
-@pytest.mark.parametrize(
-    ("words", "completed"),
-    [
-        (["run", "heave_s"], ["heave_step"]),
-        (["margins", "circle_"], ["circle_computed_torque"]),
-        (["experiments", "satur"], ["saturation"]),
-        (["presets", "desk"], ["desktop_hexapod"]),
-        (["reproduce", "--preset", "liu"], ["liu2000"]),
-        (["build", "--target", "x86_64-"], ["x86_64-linux", "x86_64-windows", "x86_64-darwin"]),
-    ],
-)
-def test_the_shell_completes_names(words: list[str], completed: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("_GOUGH_STEWART_COMPLETE", "complete_bash")
-    monkeypatch.setenv("COMP_WORDS", " ".join(["gough-stewart", *words]))
-    monkeypatch.setenv("COMP_CWORD", str(len(words)))
-    done = CliRunner().invoke(cli.app, prog_name="gough-stewart")
-    assert done.output.split() == completed

@@ -104,22 +104,6 @@ def test_a_fixed_step_of_the_plant_is_that_of_all_members() -> None:
     assert Members(small(tolerance=3e-9)).stepping == (3e-9, None)
 
 
-@pytest.mark.parametrize("name", ["heave_tolerances", "heave_step"])
-def test_runs_with_internal_steps_of_their_own_are_those_with_very_small_ones(name: str) -> None:
-    """Expected: every result of eight machines with 64 fixed steps a row, within 1e-8; without encoders' steps."""
-    table = {"members": 8, "seed": 5, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
-    settings = {"loop.duration": 0.25, "sensors.quantisation": {}, "reference.at": 0.05} if name == "heave_step" else {}
-    settings |= {"loop.duration": 0.25, "ensemble": table}
-    members = Members(gs.load_experiment(name, settings))
-    batch = members.prepared(0, 8).batch
-    found = []
-    for stepping in (members.stepping, Stepping(substeps=64)):
-        running = batch.in_parallel(stepping)
-        with running.plant:
-            found.append(simulate(running.plant, running.law_from, running.loop).results[..., :24])
-    own, fixed = found
-    assert np.abs(own - fixed).max() < 1e-8 * (1 + np.abs(fixed).max())
-    assert np.ptp(fixed, axis=0).max() > 1e-3
 
 
 def test_errors_go_down_with_the_tolerance_where_legs_slip() -> None:

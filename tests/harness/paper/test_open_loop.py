@@ -42,7 +42,7 @@ def test_case_is_the_published_one(case: OpenLoopCase) -> None:
 # stiff in its friction, which Kane's equations pay for: every day the beginning, and the whole case as evidence
 @pytest.mark.parametrize("share", [0.1, pytest.param(1.0, marks=pytest.mark.evidence)])
 def test_every_comparison_holds_on_a_platform_with_friction(share: float) -> None:
-    """The whole case of the other two presets is in tests/harness/cli/test_app.py."""
+    """The whole case of the other two presets is in tests/harness/cli/test_reproduce.py."""
     case = case_of(load_preset("desktop_hexapod"))
     case = replace(case, duration=share * case.duration)
     stepping, leap = run_stepping(case), run_stepping(case, rows=False)

@@ -60,7 +60,7 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
         ({"population": 4}, "population is 4; expected at least 5 candidates"),
         ({"subject_to": ["tracking.positon.norm_rms < 3"]}, "no metric 'tracking.positon.norm_rms'; did you mean"),
         ({"subject_to": ["tracking < 3"]}, "--subject-to 'tracking < 3': no metric 'tracking'"),
-        ({"subject_to": ["disk_margn > 3"]}, "no metric 'disk_margn'; did you mean 'disk_margin'"),
+        ({"subject_to": ["disk_margn > 3"]}, "no metric 'disk_margn'; did you mean 'margins.disk'"),
         ({"subject_to": ["margins.gain > 3"]}, "no margin 'margins.gain'"),
         ({"subject_to": ["force.peak < nan"]}, "'force.peak < nan' cannot be read"),
         ({"subject_to": ["energy.net_total < 3 kg"]}, "has the unit 'kg'; expected J, uJ, µJ, kJ"),
@@ -116,22 +116,6 @@ def test_conditions_that_nothing_meets_are_named_with_the_nearest(folder: Path, 
     nearest = force.min() if "force" in condition else 1e3 * margin.max()
     assert says.format(nearest) in str(caught.value)
     assert "after 1 generation)" in str(caught.value)
-
-
-def test_members_that_fail_are_said_with_their_reason(folder: Path) -> None:
-    """Expected: the limit of the position error, which no candidate keeps."""
-    with pytest.raises(
-        TuningError, match=r"5 of 5 candidates have members that do not complete; the first: .*0\.001 m"
-    ):
-        gs.tune(
-            folder / "mine.toml",
-            [VARY[0]],
-            METRIC,
-            {"limits.position_error": 0.001},
-            members=1,
-            generations=1,
-            population=5,
-        )
 
 
 def test_settings_in_a_dict_are_not_changed(folder: Path) -> None:
@@ -317,17 +301,3 @@ def test_a_generation_has_sixteen_candidates_for_each_key_by_default(folder: Pat
     said = invoke("tune", "--help").stdout
     assert "25" in said
     assert "16 per key" in said
-
-
-def test_a_search_that_is_interrupted_before_its_first_candidate_is_exit_code_130(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: interrupted, not "no candidate meets the conditions"."""
-
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("gough_stewart.harness.tuning.candidates.Candidates.evaluate", interrupted)
-    done = invoke("tune", "heave_step", "--minimise", METRIC, "--vary", VARY[0], "--out", str(tmp_path / "out"))
-    assert (done.exit_code, done.stderr) == (130, "interrupted; nothing written\n")
-    assert not (tmp_path / "out").exists()
