@@ -115,7 +115,14 @@ def poses_command(
     platform: PlatformOption = None,
     leg_lengths: LegLengthsOption = "absolute",
     column: ColumnOption = None,
-    rotation_order: RotationOrderOption = "XYZ",
+    rotation_order: Annotated[
+        str,
+        option(
+            "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what is "
+            "written, quaternion.",
+            "ORDER",
+        ),
+    ] = "XYZ",
     rotation_about: RotationAboutOption = "fixed",
     frame: FrameOption = "z_up",
     pivot: PivotOption = "0,0,0",
