@@ -93,7 +93,14 @@ def poses_command(
     platform: opt.PlatformOption = None,
     leg_lengths: opt.LegLengthsOption = "absolute",
     column: opt.ColumnOption = None,
-    rotation_order: opt.RotationOrderOption = "XYZ",
+    rotation_order: Annotated[
+        str,
+        opt.option(
+            "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what is "
+            "written, quaternion.",
+            "ORDER",
+        ),
+    ] = "XYZ",
     rotation_about: opt.RotationAboutOption = "fixed",
     frame: opt.FrameOption = "z_up",
     pivot: opt.PivotOption = "0,0,0",

@@ -108,8 +108,7 @@ NoPythonOption = Annotated[
 RotationOrderOption = Annotated[
     str,
     option(
-        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what is "
-        "written, quaternion.",
+        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.",
         "ORDER",
     ),
 ]

@@ -250,15 +250,7 @@ def estimate_of(
 ) -> Estimate:
     """The estimate of a fit, with its covariance s² (Dᵀ D)⁻¹, s² = |e|²/ν, and its residuals.
 
-    Parameters
-    ----------
-    nominal, scale
-        Values before the fit (p,), and sizes (p,) that their changes are measured against [SI].
-    regression
-        Whitened regressor D (m, p) in units of `scale`, and whitened residuals e (m,), of the fitted samples; and
-        the degrees of freedom ν of the residuals.
-    notes
-        Remarks on the fit; one on active bounds is added.
+    `regression` has the whitened regressor D (m, p) in units of `scale`, whitened residuals e (m,), and ν.
     """
     D, white, freedom = regression
     _, sigma, directions = np.linalg.svd(D, full_matrices=False)

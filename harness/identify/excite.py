@@ -354,7 +354,9 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     force = np.asarray(inverse_dynamics(platform, state, acceleration))
     length = np.asarray(leg_geometry(platform, state.position, state.orientation).length)
     segment = segment_of(Part(time, length, force), platform)
-    noise = segment.noise._replace(force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=_ENCODER / np.sqrt(12))
+    noise = segment.noise._replace(
+        force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=np.full(6, _ENCODER) / np.sqrt(12)
+    )
     regression, elements = Regression.of([replace(segment, noise=noise)]), elements_of(platform, names)
     used = regression.used(platform, names)
     forces = regression.W @ linear_parameters(elements)

@@ -33,7 +33,6 @@ from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regressor import (
     INERTIAL,
     SIZE,
-    check_independent,
     elements_of,
     gradient,
     linear_parameters,
@@ -66,18 +65,7 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     and lengths through the filters, with shares that fit the log (`noise`). With Coulomb friction, rows in which the
     leg reverses are left out, since friction models are uncertain there. The covariance of the result is
     (Gᵀ Wᵀ V⁻¹ W G)⁻¹, G = ∂φ/∂θ. Gains and offsets of force sensors, their delay and the tilt of the base are fitted
-    too if they are among the names.
-
-    Parameters
-    ----------
-    parts
-        Of logs; each says what of it is fitted.
-    names
-        Elements of parameters in which inverse dynamics is linear, or bilinear; of static friction; of instruments.
-    cutoff
-        Cut-off of the filter [Hz]; from the log by default.
-    not_excited
-        Elements that the motion does not excite, so the residuals tell nothing of them.
+    too if they are among the names. Of elements that are `not_excited` residuals tell nothing.
     """
     of_law = (COULOMB, *STICTION) if sticks(platform) else ()
     bent = [k for k, name in enumerate(names) if name.partition("[")[0] in of_law]
@@ -109,12 +97,6 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
         scale[bent] = values[bent]
         force = force - regression.filtered(lambda v, h: friction.force(values[bent], v, h))[:, :, 0]
     if linear:
-        check_independent(
-            (W @ (gradient(elements, linear_names) * scale[linear])).reshape(-1, len(linear)),
-            linear_names,
-            "no force in this log depends on {}; remove them",
-            "too little excitation: {}; remove one of each, or move the platform in more ways (gough-stewart excite)",
-        )
         weights = used / max(float(np.abs(force[is_fitted]).max()), 1e-300)
         weighted = np.concatenate([weights[..., None] * W, (weights * force[is_fitted])[..., None]], axis=2)
         values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear]).values

@@ -369,20 +369,6 @@ def identify_geometry(  # noqa: PLR0915 - one station after the other
     errors-in-variables problem. A row gives as many equations as it has numbers of its pose: three for a position, two
     for an inclinometer. Lengths alone give none, since some pose fits any six lengths. Rows that the others contradict
     are left out.
-
-    Parameters
-    ----------
-    names
-        `base_points`, `platform_points`, `leg_length_offset` (encoder reading minus length [m]), or elements.
-    accuracy
-        Standard errors of the log: leg length [m], position [m], orientation [rad]; see `ACCURACY`.
-    pose_frame
-        "world": poses are those of the platform in world. "own": a tracker's frame and the place of its target are
-        unknown, and estimated as far as fixed joints determine them; the other joints stay as close as possible to
-        their nominal places, since the base and the platform as a whole are unobservable.
-    nominal_error
-        Uncertainty of the nominal geometry [m]; combinations with a larger standard error count as unobservable, and
-        elements that they move have no interval. By default 1 % of the platform's characteristic length.
     """
     elements = expanded(names, platform)
     foreign = [name for name in elements if name not in _UNKNOWNS]
@@ -512,7 +498,7 @@ def _first_poses(
 ) -> tuple[FloatArray, FloatArray]:
     """The measured poses if they are full and in world, else those of the nominal platform at these lengths."""
     poses = measured.values[:, 6:].copy()
-    for k, is_full in enumerate(measured.is_known.all(axis=1)):
+    for k, is_full in enumerate(np.asarray(measured.is_known.all(axis=1))):
         if pose_frame == "world" and is_full:
             continue
         near = platform.home_position, platform.home_orientation

@@ -47,18 +47,8 @@ def lack_of_fit(
 ) -> tuple[LackOfFit, FloatArray, FloatArray] | None:
     """The tests of all families and of whiteness, the p-values of whiteness of the legs, and what no family explains.
 
-    None if the rows are too few for these families.
-
-    Parameters
-    ----------
-    D
-        Whitened columns of the fitted parameters (6 n, p).
-    families
-        Whitened columns of each family, times the sizes of what a user would want to know (6 n, q).
-    residual
-        Whitened (6 n,).
-    used
-        1 for rows that are used, else 0 (n, 6).
+    None if the rows are too few for these families. D (6 n, p) are whitened columns of the fitted parameters, those of
+    each family are times the sizes of what a user would want to know, `used` (n, 6) is 1 for rows that are used.
     """
     Q = basis_of(D, np.linalg.norm(D, axis=0))
     left = residual - Q @ (Q.T @ residual)

@@ -31,18 +31,8 @@ def smoothed(
     """The low-passed signal or its derivative, at every k-th of those rows that have the filter's full length.
 
     (k * x)(t) with k(t) = 2 f_c sinc(2 f_c t) w(t); its derivative uses that of the kernel, k̇ * x, so values, first
-    and second derivatives belong to the same smooth signal.
-
-    Parameters
-    ----------
-    values
-        (n, m) at even times, `step` [s] apart.
-    cutoff
-        f_c [Hz], where the gain is ½.
-    derivative
-        0, 1 or 2.
-    delay
-        By how much the values are older than their rows state, negative if newer [s].
+    and second derivatives belong to the same smooth signal. Values (n, m) are at even times, `delay` older than their
+    rows state; f_c is the `cutoff`, where the gain is ½.
     """
     kernel = kernel_of(step, cutoff, derivative, delay)
     if len(kernel) > len(values):
@@ -118,14 +108,7 @@ def noise_beyond(values: FloatArray, step: float, cutoff: float) -> FloatArray:
 def kernel_correlations(force: FloatArray, length: FloatArray, spacing: int) -> tuple[FloatArray, FloatArray]:
     """Covariances of filtered unit white noise m rows apart: (g ⋆ g)(m) (M + 1,) and (c_d ⋆ c_d')(m) (M + 1, 3, 3).
 
-    Parameters
-    ----------
-    force
-        g, weights of the raw samples in a row of the force (j,).
-    length
-        c, weights in value, velocity and acceleration (3, j), of the same parity.
-    spacing
-        Raw samples between rows.
+    g (j,) weighs raw samples in a row of the force, c (3, j) in value, velocity and acceleration of the lengths.
     """
     last = max(force.size, length.shape[1]) // spacing
 

@@ -57,15 +57,7 @@ class PartNoise(NamedTuple):
 
 
 def part_noise(which: int, raw: RawNoise, by_legs: FloatArray, used: FloatArray) -> PartNoise:
-    """The covariances of n rows by noise of forces, and by noise of lengths.
-
-    Parameters
-    ----------
-    by_legs
-        A (n, 6, d, 6), for each of the d kernels of lengths.
-    used
-        1 for rows that are used, else 0 (n, 6).
-    """
+    """The covariances of n rows, `used` (n, 6) or not, by noise of forces, and of lengths by A (n, 6, d, 6)."""
     n, reach = len(by_legs), min(len(raw.of_force), len(by_legs)) - 1
     A = raw.length * by_legs
     bands = np.zeros((2, 6 * reach + 11, n, 6))
@@ -118,16 +110,7 @@ def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArra
 def fitted_noise(parts: Sequence[PartNoise], columns: FloatArray, residual: FloatArray, used: FloatArray) -> RowNoise:
     """The covariance with the shares of both noises that fit each log best, by restricted maximum likelihood.
 
-    Parameters
-    ----------
-    parts
-        The noises of each part; n rows in all.
-    columns
-        Everything that may be in the mean of the rows (n, 6, k): it takes no part in the likelihood.
-    residual
-        Of the rows (n, 6) [N].
-    used
-        1 for rows that are used, else 0 (n, 6).
+    `columns` (n, 6, k) are everything that may be in the mean of the rows: it takes no part in the likelihood.
     """
     first = np.cumsum([0, *(len(part.unused) // 6 for part in parts)])
     logs = list(dict.fromkeys(part.which for part in parts))
@@ -229,9 +212,9 @@ class Whitened:
 
     @property
     def levels(self) -> tuple[FloatArray, float]:
-        """Standard deviations of the raw forces (6,) [N] and lengths [m] of the first log."""
-        force, length = self.noise.shares[self.parts[0].which]
-        return np.sqrt(force) * self.parts[0].raw.force, float(np.sqrt(length) * self.parts[0].raw.length)
+        """Standard deviations of the raw forces (6,) [N] and RMS of those of the lengths [m], of the first log."""
+        (force, length), raw = self.noise.shares[self.parts[0].which], self.parts[0].raw
+        return np.sqrt(force) * raw.force, float(np.sqrt(length * (raw.length**2).mean()))
 
     def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
         """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import qr
 
+from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import HALF_LENGTH, cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import (
     COM,
-    check_independent,
     elements_of,
     force_derivatives,
     gradient,
@@ -110,7 +111,7 @@ def _of_noise(motion: FloatArray, platform: Platform, noise: FloatArray, kernels
     for leg in range(6):
         directions = noise[leg] * by_legs[:, :, leg::6] @ axes
         rows += [regressor(platform, *states_of(some + directions[:, :, k])) - clean for k in range(3)]
-    return np.concatenate(rows) / np.sqrt(len(some))
+    return np.asarray(np.concatenate(rows) / np.sqrt(len(some)))
 
 
 def identifiability(
@@ -158,5 +159,19 @@ def check_separable(platform: Platform, names: Sequence[str]) -> None:
     W = regressor(platform, state, Acceleration(rates[:, 6:9], rates[:, 9:]))
     D = (W @ gradient(elements_of(platform, names), names)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
-    texts = "no force depends on {}; remove them", "{}, in any motion; remove one of each"
-    check_independent(D / np.where(size > 0, size, 1.0), names, *texts)
+    none = [name for name, norm in zip(names, size, strict=True) if norm == 0]
+    if none:
+        raise IdentificationError(f"no force depends on {', '.join(none)}; remove them", none)
+    # QR with pivots shows the combinations
+    R, pivots = qr(D / size, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
+    combined = [names[k] for k in pivots[rank:]]
+    if not combined:
+        return
+    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
+    texts = []
+    for j, name in enumerate(combined):
+        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
+        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
+    raise IdentificationError(f"{'; '.join(texts)}, in any motion; remove one of each", combined)

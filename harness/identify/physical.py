@@ -41,16 +41,8 @@ def best_fit(
 ) -> BestFit:
     """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table and physically consistent.
 
-    Only all six elements of the inertia are made those of a body; some of them are not, for lack of the others.
-
-    Parameters
-    ----------
-    residual, jacobian
-        r (k,) of θ (p,), and ∂r/∂θ (k, p).
-    elements
-        All elements of a platform; those not named stay constant.
-    scale, start
-        Of θ (p,).
+    Only all six elements of the inertia are made those of a body; some of them are not, for lack of the others. The
+    `jacobian` (k, p) is ∂r/∂θ; `elements` that are not named stay constant.
     """
     stems = [name.partition("[")[0] for name in names]
     bounds = [TABLE[stem].lower_bound if stem in TABLE else None for stem in stems]  # instruments have none
@@ -97,7 +89,9 @@ def best_fit(
         by_eta = np.stack([values(eta + step).imag / 1e-30 for step in 1e-30j * np.eye(len(eta))], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)
 
+    def of_body(eta: FloatArray) -> FloatArray:
+        return residual(values(eta))
+
     start = np.maximum(eta, bound + 1e-9 * np.abs(units))
     options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
-    eta = least_squares(lambda eta: residual(values(eta)), start, chained, **options).x
-    return BestFit(np.asarray(values(eta)), (*held, "platform_inertia"))
+    return BestFit(np.asarray(values(least_squares(of_body, start, chained, **options).x)), (*held, "platform_inertia"))

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError, LogError, MotionError
 from gough_stewart.harness.identify.names import PER_LEG, place_of, value_of
@@ -47,8 +46,6 @@ INERTIAL = 10 + 5
 SIZE = INERTIAL + 12
 # The place of the armature in φ.
 ARMATURE = INERTIAL - 1
-# Below this share of the largest, what is left of a column is rounding.
-_ROUNDING = 1e-9
 _JOINTS = 36
 assert [v.name for v in interface.PLATFORM_PARAMETERS[:2]] == ["base_points", "platform_points"]
 
@@ -196,28 +193,6 @@ def _units(platform: Platform | None, **units: Any) -> Parameters:
     return Parameters(**values)
 
 
-def check_independent(columns: FloatArray, names: Sequence[str], dead: str, dependent: str) -> None:
-    """Refuse elements whose columns (n, p) are 0, or combinations of the others', with texts that take what they are.
-
-    Columns are to be of similar size; QR with pivots shows the combinations.
-    """
-    none = [name for name, size in zip(names, np.linalg.norm(columns, axis=0), strict=True) if size == 0]
-    if none:
-        raise IdentificationError(dead.format(", ".join(none)), none)
-    R, pivots = qr(columns, mode="r", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
-    combined = [names[k] for k in pivots[rank:]]
-    if not combined:
-        return
-    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
-    texts = []
-    for j, name in enumerate(combined):
-        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
-        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
-    raise IdentificationError(dependent.format("; ".join(texts)), combined)
-
-
 class ForceDerivatives(NamedTuple):
     """Derivatives of the actuator forces at n motions."""
 
@@ -227,23 +202,14 @@ class ForceDerivatives(NamedTuple):
 
 
 def force_derivatives(motion: FloatArray, parameters: FloatArray, force: FloatArray) -> ForceDerivatives:
-    """Derivatives of inverse dynamics at n motions; exact.
+    """Derivatives of inverse dynamics at n motions (n, 18) with these forces (n, 6); exact.
 
     Inverse dynamics from a log takes lengths, not poses: G(m, p) = Jᵀ F with m the platform's motion, which follows
     from ℓ = (L, L̇, L̈) = h(m, p). So ∂F/∂ℓ = J⁻ᵀ G_m h_m⁻¹, and ∂F/∂p = J⁻ᵀ (G_p − G_m h_m⁻¹ h_p) at fixed ℓ.
-
-    Parameters
-    ----------
-    motion
-        Position, orientation, velocity, angular velocity, acceleration, angular acceleration (n, 18).
-    parameters
-        The kernel's p (N_PARAMETERS,).
-    force
-        The forces there (n, 6) [N].
     """
     n = len(motion)
     J, G_m, G_p, h_m, h_p = _evaluated(_equations(), motion, np.tile(parameters, (n, 1)), force)
-    motion_by_legs, Jt = np.linalg.inv(h_m), np.swapaxes(J, 1, 2)
+    motion_by_legs, Jt = np.asarray(np.linalg.inv(h_m), dtype=float), np.swapaxes(J, 1, 2)
     by_legs = np.asarray(np.linalg.solve(Jt, G_m @ motion_by_legs), dtype=float)
     by_parameters = np.asarray(np.linalg.solve(Jt, G_p), dtype=float)
     by_parameters[:, :, : h_p.shape[2]] -= by_legs @ h_p

@@ -190,8 +190,8 @@ def estimate_tables(estimate: Estimate) -> list[Table]:
             size = shifts[0][2] if shifts else None
             rows.append((unseen.name, text or "less than a tenth of their errors", size))
         sizes = Column("standard errors", _TWO, "of the first")
-        columns = (Column(""), Column("estimates would be off by"), sizes)
-        tables.append(Table("What no residual shows, since estimates absorb it", columns, tuple(rows)))
+        heads_of_shifts = (Column(""), Column("estimates would be off by"), sizes)
+        tables.append(Table("What no residual shows, since estimates absorb it", heads_of_shifts, tuple(rows)))
     return tables
 
 

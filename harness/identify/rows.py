@@ -60,7 +60,7 @@ class RawNoise(NamedTuple):
     """Noise of the raw signals, and how it reaches the rows."""
 
     force: FloatArray  # standard deviation (6,) [N]
-    length: float  # [m]
+    length: FloatArray  # (6,) [m]
     of_force: FloatArray  # covariances of filtered unit white noise m rows apart: (g ⋆ g)(m) (M + 1,)
     of_length: FloatArray  # (c_d ⋆ c_d')(m) of value, velocity and acceleration (M + 1, 3, 3)
 
@@ -153,7 +153,7 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
         sliding,
         # through the rows' filter, so that derivatives at these motions have no noise that the regressor does not have
         smoothed(np.concatenate([state.to_vector(), *acceleration], axis=1), h * every, cutoff, thin),
-        RawNoise(of_force, float(np.sqrt((of_length**2).mean())), *correlations),
+        RawNoise(of_force, of_length, *correlations),
         force_rows,
         W,
         (every, thin),

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,16 +73,8 @@ def screened(
     """The parts of logs, with what was mended, left out or recognised.
 
     Single spikes and a few lost rows are interpolated; clipped and frozen segments and longer gaps are left out, and
-    so are the filters' lengths beside them. Rows that were lost while times went on divide a log.
-
-    Parameters
-    ----------
-    validation
-        Share of each log, at its end, that validates the fit.
-    validating
-        Logs of which all validates the fit.
-    cutoff
-        Of the filter [Hz]; from the logs by default.
+    so are the filters' lengths beside them. Rows that were lost while times went on divide a log. A share of each log
+    at its end, and all of the logs that are `validating`, validate the fit.
     """
     if not 0 <= validation < 1:
         raise LogError(f"validation is {validation:g}; expected a share of the log, 0 or more and less than 1")
@@ -350,7 +342,7 @@ def _on_even_rows(log: Log, which: int) -> tuple[Part, Mask, list[str]]:
     is_missing = ~np.isin(rows, at)
     # a reading is repeated until another one replaces it
     latest = np.searchsorted(at, rows, side="right") - 1
-    signals = {
+    signals: dict[str, Any] = {
         name: values[latest]
         for name, values in (("length", part.length), ("force", part.force), ("motor", part.motor))
         if values is not None

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.friction import StickingFriction, resolved, sliding_rows, unit_friction
+from gough_stewart.harness.identify.friction import StickingFriction, sliding_rows, unit_friction
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.sticking_logs import LEGS, Law
@@ -73,11 +73,6 @@ def test_slopes_by_length_are_the_bristle_s_where_a_leg_sticks_and_the_curve_s_w
     slope = -2 * r / LAW.stribeck_velocity * (LAW.static - LAW.coulomb) * LEGS * np.exp(-(r**2))
     np.testing.assert_allclose(slid[:, 1], slope, rtol=1e-6)
     np.testing.assert_allclose(slid[:, 0], 0.0, atol=1e-4 * LAW.stiffness)
-
-
-def test_what_is_derived_becomes_a_number() -> None:
-    """Expected: static = Coulomb friction, on the mean of the legs."""
-    assert resolved(DERIVED).leg_static_friction == pytest.approx(80)
 
 
 def test_a_leg_slides_four_presliding_distances_after_its_reversal() -> None:

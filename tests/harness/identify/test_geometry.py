@@ -211,16 +211,11 @@ def test_a_part_of_the_pose_calibrates_in_part(part: str, least: float) -> None:
     assert found.rank < 42
     few = identify_geometry(some.rows(slice(0, 9)), NOMINAL)
     assert 0 < few.rank <= 9 * {"position": 3, "orientation": 3, "inclination": 2}[part]
-
-
-def test_what_is_not_seen_keeps_its_nominal_value() -> None:
-    """Expected: five poses say nothing of most combinations; no step from nominal along those."""
-    found = identify_geometry(Machine().log(6, n=5), NOMINAL)
-    assert 0 < found.rank <= 30
-    step = found.values - found.nominal
-    assert np.abs(found.directions[found.rank :] @ step).max() < 1e-9
-    assert np.abs(found.directions[: found.rank] @ step).max() > 1e-4
-    assert f"{found.rank} of 42 combinations are observable" in " ".join(found.notes)
+    # along what is not seen there is no step from nominal
+    step = few.values - few.nominal
+    assert np.abs(few.directions[few.rank :] @ step).max() < 1e-9
+    assert np.abs(few.directions[: few.rank] @ step).max() > 1e-4
+    assert f"{few.rank} of 42 combinations are observable" in " ".join(few.notes)
 
 
 def test_some_names_are_found_while_the_others_stay() -> None:
@@ -235,10 +230,11 @@ def test_some_names_are_found_while_the_others_stay() -> None:
     assert all_six.platform(NOMINAL) == NOMINAL
 
 
-@pytest.mark.parametrize(("row", "error"), [(16, 2e-3), (59, 5e-3), (3, 1e-1)])
-def test_a_pose_that_is_not_like_the_others_is_left_out(row: int, error: float) -> None:
-    """Expected: the estimate of the log without that row, which is named; 40, 100 and 2000 standard errors off."""
+@pytest.mark.parametrize(("row", "error", "has_angles"), [(16, 2e-3, True), (3, 1e-1, True), (29, 4e-3, False)])
+def test_a_pose_that_is_not_like_the_others_is_left_out(row: int, error: float, has_angles: bool) -> None:
+    """Expected: the estimate of the log without that row, which is named; 40, 2000 and 80 standard errors off."""
     log = Machine().log(2)
+    log = log if has_angles else replace(log, orientation=None)
     assert log.position is not None
     position = log.position.copy()
     position[row, 1] += error
@@ -440,16 +436,3 @@ def test_the_cost_in_an_own_frame_is_that_of_a_dense_least_squares() -> None:
     # of twelve numbers of frames, all are seen beside thirty of the geometry
     assert found.rank == 30
     assert found.details["factor"] == pytest.approx(np.sqrt(cost / (16 * 6 - 30 - 12)), rel=1e-3)
-
-
-def test_a_row_at_fault_is_left_out_among_partial_poses() -> None:
-    """Expected: the row in which the tracker saw 4 mm too much in z; of rows with positions only."""
-    machine = Machine(2)
-    machine.base, machine.top = NOMINAL.base_points, NOMINAL.platform_points
-    log = machine.log(3, n=30)
-    assert log.position is not None
-    position = log.position.copy()
-    position[29, 2] += 4e-3
-    found = identify_geometry(replace(log, position=position, orientation=None), NOMINAL, ["leg_length_offset"])
-    assert [note.split()[1] for note in found.notes if note.startswith("row ")] == ["30"]
-    assert np.abs((found.values - machine.offset) / found.standard_errors).max() < 4

@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.stats import t
 
 from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
+from gough_stewart.harness.identify.fit import scales
 from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.regressor import elements_of, gradient, linear_parameters, regressor
 from gough_stewart.harness.identify.report import estimate_verdict
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -207,3 +210,36 @@ def test_an_option_of_the_other_method_and_a_method_that_there_is_not_are_refuse
         identify("no log", NOMINAL, "platform_mass", pose_frame="own")
     with pytest.raises(IdentificationError, match="cutoff is an option of method linear only; this one is geometry"):
         identify("no log", NOMINAL, "base_points", cutoff=20.0)
+
+
+def test_names_mean_all_of_their_elements_in_order() -> None:
+    assert expanded([" platform_inertia ", "base_tilt", "platform_com[2]"], UNEVEN) == (
+        *(f"platform_inertia[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3")),
+        *("base_tilt[1]", "base_tilt[2]", "platform_com[2]"),
+    )
+    assert expanded(["leg_coulomb_friction[1..6]"], UNEVEN) == tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
+    assert expanded(["leg_coulomb_friction", "leg_viscous_friction[3]"], UNEVEN)[0] == "leg_coulomb_friction"
+    assert len(expanded(["force_gain", "base_points"], UNEVEN)) == 6 + 18
+    with pytest.raises(IdentificationError, match="no names; expected parameters"):
+        expanded([], UNEVEN)
+
+
+def test_sizes_of_changes_are_those_of_the_platform_and_of_the_log() -> None:
+    """Expected: written out for 40 N of changes and 0.25 m/s, from the platform's own numbers."""
+    size = UNEVEN.characteristic_length
+    expected = {
+        "platform_mass": 11.5,
+        "platform_com[2]": size,
+        "platform_inertia[1,3]": 11.5 * size**2,
+        "leg_armature": 11.5 / 6 + 1.2,
+        "leg_viscous_friction": 160.0,
+        "leg_viscous_friction[4]": 160.0,
+        "leg_coulomb_friction[6]": 40.0,
+        "force_gain[2]": 1.0,
+        "force_offset[3]": 40.0,
+        "delay": 0.01,
+        "base_tilt[2]": 0.1,
+        "leg_upper_com": 0.58,
+        "leg_lower_mass": 2.3,
+    }
+    assert_allclose(scales(UNEVEN, list(expected), 40.0, 0.25), list(expected.values()), rtol=1e-12)

@@ -15,7 +15,7 @@ from gough_stewart.model.rotations import (
     matrix_from_orientation,
 )
 from gough_stewart.model.state import State
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.lagrangian import Pose, forces_along
 from tests.support.machine_logs import (
     MACHINE,
     NAMES,
@@ -23,15 +23,10 @@ from tests.support.machine_logs import (
     Course,
     Sensing,
     Swing,
-    clipped,
     force_of,
-    frozen,
-    held,
     machine_log,
     random_machine,
     tilted,
-    with_spikes,
-    without_rows,
 )
 from tests.support.uneven import UNEVEN
 
@@ -89,12 +84,6 @@ def test_the_motion_s_rates_are_those_of_differences_and_it_starts_and_ends_at_r
     np.testing.assert_allclose(np.r_[ends.rate, ends.acceleration], 0.0, atol=1e-12)
 
 
-def test_velocities_of_legs_are_those_of_differences() -> None:
-    pose, h = random_pose(UNEVEN), 1e-6
-    after, before = (legs_along(UNEVEN, pose._replace(q=pose.q + e * pose.rate))[0] for e in (h, -h))
-    np.testing.assert_allclose(legs_along(UNEVEN, pose)[1], (after - before) / (2 * h), atol=1e-8)
-
-
 def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() -> None:
     """Expected: 1 % noise within the filter's band, 10 to 11 N; without noise and reversals of legs, 1e-6 of forces."""
     found = identify(machine_log(), NOMINAL, NAMES)
@@ -104,21 +93,6 @@ def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() ->
     exact = identify(machine_log(sliding, sensing=NOISELESS), replace(NOMINAL, leg_coulomb_friction=0.0), names)
     assert exact.residuals.rms.max() < 0.01
     np.testing.assert_allclose(exact["platform_mass"], MACHINE.platform_mass, rtol=1e-6)
-
-
-def test_a_late_force_is_the_earlier_one() -> None:
-    """Expected: the column of forces, three rows up; between rows, halves of neighbours' sums to their curvature."""
-    at, late = (machine_log(UNEVEN, Course(duration=3.0), replace(NOISELESS, delay=d)) for d in (0.0, 3e-3))
-    np.testing.assert_allclose(force_of(late)[3:], force_of(at)[:-3], rtol=1e-9)
-    np.testing.assert_array_equal(late.leg_length, at.leg_length)
-
-
-def test_a_tilted_base_weighs_sideways() -> None:
-    """Expected: turned about X, gravity pulls to −Y of the base; turned about Y, to its +X."""
-    g = tilted(np.array([0.0, 0.0, -9.81]), 0.01, 0.0)
-    np.testing.assert_allclose(g, [0.0, -9.81 * np.sin(0.01), -9.81 * np.cos(0.01)], rtol=1e-12)
-    g = tilted(np.array([0.0, 0.0, -9.81]), 0.0, 0.01)
-    np.testing.assert_allclose(g, [9.81 * np.sin(0.01), 0.0, -9.81 * np.cos(0.01)], rtol=1e-12)
 
 
 @pytest.mark.parametrize("corner", [None, 2.0])
@@ -135,19 +109,10 @@ def test_noise_has_its_size_and_colour(corner: float | None) -> None:
     np.testing.assert_allclose(correlation, np.exp(-2 * np.pi * 2.0 / 1000) if corner else 0.0, atol=0.02)
 
 
-def test_faults_of_data_are_where_and_as_many_as_asked() -> None:
-    log = machine_log(MACHINE, Course(duration=2.0))
-    spikes = with_spikes(log, "leg_length", 0.02, 2).leg_length - log.leg_length
-    assert sorted(np.abs(spikes[spikes != 0]).round(9)) == [0.02, 0.02]
-    assert not np.array_equal(force_of(clipped(log)), force_of(log))
-    lost = without_rows(log, 700, 2, renumbered=True)
-    assert lost.time is not None
-    assert np.ptp(np.diff(lost.time)) < 1e-12
-    np.testing.assert_array_equal(lost.leg_length[700], log.leg_length[702])
-    gap = without_rows(log, 700, 2).time
-    assert gap is not None
-    assert np.diff(gap).max() > 2.9e-3
-    stuck = frozen(log, "leg_length", 500, 100, slice(2, 3)).leg_length
-    assert np.ptp(stuck[500:600, 2]) == 0 < np.ptp(stuck[500:600, 1])
-    twice = held(log).leg_length
-    np.testing.assert_array_equal(twice[1::2], log.leg_length[::2])
+def test_a_late_force_is_the_earlier_one_and_a_tilted_base_weighs_sideways() -> None:
+    """Expected: the column of forces, three rows up; turned about X, gravity pulls to −Y of the base, about Y to +X."""
+    at, late = (machine_log(UNEVEN, Course(duration=3.0), replace(NOISELESS, delay=d)) for d in (0.0, 3e-3))
+    np.testing.assert_allclose(force_of(late)[3:], force_of(at)[:-3], rtol=1e-9)
+    np.testing.assert_array_equal(late.leg_length, at.leg_length)
+    g, s, c = np.array([0.0, 0.0, -9.81]), 9.81 * np.sin(0.01), 9.81 * np.cos(0.01)
+    np.testing.assert_allclose([tilted(g, 0.01, 0.0), tilted(g, 0.0, 0.01)], [[0, -s, -c], [s, 0, -c]], rtol=1e-12)

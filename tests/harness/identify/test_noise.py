@@ -20,6 +20,7 @@ from tests.support.uneven import STATE, UNEVEN
 
 RNG = np.random.default_rng(24)
 SPACING = 20
+LEGS = np.array([1.0, 0.3, 2.0, 0.7, 5.0, 1.4])  # noise of each encoder, relative
 
 
 def correlations() -> tuple[FloatArray, FloatArray]:
@@ -66,8 +67,8 @@ def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_ou
     n = 40
     by_legs, force = RNG.standard_normal((n, 6, 3, 6)), RNG.uniform(1, 3, 6)
     used = (RNG.uniform(size=(n, 6)) > 0.2).astype(float)
-    noises = part_noise(0, RawNoise(force, 0.4, *correlations()), by_legs, used)
-    V_force, V_length = dense(n, by_legs, force, 0.4)
+    noises = part_noise(0, RawNoise(force, 0.4 * LEGS, *correlations()), by_legs, used)
+    V_force, V_length = dense(n, by_legs * LEGS, force, 0.4)
     kept = used.ravel() > 0
     V = 0.7 * V_force + 1.9 * V_length
     # a little on the diagonal keeps what was cut off from making it indefinite
@@ -80,20 +81,27 @@ def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_ou
     assert (white.reshape(n, 6)[used == 0] == 0).all()
 
 
-def test_shares_of_both_noises_are_found_in_noise_of_known_shares() -> None:
-    """Expected: the shares that made it, within 4 standard errors of about 7 %."""
-    n = 150
+def test_shares_of_both_noises_are_found_log_by_log() -> None:
+    """Expected: the shares that made the noise of each log, within 4 standard errors of about 7 %.
+
+    A log with hardly any rows has what the others have on average.
+    """
+    n, shares = 150, np.array([[2.0, 0.5], [0.5, 1.5]])
     by_legs, force = np.tile(RNG.standard_normal((6, 3, 6)), (n, 1, 1, 1)), np.ones(6)
-    used = np.ones((n, 6))
     V_force, V_length = dense(n, by_legs, force, 1.0)
     # as large as the noise of forces
     length = float(np.sqrt(np.trace(V_force) / np.trace(V_length)))
-    V_length *= length**2
-    L = np.linalg.cholesky(2.0 * V_force + 0.5 * V_length + 1e-9 * np.eye(6 * n) * V_length.max())
-    residual = (L @ RNG.standard_normal(6 * n)).reshape(n, 6)
-    part = part_noise(0, RawNoise(force, length, *correlations()), by_legs, used)
-    found = fitted_noise([part], RNG.standard_normal((n, 6, 5)), residual, used)
-    assert_allclose(np.sqrt(found.shares[0]), np.sqrt([2.0, 0.5]), rtol=0.2)
+    small = 1e-9 * np.eye(6 * n) * length**2 * V_length.max()
+    raw, noise = RawNoise(force, np.full(6, length), *correlations()), []
+    for of_force, of_length in shares:
+        L = np.linalg.cholesky(of_force * V_force + of_length * length**2 * V_length + small)
+        noise.append((L @ RNG.standard_normal(6 * n)).reshape(n, 6))
+    rows = [n, n, 2]
+    parts = [part_noise(k, raw, by_legs[:m], np.ones((m, 6))) for k, m in enumerate(rows)]
+    residual = np.concatenate([*noise, np.zeros((2, 6))])
+    found = fitted_noise(parts, RNG.standard_normal((2 * n + 2, 6, 5)), residual, np.ones((2 * n + 2, 6)))
+    assert_allclose([found.shares[0], found.shares[1]], shares, rtol=0.3)
+    assert_allclose(found.shares[2], np.sqrt(np.prod([found.shares[0], found.shares[1]], axis=0)))
 
 
 def test_derivatives_of_forces_by_the_motion_of_legs_and_by_parameters_are_those_of_differences() -> None:

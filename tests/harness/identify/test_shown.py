@@ -308,6 +308,61 @@ def test_what_no_residual_shows_is_said_by_what_it_moves_most() -> None:
     assert DIAGNOSIS.unseen_text in estimate_report(replace(ESTIMATE, alarms=()), "stand").verdict.text
 
 
+FEW = replace(
+    ESTIMATE,
+    names=NAMES[:2],
+    values=ESTIMATE.values[:2],
+    nominal=ESTIMATE.nominal[:2],
+    scale=ESTIMATE.scale[:2],
+    covariance=COVARIANCE[:2, :2],
+    directions=np.eye(2),
+    singular_values=np.array([3.0, 2.0]),
+    rank=2,
+    alarms=(),
+    not_excited=(),
+    at_bound=(),
+)
+QUIET = replace(DIAGNOSIS, test=LackOfFit({"of phase": 0.4}, 0.4), cause="", findings=(), unseen=())
+
+
+@pytest.mark.parametrize(
+    ("estimate", "status", "text"),
+    [
+        # 1.96 standard errors in two digits, and values to the same decimals; both within 5 % of value or scale
+        (
+            replace(FEW, diagnosis=QUIET),
+            "good",
+            r"Platform_mass 1516.9 ± 3.9 kg and leg_viscous_friction\[2\] 431.7 ± 5.9 N·s/m; the residuals are those of "
+            "noise$",
+        ),
+        (replace(FEW, diagnosis=None), "marginal", "kg and .* N·s/m; whether the model fits the log is not tested"),
+        (
+            replace(ESTIMATE, alarms=()),
+            "marginal",
+            r"3 of 5 parameters are known to 5 % or better; least known: force_gain\[4\] 1.021 ± 0.02; not excited by "
+            r"this motion: platform_com\[3\]; at the bound of what is possible: leg_coulomb_friction;",
+        ),
+        (
+            replace(ESTIMATE, alarms=(), covariance=np.full((5, 5), NAN)),
+            "marginal",
+            "None of the 5 parameters is known",
+        ),
+        (replace(ESTIMATE, alarms=("the log is wrong",)), "bad", "The log is wrong$"),
+    ],
+)
+def test_the_verdict_says_how_well_parameters_are_known(estimate: Estimate, status: str, text: str) -> None:
+    """Expected: an alarm before everything; few parameters with their intervals, of many the least known one."""
+    report = estimate_report(estimate, "stand")
+    assert report.title == "Parameters of stand"
+    assert report.verdict.status == status
+    assert re.match(text, report.verdict.text), report.verdict.text
+    assert [note.kind for note in report.notes if note.kind == "warning"] == ["warning"] * len(estimate.alarms)
+    mass = report.verdict.numbers[0]
+    assert (mass.path, mass.value) == ("parameters.platform_mass", 1516.9)
+    if np.isfinite(estimate.covariance[0, 0]):
+        assert (mass.low, mass.high) == pytest.approx((1516.9 - HALF[0], 1516.9 + HALF[0]))
+
+
 def _page(estimate: Estimate, more: tuple[Table, ...] = ()) -> tuple[str, dict[str, Any]]:
     page = page_of(estimate_report(estimate, "my <base>", more))
     return page.decode(), data_of(page)
