@@ -61,9 +61,9 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
         asymmetry = np.abs(J - transpose(J))
         if refused(asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1))):
             a, b = divmod(int(asymmetry.argmax()), 3)
-            both = f"[{a + 1},{b + 1}] = {J[a, b]:g} but [{b + 1},{a + 1}] = {J[b, a]:g} kg m²"
+            elements = f"[{a + 1},{b + 1}] = {J[a, b]:g} but [{b + 1},{a + 1}] = {J[b, a]:g} kg m²"
             raise PlatformError(
-                field, f"is not symmetric: {both}; set both to the same value (minus the product of inertia)"
+                field, f"is not symmetric: {elements}; set both to the same value (minus the product of inertia)"
             )
         moments = np.linalg.eigvalsh(J)
         least, middle, most = np.moveaxis(moments, -1, 0)

@@ -107,8 +107,8 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
     for k in better[_BETTER * numbers[better] <= numbers[0]]:
         if fits[k] and _closest(base, base + legs.vector[k], meet[k])[1] >= _CLOSEST:
             order = ", ".join(str(joint + 1) for joint in orders[k])
-            both = f"a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g}"
-            named = f"the leg Jacobian has {both} with the platform joints in the order {order}; {remedy}"
+            numbers_text = f"a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g}"
+            named = f"the leg Jacobian has {numbers_text} with the platform joints in the order {order}; {remedy}"
             return [*hints, named]
     return hints
 

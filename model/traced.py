@@ -68,13 +68,13 @@ def traced_function(name: str, variant: Variant = IDEAL) -> casadi.Function:  # 
             return _function(name, z, xdot=xdot) if name == "derivatives" else _function(name, z, y=y)
         case "tangent" | "forward":
             z, *f = _equations(variant)
-            of = z[:2] if name == "tangent" else z
-            dz = [casadi.SX.sym(f"d{letter}", v.numel()) for letter, v in zip("xup", of, strict=False)]
-            dxdot, dy = (casadi.jtimes(part, casadi.vertcat(*of), casadi.vertcat(*dz)) for part in f)
+            directions = z[:2] if name == "tangent" else z
+            dz = [casadi.SX.sym(f"d{letter}", v.numel()) for letter, v in zip("xup", directions, strict=False)]
+            dxdot, dy = (casadi.jtimes(part, casadi.vertcat(*directions), casadi.vertcat(*dz)) for part in f)
             return _function(name, (*z, *dz), dxdot=dxdot, dy=dy)
         case "reverse":
             z, *f = _equations(variant)
-            w = [casadi.SX.sym(f"w{of}", v.numel()) for of, v in zip(("xdot", "y"), f, strict=True)]
+            w = [casadi.SX.sym(f"w{result}", v.numel()) for result, v in zip(("xdot", "y"), f, strict=True)]
             gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
             parts = casadi.vertsplit(gradient, [0, *np.cumsum([v.numel() for v in z])])
             return _function(name, (*z, *w), **dict(zip(("gx", "gu", "gp"), parts, strict=True)))

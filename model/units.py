@@ -55,24 +55,18 @@ def number(value: object, unit: str) -> float:
     if unit == PLAIN:
         return plain_number(value)
     expected = f"expected a number of {unit}, or a string with one of the units {', '.join(UNITS[unit])}"
-    if not isinstance(value, str):
+    if isinstance(value, str):
+        parts = _QUANTITY.fullmatch(value.strip())
+        typed = "" if parts is None else unit_typed(parts[2])
+        if parts is None or typed not in UNITS[unit]:
+            raise ValueError(f"{expected}; found the unit '{typed}'" if typed else expected)
+        size = float(parts[1]) * UNITS[unit][typed]
+    else:
         try:
             size = float(real_array(value, ()))
         except ValueError:
             raise ValueError(expected) from None
-        return _of_this_world(size)
-    parts = _QUANTITY.fullmatch(value.strip())
-    if parts is None:
-        raise ValueError(expected)
-    digits, typed = parts[1], unit_typed(parts[2])
-    if typed not in UNITS[unit]:
-        raise ValueError(f"{expected}; found the unit '{typed}'" if typed else expected)
-    return _of_this_world(float(digits) * UNITS[unit][typed])
-
-
-def _of_this_world(size: float) -> float:
-    """Refuse NaN and implausibly large values, whose squares and cubes would overflow."""
-    if not abs(size) <= LARGEST:
+    if not abs(size) <= LARGEST:  # NaN, or so large that its square and cube would overflow
         raise ValueError(f"expected a number of at most {LARGEST:g} in SI units")
     return size
 

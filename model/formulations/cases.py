@@ -70,7 +70,8 @@ def case_of(platform: Platform) -> OpenLoopCase:
     paper = paper_case()
     if replace(platform, name="", source="") == replace(paper.platform, name="", source=""):
         return replace(paper, platform=platform)
-    scale = np.sqrt(_mean_home_length(platform) / _mean_home_length(paper.platform))
+    lengths = [leg_geometry(p, p.home_position, p.home_orientation).length for p in (platform, paper.platform)]
+    scale = np.sqrt(lengths[0].mean() / lengths[1].mean())
     turned = platform.home_orientation + paper.start.orientation
     start = State(
         platform.home_position.copy(), turned, paper.start.velocity * scale, paper.start.angular_velocity / scale
@@ -89,7 +90,3 @@ def with_pairs_swapped(platform: Platform) -> Platform:
     """Swap the numbers of legs 1 and 2, 3 and 4, 5 and 6; the mechanism is the same."""
     order = [1, 0, 3, 2, 5, 4]
     return replace(platform, base_points=platform.base_points[order], platform_points=platform.platform_points[order])
-
-
-def _mean_home_length(platform: Platform) -> float:
-    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
