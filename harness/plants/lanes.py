@@ -57,6 +57,8 @@ class LaneArrays:
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
         n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        places = interface.unpack(variant.parameters, np.arange(n_parameters))
+        self._rows = {name: rows.ravel() for name, rows in places.items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
         start = -raw.ctypes.data % 64 // raw.itemsize  # aligned to 64 bytes
@@ -78,8 +80,7 @@ class LaneArrays:
     def put_parameter(self, name: str, values: NDArray[np.float64]) -> None:
         """Write one parameter of N members (N, *shape)."""
         padded = self.padded(values.reshape(len(values), -1)).reshape(-1, self.blocks, WIDTH)
-        rows = interface.unpack(self.variant.parameters, np.arange(self.parameters.shape[1]))[name]
-        self.parameters[:, rows.ravel()] = padded.swapaxes(0, 1)
+        self.parameters[:, self._rows[name]] = padded.swapaxes(0, 1)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
         """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
