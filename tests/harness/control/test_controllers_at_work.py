@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.loop.python_host import standard_normal, streams_of
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
@@ -283,23 +282,6 @@ def test_members_of_an_ensemble_have_the_numbers_of_runs_of_their_own(controller
         assert len(names) > 25
         for name in names:
             assert found.values(name)[member] == pytest.approx(alone[name], rel=1e-6, abs=1e-9), name
-
-
-@pytest.mark.parametrize("member", [None, 3])
-def test_the_seed_of_the_record_gives_its_noise_again(member: int | None) -> None:
-    """Expected: the normal numbers of that seed for the elements of the lengths; of a member those of its child."""
-    ensemble = {"members": 4, "seed": 11, "platform_mass": {"normal": "2 kg"}}
-    record = gs.run(experiment_of("pd", **TABLES, ensemble=ensemble), member=member)
-    seed = record.metadata["seed"]
-    if member is None:
-        assert seed == 5
-        streams = streams_of(seed)
-    else:
-        assert seed["spawn_key"][-1] == member
-        streams = streams_of(np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]))
-    noise = at_samples(record, "measured.leg_length") - at_samples(record, "leg_length")
-    expected = standard_normal(streams, range(len(noise)), range(12, 18))[..., 0]
-    assert noise == pytest.approx(1e-4 * expected, abs=1e-14)
 
 
 def test_warnings_of_a_users_arithmetic_are_seen_in_a_run_and_not_in_an_ensemble() -> None:
