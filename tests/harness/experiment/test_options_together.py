@@ -179,10 +179,10 @@ def _controller(row: dict[str, Any]) -> dict[str, Any]:
     """The table of a PD or PID."""
     gains, stated = TASK_GAINS if row["space"] == "task" else LEG_GAINS, row["gains"] == "stated"
     plain = ("type", "space", "derivative_on", "discretisation", "feedforward")
-    kinds = [{"bandwidth": "1.9 Hz", "damping_ratio": 0.85}, {"integral_time": "310 ms"}]
+    kinds: list[dict[str, Any]] = [{"bandwidth": "1.9 Hz", "damping_ratio": 0.85}, {"integral_time": "310 ms"}]
     if stated:
         kinds = [{"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}, {"integral_gain": gains["ki"]}]
-    controller = {name: row[name] for name in plain} | kinds[0]
+    controller: dict[str, Any] = {name: row[name] for name in plain} | kinds[0]
     controller |= {"derivative_filter": row["derivative_filter"]} if row["derivative_filter"] else {}
     if row["type"] == "pid":
         controller |= kinds[1] | ({"anti_windup_time": row["anti_windup_time"]} if row["anti_windup_time"] else {})
