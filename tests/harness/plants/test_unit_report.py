@@ -43,7 +43,7 @@ def test_the_page_lists_every_variable_as_the_model_description_has_it(folder: P
         (whole,), parts = by_version["3"][name], by_version["2"][name]
         references = [int(part.valueReference) for part in parts]
         assert causality == whole.causality == parts[0].causality
-        assert unit == gs_unit(whole.unit)
+        assert unit == written_unit(whole.unit)
         assert slots == (f"{references[0]} to {references[-1]}" if len(parts) > 1 else str(references[0]))
         assert reference == str(whole.valueReference)
         assert elements == (" × ".join(str(each.start) for each in whole.dimensions) or "1")
@@ -52,7 +52,7 @@ def test_the_page_lists_every_variable_as_the_model_description_has_it(folder: P
         assert shown == pytest.approx(given, rel=1e-5)
 
 
-def gs_unit(unit: str | None) -> str:
+def written_unit(unit: str | None) -> str:
     """As people write it."""
     text = (unit or "").replace(".", "·").replace("2", "²")
     return "" if text == "1" else text
