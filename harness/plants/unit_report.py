@@ -25,6 +25,7 @@ def unit_report(
     checks: "Sequence[UnitCheck] | None",
 ) -> Report:
     """The report of units of some FMI versions, and of models for MuJoCo; without checks it says that none was made."""
+    versions = list(dict.fromkeys(versions))
     systems = "this machine" if list(targets) == ["native"] else listed([*targets])
     models = [name for name in files if name.endswith(".xml")]
     built = [f"FMI {listed([*versions])} of the platform {platform.name}, compiled for {systems}"] if versions else []
@@ -71,7 +72,7 @@ def unit_report(
             )
     sections.append(Section("Next step", tuple(map(Note, steps)), detail=True))
     if units:
-        sections.append(Section("Variables", (_variables(platform, list(units)),), detail=True))
+        sections.append(Section("Variables", (_variables(platform, versions),), detail=True))
     return Report(
         f"FMU of {platform.name}" if versions else f"Model of {platform.name} for MuJoCo",
         verdict,
