@@ -230,8 +230,12 @@ def check_names(plan: EnsemblePlan) -> None:
 
 
 _ENDINGS = {
-    **{"outcome": polars.String, "ended": polars.Float64, "cause": polars.String, "oscillation": polars.String},
-    **{"oscillation.amplitude": polars.Float64, "oscillation.frequency": polars.Float64},
+    "outcome": polars.String,
+    "ended": polars.Float64,
+    "cause": polars.String,
+    "oscillation": polars.String,
+    "oscillation.amplitude": polars.Float64,
+    "oscillation.frequency": polars.Float64,
 }
 
 

@@ -149,9 +149,15 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
         half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
     low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(has_both))
     return {
-        **{"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean()), "mean": mean},
-        **{"mean_low": None if n == 1 else mean - half, "mean_high": None if n == 1 else mean + half},
-        **{"median": float(np.median(gap)), "median_low": low, "median_high": high},
+        "pairs": pairs,
+        "mean_a": float(x.mean()),
+        "mean_b": float(y.mean()),
+        "mean": mean,
+        "mean_low": None if n == 1 else mean - half,
+        "mean_high": None if n == 1 else mean + half,
+        "median": float(np.median(gap)),
+        "median_low": low,
+        "median_high": high,
         "less_b": float((gap < 0).mean()),
     }
 

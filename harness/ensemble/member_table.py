@@ -167,7 +167,7 @@ class MemberTable:
         experiment = self.metadata.get("experiment") or {}
         by = (experiment.get("ensemble") or {}).get("worst_by")
         if by is not None:
-            return SHORT.get(by, by)
+            return str(SHORT.get(by, by))
         first = [FINAL] if (experiment.get("reference") or {}).get("type") == "step" else []
         return next(name for name in (*first, PEAK, _OTHERWISE, *self.metrics) if name in self.metrics)
 

@@ -217,7 +217,7 @@ def _charts(search: Search) -> list[Chart]:
     meets = np.array([search.goal.violation(evaluation) == 0 for evaluation in tried])
     best = np.minimum.accumulate(np.where(meets, values, np.inf))
     y = Axis(metric.text, metric.quantity)
-    series = (
+    series: tuple[Series, ...] = (
         Series("candidates", metric.quantity, np.where(np.isfinite(values), values, np.nan), "neutral"),
         Series("best so far", metric.quantity, np.where(np.isfinite(best), best, np.nan), "actual"),
     )

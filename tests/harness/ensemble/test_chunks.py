@@ -104,8 +104,6 @@ def test_a_fixed_step_of_the_plant_is_that_of_all_members() -> None:
     assert Members(small(tolerance=3e-9)).stepping == (3e-9, None)
 
 
-
-
 def test_errors_go_down_with_the_tolerance_where_legs_slip() -> None:
     """Expected: 64 fixed steps a row; of 40 machines whose legs change direction within rows, none is off by chance.
 
