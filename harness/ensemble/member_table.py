@@ -198,8 +198,8 @@ class MemberTable:
         failed = self.members.filter(polars.col("outcome") != "completed")
         for member, outcome, cause in failed.select("member", "outcome", "cause").iter_rows():
             key = (outcome, _NUMBER.sub("#", cause or ""))
-            known = failures.get(key, Failure(outcome, cause or "", ()))
-            failures[key] = known._replace(members=(*known.members, member))
+            alike = failures.get(key, Failure(outcome, cause or "", ()))
+            failures[key] = alike._replace(members=(*alike.members, member))
         return tuple(sorted(failures.values(), key=lambda failure: -len(failure.members)))
 
     @property

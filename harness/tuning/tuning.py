@@ -175,13 +175,15 @@ def _numbers(tuning: Tuning) -> tuple[Number, ...]:
     for axis in tuning.search.axes:
         numbers.append(Number(f"values.{axis.key}", axis.key, float(tuning.values[axis.key]), axis.quantity))
     for path, members in (tuning.fresh or tuning.seen).metrics.items():
-        one = metric_of(path)
+        of_path = metric_of(path)
         if path == "margins.disk" and np.isnan(members).all():
             continue  # without a linear loop there is no disk margin
         if len(members) > 1:
             numbers.append(number_of_members(path, members))
         else:
-            numbers.append(Number(path, one.text, float(members[0]), one.quantity, explanation=one.sentence))
+            numbers.append(
+                Number(path, of_path.text, float(members[0]), of_path.quantity, explanation=of_path.sentence)
+            )
     return tuple(numbers)
 
 
@@ -199,9 +201,9 @@ def _tables(tuning: Tuning) -> tuple[Table, Table]:
     rows: list[tuple[Cell, ...]] = []
     for k, name in enumerate([goal.metric, *(condition.metric for condition in goal.conditions)]):
         metric = metric_of(name)
-        numbers = (None if one is None else (one.value, *one.conditions)[k] for one in evaluations.values())
+        numbers = (None if e is None else (e.value, *e.conditions)[k] for e in evaluations.values())
         rows.append((metric.text, *(Value(number, metric.quantity) for number in numbers)))
-    failed = (None if one is None else one.failed for one in evaluations.values())
+    failed = (None if e is None else e.failed for e in evaluations.values())
     rows.append((f"{'members' if over else 'runs'} that failed", *failed))
     share = f", {percent(goal.quantile)} of {tuning.members} members" if over else ""
     return (
