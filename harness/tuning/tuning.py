@@ -168,22 +168,20 @@ def _verdict(tuning: Tuning) -> Verdict:
 
 def _numbers(tuning: Tuning) -> tuple[Number, ...]:
     """The metric, the values, and what the members of the best candidate have; those of the verdict come first."""
-    metric = metric_of(tuning.search.goal.metric)
-    numbers = [Number("value", f"{metric.text}, in the search", tuning.seen.value, metric.quantity)]
+    sought = metric_of(tuning.search.goal.metric)
+    numbers = [Number("value", f"{sought.text}, in the search", tuning.seen.value, sought.quantity)]
     if tuning.fresh is not None:
-        numbers.append(Number("fresh", f"{metric.text}, on fresh members", tuning.fresh.value, metric.quantity))
+        numbers.append(Number("fresh", f"{sought.text}, on fresh members", tuning.fresh.value, sought.quantity))
     for axis in tuning.search.axes:
         numbers.append(Number(f"values.{axis.key}", axis.key, float(tuning.values[axis.key]), axis.quantity))
     for path, members in (tuning.fresh or tuning.seen).metrics.items():
-        of_path = metric_of(path)
+        metric = metric_of(path)
         if path == "margins.disk" and np.isnan(members).all():
             continue  # without a linear loop there is no disk margin
         if len(members) > 1:
             numbers.append(number_of_members(path, members))
         else:
-            numbers.append(
-                Number(path, of_path.text, float(members[0]), of_path.quantity, explanation=of_path.sentence)
-            )
+            numbers.append(Number(path, metric.text, float(members[0]), metric.quantity, explanation=metric.sentence))
     return tuple(numbers)
 
 
