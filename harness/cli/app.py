@@ -4,6 +4,7 @@ import gc
 import io
 import re
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -30,7 +31,7 @@ class _PlainHelp:
         parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
         for parameter in parameters:
             if isinstance(parameter, TyperArgument):
-                parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign,misc]  # noqa: ARG005
+                parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign]  # noqa: ARG005
             elif getattr(parameter, "is_flag", False):
                 parameter.metavar = ""
                 # a flag that is not set needs no conversion, for which Typer would load Pydantic
@@ -94,7 +95,7 @@ def _global(
 
 
 # By panel of the help, in its order.
-_COMMANDS = {
+_COMMANDS: dict[str, list[Callable[..., None]]] = {
     "Platforms and experiments": [
         platforms.presets_command,
         platforms.experiments_command,

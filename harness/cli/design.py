@@ -363,7 +363,7 @@ def tune_command(
     # before a long search: whether its result can be judged, and written as a file
     metrics = [metric.path for metric in METRICS]
     differs = over_ensemble is not None or loaded.sensors.noise or loaded.loop.jitter
-    running.expect(["value", "values", "fresh", *metrics], metrics if differs else ())
+    running.expect(["value", "values", "fresh", *metrics], metrics if differs and fresh != 1 else ())
     folder = running.hold(out or opt.results_folder("tune", experiment), (TUNED, "tuning.json", "candidates.csv"))
     text_with_settings(experiment, settings or (), folder=folder)
 

@@ -200,10 +200,12 @@ class Running:
         if self.required:
             # numbers that it might have had, such as a settling time without a step, cannot be told
             paths = {*self.known} - {number.path for number in report.numbers}
-            absent = {wanted.path for wanted in self.required if wanted.path in paths}
+            absent = {requirement.path for requirement in self.required if requirement.path in paths}
             added = (Number(path, path, None, self.known[path].quantity) for path in absent)
-            wanted = [replace(wanted, share=None) if wanted.path in absent else wanted for wanted in self.required]
-            judged = with_requirements(replace(report, numbers=(*report.numbers, *added)), wanted)
+            judged = with_requirements(
+                replace(report, numbers=(*report.numbers, *added)),
+                [replace(asked, share=None) if asked.path in absent else asked for asked in self.required],
+            )
             report = replace(judged, numbers=report.numbers)
         written = self.write(report, self.folder, files if isinstance(files, Mapping) else {})
         self.end(report, [*files, *written], then=then)

@@ -230,8 +230,12 @@ def check_names(plan: EnsemblePlan) -> None:
 
 
 _ENDINGS = {
-    **{"outcome": polars.String, "ended": polars.Float64, "cause": polars.String, "oscillation": polars.String},
-    **{"oscillation.amplitude": polars.Float64, "oscillation.frequency": polars.Float64},
+    "outcome": polars.String,
+    "ended": polars.Float64,
+    "cause": polars.String,
+    "oscillation": polars.String,
+    "oscillation.amplitude": polars.Float64,
+    "oscillation.frequency": polars.Float64,
 }
 
 
@@ -301,8 +305,8 @@ def oscillations(
             begin = ceil(rest_begins(values for _, values in acting) / kept.every)
             excitation = SelfExcitation(kept.time, reference, begin)
             parts = [members[k : k + _TOGETHER] for k in range(0, len(members), _TOGETHER)]
-            for done in [pool.submit(judge, part, reference, excitation) for part in parts]:
-                done.result()
+            for judgement in [pool.submit(judge, part, reference, excitation) for part in parts]:
+                judgement.result()
     return motions
 
 

@@ -87,7 +87,7 @@ def names_of(first: str, second: str) -> tuple[str, str]:
 def known_numbers(metrics: Iterable[Metric] = METRICS) -> list[Number]:
     """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
     prefixes = ("", "first.", "difference.")
-    return [Number(f"{before}{one.path}", one.text, None, one.quantity) for before in prefixes for one in metrics]
+    return [Number(f"{prefix}{m.path}", m.text, None, m.quantity) for prefix in prefixes for m in metrics]
 
 
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
@@ -149,9 +149,15 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
         half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
     low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(has_both))
     return {
-        **{"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean()), "mean": mean},
-        **{"mean_low": None if n == 1 else mean - half, "mean_high": None if n == 1 else mean + half},
-        **{"median": float(np.median(gap)), "median_low": low, "median_high": high},
+        "pairs": pairs,
+        "mean_a": float(x.mean()),
+        "mean_b": float(y.mean()),
+        "mean": mean,
+        "mean_low": None if n == 1 else mean - half,
+        "mean_high": None if n == 1 else mean + half,
+        "median": float(np.median(gap)),
+        "median_low": low,
+        "median_high": high,
         "less_b": float((gap < 0).mean()),
     }
 
@@ -195,7 +201,7 @@ def comparison_report(result: Comparison, *, charts: bool = True) -> Report:
     (first, second), gaps, by = result.names, result.gaps, result.a.worst_by
     sections = [Section("Differences", tuple(comparison_tables(result, result.a.usual_metrics)))]
     named, members = f"{second} − {first}", count(result.a.members.height, "member")
-    settings = differing({"experiment": one.metadata.get("experiment")} for one in (result.a, result.b))
+    settings = differing({"experiment": run.metadata.get("experiment")} for run in (result.a, result.b))
     if charts:
         for section in ensemble_charts(gaps, by, sensitivity_if_known(gaps, by)):
             parts = (replace(p, title=f"{p.title}: {named}") for p in section.parts if isinstance(p, Chart))
@@ -213,8 +219,8 @@ def comparison_report(result: Comparison, *, charts: bool = True) -> Report:
         lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
         numbers=tuple(
             replace(number, path=f"{prefix}{number.path}")
-            for prefix, one in ensembles.items()
-            for number in ensemble_numbers(one)
+            for prefix, members_of in ensembles.items()
+            for number in ensemble_numbers(members_of)
         ),
     )
     return fine(report, result.a.fineness)

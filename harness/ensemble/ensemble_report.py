@@ -287,16 +287,16 @@ def failure_table(ensemble: MemberTable, most: int = _MOST_CAUSES, pages: Mappin
 def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
     """The inputs with their effect on a metric, the most influential first."""
     half = Column("±", _TWO, "half of the 95 % confidence interval")
-    columns = (Column("input"), Column("β", _TWO, "standardised regression coefficient"), half)
+    columns: tuple[Column, ...] = (Column("input"), Column("β", _TWO, "standardised regression coefficient"), half)
     if known.total is not None:
         alone = Column("alone", _TWO, "share of the variance, first order")
         total = Column("in total", _TWO, "share of the variance with all interactions")
         columns = (Column("input"), alone, half, total, replace(half, name="± "))
-    rows = tuple(
+    rows: list[tuple[Cell, ...]] = [
         (known.inputs[k], *(float(values[k]) for effect in known.effects for values in effect)) for k in known.order
-    )
+    ]
     title = f"What makes the {metric_of(known.metric).text} vary"
-    return Table(title, columns, rows, first_shown=most, note=f"{known.remark[:1].upper()}{known.remark[1:]}.")
+    return Table(title, columns, tuple(rows), first_shown=most, note=f"{known.remark[:1].upper()}{known.remark[1:]}.")
 
 
 def worst_table(
@@ -317,12 +317,14 @@ def worst_table(
     )
     numbers = [ensemble.values(by), *(ensemble.numbers(f"varied.{name}") for name in shown)]
     outcomes, row_of = ensemble.members["outcome"], {m: k for k, m in enumerate(ensemble.members["member"].to_list())}
-    rows = tuple((m, str(outcomes[row_of[m]]), *(float(values[row_of[m]]) for values in numbers)) for m in worst)
+    rows: list[tuple[Cell, ...]] = [
+        (m, str(outcomes[row_of[m]]), *(float(values[row_of[m]]) for values in numbers)) for m in worst
+    ]
     more = len(all_inputs) - len(shown)
     return Table(
         f"Worst members by {metric.text}",
         columns,
-        rows,
+        tuple(rows),
         sortable=True,
         detail=True,
         links=tuple(pages.get(member, "") for member in worst) if pages else (),

@@ -167,7 +167,7 @@ class MemberTable:
         experiment = self.metadata.get("experiment") or {}
         by = (experiment.get("ensemble") or {}).get("worst_by")
         if by is not None:
-            return SHORT.get(by, by)
+            return str(SHORT.get(by, by))
         first = [FINAL] if (experiment.get("reference") or {}).get("type") == "step" else []
         return next(name for name in (*first, PEAK, _OTHERWISE, *self.metrics) if name in self.metrics)
 
@@ -198,8 +198,8 @@ class MemberTable:
         failed = self.members.filter(polars.col("outcome") != "completed")
         for member, outcome, cause in failed.select("member", "outcome", "cause").iter_rows():
             key = (outcome, _NUMBER.sub("#", cause or ""))
-            known = failures.get(key, Failure(outcome, cause or "", ()))
-            failures[key] = known._replace(members=(*known.members, member))
+            alike = failures.get(key, Failure(outcome, cause or "", ()))
+            failures[key] = alike._replace(members=(*alike.members, member))
         return tuple(sorted(failures.values(), key=lambda failure: -len(failure.members)))
 
     @property

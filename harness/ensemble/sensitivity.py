@@ -167,9 +167,9 @@ def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
     The difference to the largest is d; it is beyond doubt if d > z s, with s its standard deviation over the resamples,
     in each of which both effects are of the same members, so that what they share cancels.
     """
-    first, *others = np.argsort(-size, kind="stable").tolist()
+    first, *following = np.argsort(-size, kind="stable").tolist()
     gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
-    return tuple(k for k in others if not gap[k] > _BEYOND_DOUBT * spread[k])
+    return tuple(k for k in following if not gap[k] > _BEYOND_DOUBT * spread[k])
 
 
 def _regression(ensemble: MemberTable, metric: str, merit: FloatArray) -> Sensitivity:

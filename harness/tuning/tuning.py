@@ -168,20 +168,20 @@ def _verdict(tuning: Tuning) -> Verdict:
 
 def _numbers(tuning: Tuning) -> tuple[Number, ...]:
     """The metric, the values, and what the members of the best candidate have; those of the verdict come first."""
-    metric = metric_of(tuning.search.goal.metric)
-    numbers = [Number("value", f"{metric.text}, in the search", tuning.seen.value, metric.quantity)]
+    sought = metric_of(tuning.search.goal.metric)
+    numbers = [Number("value", f"{sought.text}, in the search", tuning.seen.value, sought.quantity)]
     if tuning.fresh is not None:
-        numbers.append(Number("fresh", f"{metric.text}, on fresh members", tuning.fresh.value, metric.quantity))
+        numbers.append(Number("fresh", f"{sought.text}, on fresh members", tuning.fresh.value, sought.quantity))
     for axis in tuning.search.axes:
         numbers.append(Number(f"values.{axis.key}", axis.key, float(tuning.values[axis.key]), axis.quantity))
     for path, members in (tuning.fresh or tuning.seen).metrics.items():
-        one = metric_of(path)
+        metric = metric_of(path)
         if path == "margins.disk" and np.isnan(members).all():
             continue  # without a linear loop there is no disk margin
         if len(members) > 1:
             numbers.append(number_of_members(path, members))
         else:
-            numbers.append(Number(path, one.text, float(members[0]), one.quantity, explanation=one.sentence))
+            numbers.append(Number(path, metric.text, float(members[0]), metric.quantity, explanation=metric.sentence))
     return tuple(numbers)
 
 
@@ -199,9 +199,9 @@ def _tables(tuning: Tuning) -> tuple[Table, Table]:
     rows: list[tuple[Cell, ...]] = []
     for k, name in enumerate([goal.metric, *(condition.metric for condition in goal.conditions)]):
         metric = metric_of(name)
-        numbers = (None if one is None else (one.value, *one.conditions)[k] for one in evaluations.values())
+        numbers = (None if e is None else (e.value, *e.conditions)[k] for e in evaluations.values())
         rows.append((metric.text, *(Value(number, metric.quantity) for number in numbers)))
-    failed = (None if one is None else one.failed for one in evaluations.values())
+    failed = (None if e is None else e.failed for e in evaluations.values())
     rows.append((f"{'members' if over else 'runs'} that failed", *failed))
     share = f", {percent(goal.quantile)} of {tuning.members} members" if over else ""
     return (
@@ -217,7 +217,7 @@ def _charts(search: Search) -> list[Chart]:
     meets = np.array([search.goal.violation(evaluation) == 0 for evaluation in tried])
     best = np.minimum.accumulate(np.where(meets, values, np.inf))
     y = Axis(metric.text, metric.quantity)
-    series = (
+    series: tuple[Series, ...] = (
         Series("candidates", metric.quantity, np.where(np.isfinite(values), values, np.nan), "neutral"),
         Series("best so far", metric.quantity, np.where(np.isfinite(best), best, np.nan), "actual"),
     )

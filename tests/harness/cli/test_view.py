@@ -7,7 +7,6 @@ import pytest
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.process.files import write_files
 from tests.support.commands import invoke
-from tests.support.fmu_plants import Fmu
 from tests.support.records import waving_record
 
 
@@ -83,18 +82,6 @@ def test_too_many_records_are_refused(folder: Path, tmp_path: Path) -> None:
     done = invoke("view", *[str(folder)] * 7, "--out", str(tmp_path / "page.html"))
     assert done.exit_code == 1
     assert "7 records; expected 1 to 6" in done.output
-
-
-def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    """Expected: the bytes that `view` makes of the record beside it, but for the name."""
-    fmu = ("--plant", "fmu3", "--fmu", str(fmus["3.0"].path))
-    done = invoke("run", "impulse", *fmu, "--set", "loop.duration=0.6", "--report", "--out", str(tmp_path))
-    assert done.exit_code == 0, done.output
-    assert f"\nOpen {tmp_path}/report.html in a browser.\n" in done.output
-    assert invoke("view", str(tmp_path), "--out", str(tmp_path / "again.html")).exit_code == 0
-    pages = [(tmp_path / f"{name}.html").read_bytes() for name in ("report", "again")]
-    name = str(tmp_path.name).encode()
-    assert pages[0].replace(b'"name":"run"', b'"name":"' + name + b'"') == pages[1]
 
 
 def test_what_another_command_wrote_is_shown_too(

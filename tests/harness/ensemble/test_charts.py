@@ -179,7 +179,8 @@ def test_bars_of_a_regression_are_its_coefficients(known: Sensitivity, charts: d
     (bars,) = chart.series
     np.testing.assert_allclose(bars.values, (slopes / np.linalg.norm(slopes))[:15], atol=0.05)
     half, order = known.main_confidence, known.order[:15]
-    np.testing.assert_allclose([bars.low, bars.high], [(known.main - half)[order], (known.main + half)[order]])
+    np.testing.assert_allclose(np.array(bars.low), (known.main - half)[order])
+    np.testing.assert_allclose(np.array(bars.high), (known.main + half)[order])
     assert chart.note.startswith(f"standardised regression, R² = 1.00, of {N - 9} members; left out: 9 not completed")
 
 
@@ -193,4 +194,4 @@ def test_bars_of_indices_are_total_and_alone() -> None:
     assert [series.name for series in chart.series] == ["alone", "in total"]
     for series, values, half in zip(chart.series, (main, total), halves, strict=True):
         for found, expected in ((series.values, values), (series.low, values - half), (series.high, values + half)):
-            np.testing.assert_allclose(found, expected[[1, 2, 0]])
+            np.testing.assert_allclose(np.array(found), expected[[1, 2, 0]])

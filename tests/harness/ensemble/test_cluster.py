@@ -116,7 +116,7 @@ def test_a_worker_killed_in_mid_run_changes_no_byte(cluster: Cluster, tmp_path: 
         done.append(members)
 
     for name, options in (("here", {"workers": 1}), ("there", {"scheduler": cluster.address, "progress": progress})):
-        gs.ensemble("heave_step", MANY, members=6 * SIZE, out=tmp_path / name, **options)  # type: ignore[arg-type]
+        gs.ensemble("heave_step", MANY, members=6 * SIZE, out=tmp_path / name, **options)
     assert (len(done), done[-1]) == (6, 6 * SIZE)
     here, there = ({path.name: path.read_bytes() for path in (tmp_path / n).iterdir()} for n in ("here", "there"))
     assert here == there

@@ -107,16 +107,6 @@ def test_parameters_of_a_class_in_python_are_searched_too(file: Path) -> None:
         gs.run(EXPERIMENT, {**SHORT, "controller": own})
 
 
-@pytest.mark.parametrize(("bounds", "is_whole"), [("1..9", True), ("1.0..9.0", False), ("1e0..9e0", False)])
-def test_whole_bounds_search_whole_numbers(file: Path, bounds: str, is_whole: bool) -> None:
-    """A parameter that is written as a whole number may be a gain or an order; how its bounds are written decides."""
-    from gough_stewart.harness.experiment.members import Members
-    from gough_stewart.harness.tuning.space import axes_of
-
-    members = Members(gs.load_experiment(file, {**SHORT, KP: 5}))
-    (axis,) = axes_of([f"{KP}={bounds}"], members)
-    assert axis.is_whole == is_whole
-    assert isinstance(axis.value(0.3), int) == is_whole
 
 
 def interrupted(experiment: Path | str, out: Path, controller: Any = None) -> None:

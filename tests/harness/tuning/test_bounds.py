@@ -51,8 +51,8 @@ _CHANGES = [{"at": 0.1, "parameters": {"platform_mass": 7}}, {"at": 0.2, "parame
     ("text", "settings", "expected"),
     [
         ("disturbance.2.duration=0.01..0.3s", {"disturbance": _DISTURBANCES}, (0.01, 0.3, 0.25, "s", False, False)),
-        ("plant.parameters.platform_mass=900kg..1.4t", {}, (900.0, 1400.0, 1216.8984375, "kg", False, False)),
-        ("plant.parameters.platform_mass=0.9..1.4 t", {}, (900.0, 1400.0, 1216.8984375, "kg", False, False)),
+        ("plant.parameters.platform_mass=900kg..1.4t", {}, (900.0, 1400.0, 1216.9, "kg", False, False)),
+        ("plant.parameters.platform_mass=0.9..1.4 t", {}, (900.0, 1400.0, 1216.9, "kg", False, False)),
         ("limits.position_error=1..300mm", {}, (1e-3, 0.3, None, "m", False, False)),
         ("actuators.force_limit=1e2..9e3", {}, (100.0, 9000.0, None, "N", False, False)),
         ("actuators.rate_limit=1..9kN/s", {"actuators.rate_limit": 20}, (1e3, 9e3, 20.0, "N/s", False, False)),
