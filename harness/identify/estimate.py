@@ -14,7 +14,6 @@ from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
-from gough_stewart.harness.identify.physical import BestFit
 from gough_stewart.harness.quantities import plain
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform, platform_to_toml
@@ -243,14 +242,16 @@ def estimate_of(
     names: tuple[str, ...],
     nominal: FloatArray,
     scale: FloatArray,
-    fit: BestFit,
+    values: FloatArray,
+    held: tuple[str, ...],
     regression: tuple[FloatArray, FloatArray, int],
     channels: Channels,
     *notes: str,
 ) -> Estimate:
     """The estimate of a fit, with its covariance s² (Dᵀ D)⁻¹, s² = |e|²/ν, and its residuals.
 
-    `regression` has the whitened regressor D (m, p) in units of `scale`, whitened residuals e (m,), and ν.
+    `held` are the elements at a bound; `regression` has the whitened regressor D (m, p) in units of `scale`, whitened
+    residuals e (m,), and ν.
     """
     D, white, freedom = regression
     _, sigma, directions = np.linalg.svd(D, full_matrices=False)
@@ -266,13 +267,13 @@ def estimate_of(
             involved,
         )
     variance = float((white**2).sum()) / max(freedom, 1)
-    if fit.at_bound:
-        notes = (*notes, f"at the bound of what is physical: {', '.join(fit.at_bound)}")
+    if held:
+        notes = (*notes, f"at the bound of what is physical: {', '.join(held)}")
     fitted, validating = channels.residual[channels.is_fitted], channels.residual[~channels.is_fitted]
     return Estimate(
         method="linear",
         names=names,
-        values=fit.values,
+        values=values,
         nominal=nominal,
         covariance=variance * (directions.T / sigma**2 @ directions) * np.outer(scale, scale),
         freedom=max(freedom, 1),
@@ -290,7 +291,7 @@ def estimate_of(
         ),
         notes=notes,
         # of the inertia all elements, if as a whole it is at the limit of what a body has
-        at_bound=tuple(name for name in names if name in fit.at_bound or name.partition("[")[0] in fit.at_bound),
+        at_bound=tuple(name for name in names if name in held or name.partition("[")[0] in held),
         details={
             "time": channels.time,
             "measured": channels.measured,

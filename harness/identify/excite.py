@@ -1,6 +1,6 @@
 """A motion that excites parameters: Fourier coefficients of the largest information within all limits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
@@ -170,7 +170,7 @@ def excite(
         return low * coefficients
 
     best: tuple[float, FloatArray] | None = None
-    search: _Search | None = None
+    search = None
     for _ in range(trials):
         drawn = rng.standard_normal((2, harmonics, 6)) * _START * sizes / np.sqrt(2 * harmonics)
         start = within(drawn, coarse)
@@ -186,9 +186,10 @@ def excite(
                 profiles[:, :, k] = [values[:, 0] for values in (alone.position, alone.velocity, alone.acceleration)]
             profiles[0] -= platform.home_position[0]
             search = _search_of(platform, names, profiles, motion_at(start, coarse), criterion)
-        for tried in (start, search.improved(start)):
+        cost_of, improved = search
+        for tried in (start, improved(start)):
             coefficients = within(tried, fine)
-            cost = search.cost(coefficients)
+            cost = cost_of(coefficients)
             if np.isfinite(cost) and (best is None or cost < best[0]):
                 best = cost, coefficients
                 if status is not None:
@@ -206,32 +207,14 @@ def excite(
     return Excited(reference, *measures, promised_errors(platform, names, reference))
 
 
-class _Search(NamedTuple):
-    """The search for coefficients of a lower cost."""
-
-    solver: casadi.Function
-    measure: casadi.Function
-    bounds: tuple[FloatArray, FloatArray]  # of the constraints
-
-    def cost(self, coefficients: FloatArray) -> float:
-        """−log det of the information, or the trace of its inverse; infinite if it is singular."""
-        cost = float(self.measure(coefficients.ravel()))
-        return cost if np.isfinite(cost) else np.inf
-
-    def improved(self, start: FloatArray) -> FloatArray:
-        """The coefficients (2, harmonics, 6) that IPOPT finds from these ones."""
-        low, high = self.bounds
-        solution = self.solver(x0=start.ravel() / _SHARE, lbg=low, ubg=high)
-        return _SHARE * np.asarray(solution["x"], dtype=float).reshape(start.shape)
-
-
 def _search_of(
     platform: Platform, names: Sequence[str], profiles: FloatArray, first: Motion, criterion: Criterion
-) -> _Search:
-    """The nonlinear programme of the coefficients over the reserve: limits are those of this larger motion.
+) -> tuple[Callable[[FloatArray], float], Callable[[FloatArray], FloatArray]]:
+    """The cost of coefficients (2, harmonics, 6), and those of a lower cost that IPOPT finds from them.
 
-    The pose and its rates are linear in the coefficients, information and limits are functions of them row by row.
-    `profiles` (3, n, k) are each coefficient's part in a coordinate, its velocity and its acceleration.
+    The variables are coefficients over the reserve: limits are those of this larger motion. The pose and its rates are
+    linear in them, information and limits are functions of these row by row. `profiles` (3, n, k) are each
+    coefficient's part in a coordinate, its velocity and its acceleration.
     """
     _, phi, scaled, force = _scaled(platform, names, first)
     row, low, high = _row_of(platform, scaled / force, phi)
@@ -267,8 +250,16 @@ def _search_of(
     options: Any = {"print_time": False, "show_eval_warnings": False, "jac_g": jacobian, "ipopt": ipopt}
     programme: Any = {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}
     solver = casadi.nlpsol("excitation", "ipopt", programme, options)
-    cost = casadi.Function("cost", [x], [evaluated(x)[0]])
-    return _Search(solver, cost, (np.tile(low, count), np.tile(high, count)))
+    measure = casadi.Function("cost", [x], [evaluated(x)[0]])
+
+    def cost(coefficients: FloatArray) -> float:
+        return float(measure(coefficients.ravel()))
+
+    def improved(start: FloatArray) -> FloatArray:
+        solution = solver(x0=start.ravel() / _SHARE, lbg=np.tile(low, count), ubg=np.tile(high, count))
+        return _SHARE * np.asarray(solution["x"], dtype=float).reshape(start.shape)
+
+    return cost, improved
 
 
 def _row_of(

@@ -1,9 +1,17 @@
-"""Linear identification: generalised least squares of inverse dynamics, which is linear in masses and friction."""
+"""Linear identification: generalised least squares of inverse dynamics, which is linear in masses and friction.
 
-from collections.abc import Mapping, Sequence
+A platform is a physical body if its mass is positive and its pseudo-inertia [[Σ, m r_G], [m r_Gᵀ, m]] positive
+definite; by Schur's complement that is m > 0 and Σ_G = ½ tr(J) 1 − J ≻ 0, J about the centre of mass [Wensing, Kim &
+Slotine, IEEE RA-L 3(1), 2018]. If the best fit is not, Σ_G = L Lᵀ with exponentials of three parameters on L's
+diagonal, the log-Cholesky form [Rucker & Wensing, IEEE RA-L 7(2), 2022], enforces it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.special import fdtrc
 
 from gough_stewart.harness.errors import LogError
@@ -29,9 +37,10 @@ from gough_stewart.harness.identify.friction import (
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.noise import Whitened, noises_of, whitened_by
-from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regressor import (
+    INERTIA,
     INERTIAL,
+    PAIRS,
     SIZE,
     elements_of,
     gradient,
@@ -39,6 +48,7 @@ from gough_stewart.harness.identify.regressor import (
     with_estimated,
 )
 from gough_stewart.harness.identify.rows import Regression, RowModel, is_of_instruments, row_fit, segment_of
+from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -49,6 +59,11 @@ _UNEXPLAINED, _TELLING = 0.5, 1.0
 _VELOCITIES = np.geomspace(1e-4, 1e-1, 13)
 # Sizes of delays [s] and tilts [rad].
 _DELAY, _TILT = 0.01, 0.1
+# Lower limit of elements with the bound "> 0", and of the moments of Σ_G, as a share of their scale.
+_SMALLEST = 1e-6
+# Magnitudes beyond which a log is not one of these instruments: the filters hardly reach further [s].
+_LARGEST = {"delay": 0.02}
+Function = Callable[[FloatArray], FloatArray]
 
 
 def identify_linear(  # noqa: PLR0915 - one station after the other
@@ -99,13 +114,13 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     if linear:
         weights = used / max(float(np.abs(force[is_fitted]).max()), 1e-300)
         weighted = np.concatenate([weights[..., None] * W, (weights * force[is_fitted])[..., None]], axis=2)
-        values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear]).values
+        values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear])[0]
     model = RowModel(regression, smooth, elements, names, friction)
     whole = Whitened.at(row_fit(model, values, is_fitted, used), not_excited)
     if len(linear) == len(names) and not friction:
-        fit = _fit_of(whole.of(np.concatenate([W, F[..., None]], axis=2)), elements, names, scale)
+        best, held = _fit_of(whole.of(np.concatenate([W, F[..., None]], axis=2)), elements, names, scale)
     else:
-        fit = best_fit(
+        best, held = _best_fit(
             lambda theta: whole.of(model.residual(theta)[is_fitted, :, None])[:, 0],
             lambda theta: -whole.of(model.columns(theta)[is_fitted]),
             elements,
@@ -114,9 +129,9 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
             values,
             1e-8 if friction else 1e-10,
         )
-    whole = replace(whole, fit=row_fit(model, fit.values, is_fitted, used, whole.fit.derivatives))
+    whole = replace(whole, fit=row_fit(model, best, is_fitted, used, whole.fit.derivatives))
 
-    residual = model.residual(fit.values)
+    residual = model.residual(best)
     duration = sum(float(np.ptp(time[chosen])) for time, chosen in zip(times, fitted_times, strict=True) if any(chosen))
     _check_explained(residual[is_fitted], F, duration, where)
     D = whole.of(whole.fit.columns * scale)
@@ -127,7 +142,7 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     channels = Channels(
         "force of leg", "N", time, regression.force, residual, model.force(nominal), is_fitted, validating
     )  # fmt: skip
-    estimate = estimate_of(names, nominal, scale, fit, (D, white, freedom), channels, note)
+    estimate = estimate_of(names, nominal, scale, best, held, (D, white, freedom), channels, note)
     diagnosis = diagnosis_of(whole, estimate.standard_errors)
     estimate = replace(
         estimate,
@@ -139,7 +154,7 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     kept = usable * ~is_fitted[:, None]
     if not kept.any():
         return estimate
-    judged = _validated(whole, residual, model.columns(fit.values) * scale, kept, D, white, freedom)
+    judged = _validated(whole, residual, model.columns(best) * scale, kept, D, white, freedom)
     said = f"{judged.rms:.3g} N where {judged.expected:.3g} N are expected (p = {judged.p_value:.2g})"
     if not judged.alarm or estimate.alarms:
         note = f"rows kept for validation are off by {said}"
@@ -148,11 +163,13 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     return replace(estimate, validation=judged, alarms=(alarm,))
 
 
-def _fit_of(white: FloatArray, elements: Mapping[str, float], names: Sequence[str], scale: FloatArray) -> BestFit:
+def _fit_of(
+    white: FloatArray, elements: Mapping[str, float], names: Sequence[str], scale: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
     """Minimise |F − W φ(θ)|² for [W, F] (n, SIZE + 1): φ is linear, or bilinear in mass and centre of mass."""
     Rz = np.asarray(np.linalg.qr(white, mode="r"))
     R, z = Rz[:SIZE, :SIZE], Rz[:SIZE, SIZE]
-    return best_fit(
+    return _best_fit(
         lambda theta: np.asarray(R @ linear_parameters(with_estimated(elements, names, theta)) - z),
         lambda theta: np.asarray(R @ gradient(with_estimated(elements, names, theta), names)),
         elements,
@@ -160,6 +177,73 @@ def _fit_of(white: FloatArray, elements: Mapping[str, float], names: Sequence[st
         scale,
         np.array([elements[name] for name in names]),
     )
+
+
+def _best_fit(
+    residual: Function,
+    jacobian: Function,
+    elements: Mapping[str, float],
+    names: Sequence[str],
+    scale: FloatArray,
+    start: FloatArray,
+    tolerance: float = 1e-14,
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table and physically consistent.
+
+    Only all six elements of the inertia are made those of a body; some of them are not, for lack of the others. The
+    `jacobian` (k, p) is ∂r/∂θ; `elements` that are not named stay constant.
+    """
+    stems = [name.partition("[")[0] for name in names]
+    bounds = [TABLE[stem].lower_bound if stem in TABLE else None for stem in stems]  # instruments have none
+    smallest = {"> 0": _SMALLEST * scale, None: np.full(len(names), -np.inf)}
+    low = np.array([smallest.get(bound, np.zeros(len(names)))[k] for k, bound in enumerate(bounds)])
+    high = np.array([_LARGEST.get(stem, np.inf) for stem in stems])
+    low = np.maximum(low, -high)
+    inside = np.clip(start, low + _SMALLEST * scale, high)
+    options: Any = {"x_scale": scale, "xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": 60}
+    theta = least_squares(residual, inside, jacobian, bounds=(low, high), **options).x
+    held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
+    # with some of the elements only, whether it is a body is for the platform to say
+    if not set(INERTIA) <= set(names):
+        return theta, held
+    fitted, J = with_estimated(elements, names, theta), np.zeros((3, 3))
+    for (a, b), name in zip(PAIRS, INERTIA, strict=True):
+        J[a, b] = J[b, a] = fitted[name]
+    moments, axes = np.linalg.eigh(np.trace(J) / 2 * np.eye(3) - J)
+    if moments[0] > 0:
+        return theta, held
+
+    # once more, with Σ_G = L Lᵀ instead of the six elements of the inertia
+    six = np.array([list(names).index(name) for name in INERTIA])
+    size = float(scale[six].max())
+    L = np.linalg.cholesky(axes @ np.diag(np.maximum(moments, 1e-3 * size)) @ axes.T)
+    lower = np.tril_indices(3)
+    diagonal = lower[0] == lower[1]
+    bound, eta, units = low.copy(), np.maximum(theta, low), scale.copy()
+    # large enough to pass the platform's own check
+    bound[six] = np.where(diagonal, 0.5 * np.log(_SMALLEST * size), -np.inf)
+    eta[six] = np.where(diagonal, np.log(np.abs(L[lower])), L[lower])
+    units[six] = np.where(diagonal, 1.0, np.sqrt(size))
+
+    def values(eta: Any) -> Any:
+        theta, L = eta.copy(), np.zeros((3, 3), dtype=eta.dtype)
+        L[lower] = np.where(diagonal, np.exp(eta[six]), eta[six])
+        sigma = L @ L.T
+        J = np.trace(sigma) * np.eye(3) - sigma
+        theta[six] = [J[a, b] for a, b in PAIRS]
+        return theta
+
+    def chained(eta: FloatArray) -> FloatArray:
+        # complex steps: exact, since `values` is analytic
+        by_eta = np.stack([values(eta + step).imag / 1e-30 for step in 1e-30j * np.eye(len(eta))], axis=1)
+        return np.asarray(jacobian(values(eta)) @ by_eta)
+
+    def of_body(eta: FloatArray) -> FloatArray:
+        return residual(values(eta))
+
+    start = np.maximum(eta, bound + 1e-9 * np.abs(units))
+    options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
+    return np.asarray(values(least_squares(of_body, start, chained, **options).x)), (*held, "platform_inertia")
 
 
 def _start_of_friction(

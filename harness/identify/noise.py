@@ -78,7 +78,7 @@ def noises_of(
     regression: Regression, by_legs: FloatArray, chosen: NDArray[np.bool_], used: FloatArray
 ) -> list[PartNoise]:
     """The noises of the chosen rows of each segment that has some."""
-    ends = np.cumsum(regression.sizes)[:-1]
+    ends = np.cumsum([len(segment.time) for segment in regression.segments])[:-1]
     chosen_of = np.split(chosen, ends)
     used_of = np.split(used, np.cumsum([rows.sum() for rows in chosen_of])[:-1])
     of_segments = zip(regression.segments, np.split(by_legs, ends), chosen_of, used_of, strict=True)

@@ -186,11 +186,6 @@ class Regression:
         return cls(tuple(segments), *(np.concatenate([getattr(s, name) for s in segments]) for name in names))
 
     @property
-    def sizes(self) -> list[int]:
-        """Rows of each segment."""
-        return [len(segment.time) for segment in self.segments]
-
-    @property
     def cutoff(self) -> float:
         """The highest one [Hz]."""
         return max(segment.cutoff for segment in self.segments)

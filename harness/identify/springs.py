@@ -28,7 +28,6 @@ from gough_stewart.harness.identify.friction import resolved
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.names import with_values
-from gough_stewart.harness.identify.physical import BestFit
 from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
@@ -261,7 +260,8 @@ def _springs_of(
         kept,
         nominal[[names.index(name) for name in kept]],
         scale,
-        BestFit(scale),
+        scale,
+        (),
         (D, residual[is_fitted].ravel() / sigma, freedom - len(kept)),
         Channels("stretch of leg", "m", time, stretch, residual, before, is_fitted, spans),
     )

@@ -125,8 +125,8 @@ def test_derivatives_are_those_of_differences() -> None:
     geometry = np.concatenate([NOMINAL.base_points.ravel(), NOMINAL.platform_points.ravel(), 1e-3 * rng.normal(size=6)])
     poses = position, turn.as_matrix()
     single = np.where([True, True, False], turn.as_euler("xyz") + 1e-3, np.nan)
-    own = eq.Setting(geometry, X_T, X.as_matrix(), Y_T, Y.as_matrix(), *poses)
-    world = eq.Setting(geometry, np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), *poses)
+    own = eq.CalibrationState(geometry, X_T, X.as_matrix(), Y_T, Y.as_matrix(), *poses)
+    world = eq.CalibrationState(geometry, np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), *poses)
     # residuals of a rotation are small where their derivatives are those of vectors
     shown = (X * turn * Y).as_euler("xyz")
     for at, orientation, setting in ((log.position, shown, own), (position + 0.01, single, world)):
@@ -134,7 +134,7 @@ def test_derivatives_are_those_of_differences() -> None:
         measured = eq.Measured(values, rng.uniform(0.5, 2, 12))
         now = eq.equations(setting, measured)
 
-        def residuals(s: np.ndarray, at: eq.Measured = measured, setting: eq.Setting = setting) -> np.ndarray:
+        def residuals(s: np.ndarray, at: eq.Measured = measured, setting: eq.CalibrationState = setting) -> np.ndarray:
             return eq.equations(setting.moved(s[:42], s[42:54], np.tile(s[54:], (3, 1))), at).residual
 
         steps = 1e-6 * np.eye(60)
@@ -158,9 +158,9 @@ def test_frames_of_exact_poses_are_guessed(missing: int, target: np.ndarray) -> 
     t = NOMINAL.home_position + rng.uniform(-0.3, 0.3, (N_FRAMES, 3))
     position, angles = X_T + X.apply(t + turns.apply(target)), (X * turns * Y).as_euler("xyz")
     lengths = np.full((N_FRAMES, 6), np.nan)
-    start = eq.Setting(np.zeros(42), np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), t, turns.as_matrix())
+    start = eq.CalibrationState(np.zeros(42), np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), t, turns.as_matrix())
 
-    def guessed(position: np.ndarray, angles: np.ndarray) -> eq.Setting:
+    def guessed(position: np.ndarray, angles: np.ndarray) -> eq.CalibrationState:
         return eq.with_guessed_frames(start, eq.Measured(np.hstack([lengths, position, angles]), np.ones(12)))
 
     if missing < N_FRAMES:

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import chi2, kstest
 from scipy.stats import f as f_distribution
 
-from gough_stewart.harness.identify.lack_of_fit import LackOfFit, lack_of_fit, whiteness
+from gough_stewart.harness.identify.causes import LackOfFit, lack_of_fit, whiteness
 
 RNG = np.random.default_rng(17)
 N = 90

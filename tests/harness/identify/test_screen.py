@@ -304,7 +304,7 @@ def test_rows_are_lost_where_all_legs_jump_by_their_velocity_times_whole_rows(ro
 
     A jump of one leg alone is another fault.
     """
-    t = np.arange(1000) * 1e-3
+    t = np.asarray(np.arange(1000) * 1e-3, dtype=float)
 
     def legs(time: FloatArray) -> FloatArray:
         return np.stack([2 + 0.1 * np.sin((6 + 1.3 * k) * time + k) for k in range(6)], axis=1)
