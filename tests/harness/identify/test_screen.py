@@ -288,14 +288,14 @@ def test_clipped_readings_are_those_at_an_end_that_is_not_the_actuators() -> Non
     force = np.stack([(100 + k) * np.sin(2 * np.pi * (0.5 + 0.1 * k) * t) for k in range(6)], axis=1)
     force += 0.2 * np.random.default_rng(1).standard_normal(force.shape)
     force[:, 5], force[:, 0] = np.minimum(force[:, 5], 80.0), np.maximum(force[:, 0], -70.0)
-    at = faults.clipped(force, None)
+    at = faults.clipped(force, np.full(6, np.inf))
     assert at.any(axis=0).tolist() == [True, False, False, False, False, True]
     assert at[force[:, 5] == 80.0, 5].all()
     assert at[force[:, 0] == -70.0, 0].all()
     assert not at[force[:, 5] < 75.0, 5].any()
     assert not at[force[:, 0] > -65.0, 0].any()
-    assert faults.clipped(force, 80.0).any(axis=0).tolist() == [True, False, False, False, False, False]
-    assert faults.clipped(force, 90.0).any(axis=0).tolist() == [True, False, False, False, False, True]
+    assert faults.clipped(force, np.full(6, 80.0)).any(axis=0).tolist() == [True, False, False, False, False, False]
+    assert faults.clipped(force, np.full(6, 90.0)).any(axis=0).tolist() == [True, False, False, False, False, True]
 
 
 @pytest.mark.parametrize(("rows", "number"), [(1.0, 1), (1.4, 0), (1.6, 0), (2.0, 1), (3.0, 1), (-1.0, 1)])
