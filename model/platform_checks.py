@@ -135,10 +135,10 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
         if refused((static > 0) & (static < coulomb)):
             # without factors of its own, as it is stated
             is_by_leg = platform.leg_static_friction_factor.any()
-            share = 1.0 if is_by_leg else platform.leg_coulomb_friction_factor[leg]
+            of_stated = 1.0 if is_by_leg else platform.leg_coulomb_friction_factor[leg]
             raise PlatformError(
                 "leg_static_friction",
-                f"is {static[leg] / share:g} N, below leg_coulomb_friction = {coulomb[leg] / share:g} N"
+                f"is {static[leg] / of_stated:g} N, below leg_coulomb_friction = {coulomb[leg] / of_stated:g} N"
                 f"{f' in leg {leg + 1}' if is_by_leg else ''}; expected at least that, or 0 for the same friction at "
                 "rest as in motion",
             )

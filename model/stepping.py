@@ -150,6 +150,7 @@ class SteppingModel:
                 "'compiled', which is that of the plant 'model'",
             )
         self._arguments, self._variant = (platform, tolerance, fixed, integrator), Variant.of(platform)
+        self._time, self._started, self._platform = 0.0, False, platform
         self._stepper: CompiledStepper | ScipyStepper = (
             CompiledStepper(self._variant, tolerance, fixed)
             if integrator == "compiled"

@@ -492,7 +492,9 @@ def _rounded(name: str, low: float, high: float) -> Range:
 def _poses(swept: Mapping[str, FloatArray], fixed: Mapping[str, float]) -> FloatArray:
     """(…, 6) with one leading axis per swept coordinate."""
     grid = dict(zip(swept, np.meshgrid(*swept.values(), indexing="ij"), strict=True))
-    return np.stack(np.broadcast_arrays(*(grid.get(name, fixed.get(name)) for name in COORDINATES)), axis=-1)
+    return np.stack(
+        np.broadcast_arrays(*(grid[name] if name in grid else np.array(fixed[name]) for name in COORDINATES)), axis=-1
+    )
 
 
 def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapping[str, float]) -> None:

@@ -117,7 +117,8 @@ def constraints(parameters: Parameters, configuration: Configuration, y: Array) 
         matrices.append(rows)
     gap = parameters.base_points + along - (configuration.position[..., None, :] + arm)
     gap = gap.reshape(*gap.shape[:-2], 18)
-    return Constraints(*matrices, np.concatenate([gap, np.zeros((*gap.shape[:-1], 6))], axis=-1))
+    residual = np.concatenate([gap, np.zeros((*gap.shape[:-1], 6))], axis=-1)
+    return Constraints(matrices[0], matrices[1], residual)
 
 
 def solve(
