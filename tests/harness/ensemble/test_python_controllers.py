@@ -107,8 +107,6 @@ def test_parameters_of_a_class_in_python_are_searched_too(file: Path) -> None:
         gs.run(EXPERIMENT, {**SHORT, "controller": own})
 
 
-
-
 def interrupted(experiment: Path | str, out: Path, controller: Any = None) -> None:
     """An ensemble of two members whose only chunk is finished, but not its tables."""
 
