@@ -54,6 +54,8 @@ BY_DEMO = re.compile(
 )
 # Others that run elsewhere: the platform of one's own in tests/harness/cli/test_reproduce.py, whose name is harder;
 # the build by the README, all other pages find the FMUs in their folder.
+# Others that run elsewhere: the platform of one's own in tests/harness/cli/test_reproduce.py, whose name is harder
+# there; the build by the README, all other pages find the FMUs in their folder.
 ONES_OWN = re.compile(r"gough-stewart reproduce --platform mine\.toml --out \S+$")
 BUILD = "gough-stewart build"
 # The tutorial exports in all forms, and runs what it has exported.
