@@ -250,10 +250,10 @@ def _search_of(
     options: Any = {"print_time": False, "show_eval_warnings": False, "jac_g": jacobian, "ipopt": ipopt}
     programme: Any = {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}
     solver = casadi.nlpsol("excitation", "ipopt", programme, options)
-    measure_of = casadi.Function("cost", [x], [evaluated(x)[0]])
+    cost_function = casadi.Function("cost", [x], [evaluated(x)[0]])
 
     def cost(coefficients: FloatArray) -> float:
-        return float(measure_of(coefficients.ravel()))
+        return float(cost_function(coefficients.ravel()))
 
     def improved(start: FloatArray) -> FloatArray:
         solution = solver(x0=start.ravel() / _SHARE, lbg=np.tile(low, count), ubg=np.tile(high, count))
