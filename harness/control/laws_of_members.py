@@ -275,8 +275,8 @@ class SeparateLaws:
             if law is None or not (due is None or due[member]):
                 continue
             try:
-                is_off = off is not None and off[member] and isinstance(law, CalledLaw)
-                force = law.asked if is_off else law.force
+                is_off = off is not None and bool(off[member])
+                force = law.asked if isinstance(law, CalledLaw) and is_off else law.force
                 self._forces[member] = force(k, time, references[member], measured[member], excess[member])
             except ControllerError as error:
                 failures[member] = error

@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple, TypeVar, get_args
 import numpy as np
 
 from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.parameters import Variable
 
 Form = Literal["fmu", "c", "ssp", "page"]
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -23,8 +23,8 @@ SAFE_FORCES: tuple[SafeForce, ...] = get_args(SafeForce)
 T = TypeVar("T", bound=str)
 # What serves instead of a form that there was.
 _REMOVED = {"clocked": "; the unit without a clock serves: form fmu"}
-# Signals whose references are lengths [m].
-_WATCHED = ("leg_length", "position")
+# Steps in a sample of the controller: a unit keeps the forces of all steps that its output waits.
+MOST_STEPS = 1000
 
 
 class Frozen(NamedTuple):
@@ -40,28 +40,34 @@ class Faults(NamedTuple):
     safe_force: SafeForce = "feedforward"
     frozen: Frozen | None = None  # not watched
 
-    def watched(self, measured: tuple[Variable, ...]) -> tuple[Variable, ...]:
-        """Those of the measurements that are watched."""
-        return () if self.frozen is None else tuple(v for v in measured if v.name in _WATCHED)
 
-    def check(self, measured: tuple[Variable, ...]) -> None:
-        """Refuse to watch a controller that measures no lengths.
+def faults_of(safe_force: str = "feedforward", frozen: object = None) -> Faults:
+    """The choices about bad inputs, from a user's values.
 
-        Raises
-        ------
-        ExportError
-            Names what it measures.
-        """
-        if self.frozen is not None and not self.watched(measured):
-            raise ExportError(
-                f"frozen needs measurements of {' or '.join(_WATCHED)}, whose references are lengths; the controller "
-                f"measures {', '.join(v.name for v in measured) or 'nothing'}"
-            )
+    Raises
+    ------
+    ExportError
+        An unknown safe force; or samples and movement that are not two numbers > 0.
+    """
+    if safe_force not in SAFE_FORCES:
+        raise ExportError(f"safe_force is {safe_force!r}; expected {' or '.join(map(repr, SAFE_FORCES))}")
+    if frozen is None:
+        return Faults(safe_force)
+    try:
+        samples, movement = map(float, frozen)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
+        samples, movement = np.nan, np.nan
+    if not (1 <= samples <= 1e9 and samples == round(samples) and 0 < movement < np.inf):
+        raise ExportError(
+            f"frozen is {frozen!r}; expected a number of samples and a movement of the reference in metres that "
+            "the sensors resolve, such as (50, 0.001)"
+        )
+    return Faults(safe_force, Frozen(int(samples), movement))
 
 
 @dataclass(frozen=True)
 class Carried:
-    """The parts, with their designed values; none by default.
+    """The parts of the machine that a controller carries, with their designed values; none by default.
 
     Drives advance at every step of the plant, and sensors with a sample time of their own read at some of them. So a
     controller that carries one of these has the plant's step for its clock. Otherwise its clock is its sample time.
@@ -99,31 +105,32 @@ class Carried:
         return " and ".join(part for part in self.parts if part != "manual")
 
 
-NOTHING = Carried()
-
-
-def faults_of(safe_force: str = "feedforward", frozen: object = None) -> Faults:
-    """The choices about bad inputs, from a user's values.
+def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:
+    """The parts of a prepared experiment.
 
     Raises
     ------
     ExportError
-        An unknown safe force; or samples and movement that are not two numbers > 0.
+        Too many steps in a sample.
     """
-    if safe_force not in SAFE_FORCES:
-        raise ExportError(f"safe_force is {safe_force!r}; expected {' or '.join(map(repr, SAFE_FORCES))}")
-    if frozen is None:
-        return Faults(safe_force)
-    try:
-        samples, movement = map(float, frozen)  # type: ignore[call-overload]
-    except (TypeError, ValueError):
-        samples, movement = np.nan, np.nan
-    if not (1 <= samples <= 1e9 and samples == round(samples) and 0 < movement < np.inf):
+    timing, sensors = prepared.loop.timing, prepared.loop.sensors
+    reading = sensors.sample_time if "sensors" in parts else None
+    steps = timing.steps_a_sample if "drives" in parts or reading is not None else 1
+    if steps > MOST_STEPS:
         raise ExportError(
-            f"frozen is {frozen!r}; expected a number of samples and a movement of the reference in metres that "
-            "the sensors resolve, such as (50, 0.001)"
+            f"{' and '.join(parts)} run at the plant_step of {timing.plant_step:g} s, {steps} times in a sample "
+            f"of {timing.sample_time:g} s; expected at most {MOST_STEPS} times: a longer plant_step"
         )
-    return Faults(safe_force, Frozen(int(samples), movement))
+    return Carried(
+        parts,
+        float(prepared.loop.actuators.lag) if "drives" in parts else 0.0,
+        dict(sensors.quantisation) if "sensors" in parts else {},
+        steps,
+        None if reading is None else timing.steps_in(reading, "the sensors' sample_time"),
+    )
+
+
+NOTHING = Carried()
 
 
 def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:

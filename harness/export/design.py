@@ -1,4 +1,4 @@
-"""What is exported, as data: a designed controller with its parameters, ranges, and what it carries of a machine."""
+"""What is exported, as data: a designed controller with its parameters, and the ranges of what comes in."""
 
 import math
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice, Feedforward
+from gough_stewart.harness.control.controllers import PD, PID, Feedforward
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.control.sensor import Sensor
@@ -16,9 +16,17 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom
-from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw, own_law
-from gough_stewart.harness.export.settings import Setting, setting, setting_of
+from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom, carried
+from gough_stewart.harness.export.laws import (
+    FunctionLaw,
+    LinearLaw,
+    Setting,
+    matrix_law,
+    own_law,
+    pid_law,
+    setting,
+    setting_of,
+)
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
@@ -34,6 +42,8 @@ MOST_DELAY, LARGEST_FORCE = 1000, 1e9
 REFERENCE = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
 # Of the width of the range of lengths, at both ends: sensors have offsets, and legs overshoot.
 MARGIN = 0.1
+# Signals whose references are lengths [m].
+_WATCHED = ("leg_length", "position")
 
 
 class Range(NamedTuple):
@@ -54,25 +64,25 @@ class Ranges(NamedTuple):
     def of(self, variable: Variable) -> Range:
         """The range of a signal, by the name of the interface.
 
-        Rates are those that cross the whole range within one sample, accelerations those that reverse them.
+        Rates are those that cross the whole range within one sample, accelerations those that reverse them. A platform
+        cannot make a full turn, but roll and yaw may be counted on beyond half a turn.
         """
-        name, T = variable.name, self.sample_time
-        if name == "leg_length":
-            low, high = self.leg_length
-            return Range(np.full(6, low), np.full(6, high))
-        if name == "position":
-            return self.position
-        if name == "orientation":
-            # a platform cannot make a full turn, but roll and yaw may be counted on beyond half a turn
-            largest = np.array([2 * np.pi, np.pi / 2, 2 * np.pi])
-            return Range(-largest, largest)
+        T, (low, high), across = self.sample_time, self.leg_length, self.position.high - self.position.low
+        turns = np.array([2 * np.pi, np.pi / 2, 2 * np.pi])
+        ends = {
+            "leg_length": (np.full(6, low), np.full(6, high)),
+            "position": self.position,
+            "orientation": (-turns, turns),
+        }
+        if variable.name in ends:
+            return Range(*ends[variable.name])
         width = {
-            "leg_velocity": np.full(6, self.leg_length[1] - self.leg_length[0]),
-            "velocity": self.position.high - self.position.low,
-            "acceleration": 2 * (self.position.high - self.position.low) / T,
+            "leg_velocity": np.full(6, high - low),
+            "velocity": across,
+            "acceleration": 2 * across / T,
             "angular_velocity": np.full(3, 2 * np.pi),
             "angular_acceleration": np.full(3, 4 * np.pi / T),
-        }[name]
+        }[variable.name]
         return Range(-width / T, width / T)
 
     def joined(self, variables: Iterable[Variable]) -> Range:
@@ -92,9 +102,8 @@ def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) ->
     arms = np.linalg.norm(platform.platform_points, axis=1)
     collapsed = SHORTEST_LEG * platform.characteristic_length
     low, high = platform.leg_length_min, platform.leg_length_max
-    away = float(home.mean())
     shortest = collapsed if low is None else low
-    longest = float((home + 2 * arms).max()) + away if high is None else high
+    longest = float((home + 2 * arms).max() + home.mean()) if high is None else high
     if legs is not None:
         shortest, longest = min(shortest, float(legs.leg_length.min())), max(longest, float(legs.leg_length.max()))
     margin = MARGIN * (longest - shortest)
@@ -102,10 +111,6 @@ def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) ->
     reach = (ends[1] + arms)[:, None]
     position = Range((platform.base_points - reach).max(axis=0), (platform.base_points + reach).min(axis=0))
     return Ranges(ends, low is not None and high is not None, position, sample_time)
-
-
-# Steps in a sample of the controller: a unit keeps the forces of all steps that its output waits.
-MOST_STEPS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +121,7 @@ class Designed:
     platform: Platform  # the nominal model
     sample_time: float  # [s]
     delay: int  # of the forces [samples]
-    law: Law | None  # None without feedback
+    law: LinearLaw | FunctionLaw | None  # None without feedback
     feedforward: Feedforward
     constant_force: FloatArray  # (6,) [N], added to the feedforward
     reference: Reference | None  # None if it is an input, or if there is none
@@ -148,22 +153,28 @@ class Designed:
         return tuple(interface.BY_NAME[name] for name in REFERENCE) if self.reference_inputs else ()
 
     @property
+    def watched(self) -> tuple[Variable, ...]:
+        """The measurements that must not stand still while their reference moves."""
+        return () if self.faults.frozen is None else tuple(v for v in self.measured if v.name in _WATCHED)
+
+    @property
     def zeros_are_no_measurement(self) -> bool:
         """Whether inputs that are all zero mean that no values have arrived yet.
 
         Velocities are zero at rest; poses and leg lengths are not, unless the reference starts at zero.
         """
-        ends = np.cumsum([v.size for v in self.measured])[:-1]
-        parts = zip(self.measured, np.split(self.first_measured, ends), strict=False)
-        places = [part for v, part in parts if not v.name.endswith("velocity")]
-        if self.reference_inputs:
-            places.append(self.first_reference[:6])
-        return any(bool(part.any()) for part in places)
+        is_place = np.concatenate([np.zeros(0), *(np.full(v.size, "velocity" not in v.name) for v in self.measured)])
+        first_pose = self.first_reference[:6] if self.reference_inputs else np.zeros(0)
+        return bool((self.first_measured * is_place).any() or first_pose.any())
 
     @property
-    def watched(self) -> tuple[Variable, ...]:
-        """The measurements that must not stand still while their reference moves."""
-        return self.faults.watched(self.measured)
+    def needs_platform(self) -> bool:
+        """Whether any computation uses the nominal model of the platform."""
+        law, names = self.law, () if self.law is None else self.law.signals
+        if isinstance(law, FunctionLaw):
+            names = (*names, *(name.removeprefix("reference_") for name in law.function.name_in()))
+        of_legs = any(name.startswith("leg_") for name in (*names, *(v.name for v in self.watched)))
+        return self.feedforward != "none" or of_legs or (law is not None and law.space == "task")
 
     @cached_property
     def settings(self) -> tuple[Setting, ...]:
@@ -200,30 +211,17 @@ class Designed:
         if self.carried.drives:
             settings.append(setting_of(lag, self.carried.lag, "; 0: none"))
         if self.carried.sensors:
-            values = self.carried.quantisation
-            settings += [
-                setting_of(parameter, values.get(v.name, 0.0), "; 0: none")
-                for v, parameter in zip(self.measured, Sensor.parameters(self.measured), strict=True)
-            ]
+            steps = self.carried.quantisation
+            for v, parameter in zip(self.measured, Sensor.parameters(self.measured), strict=True):
+                settings.append(setting_of(parameter, steps.get(v.name, 0.0), "; 0: none"))
         if self.law is not None:
             settings += self.law.settings
-        if self.law is None and self.constant_force.any():
+        elif self.constant_force.any():
             settings.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
-        if self.needs_platform:
-            for v in interface.PLATFORM_PARAMETERS:
-                value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
-                settings.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
+        for v in interface.PLATFORM_PARAMETERS if self.needs_platform else ():
+            value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
+            settings.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
         return tuple(settings)
-
-    @property
-    def needs_platform(self) -> bool:
-        """Whether any computation uses the nominal model of the platform."""
-        legs = self.law is not None and (
-            self.law.space == "task"
-            or any(name.startswith("leg_") for name in self.law.signals)
-            or (isinstance(self.law, FunctionLaw) and any("_leg_" in name for name in self.law.function.name_in()))
-        )
-        return self.feedforward != "none" or legs or any(v.name == "leg_length" for v in self.watched)
 
 
 def designed(
@@ -253,24 +251,22 @@ def designed(
     Raises
     ------
     ExportError
-        A controller that is unstable by itself or cannot be traced, or nothing to compute.
+        A controller that is unstable by itself or cannot be traced, or nothing to compute or to watch.
     ExperimentError, ReachError
         The experiment cannot run as written.
     """
     if reference not in ("inside", "inputs"):
         raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
     prepared = prepared or prepare(experiment, controller)
-    choice = experiment.controller
+    choice, loop = experiment.controller, prepared.loop
     law = _law_of(choice if controller is None else None, prepared)
-    constant = np.zeros(6) if prepared.controller is not None else choice.planned(np.zeros((1, 6)))[0]
     if law is None and choice.feedforward == "none":
         raise ExportError(
             f"controller is type = '{choice.type}' without feedforward: its forces are constant; expected a controller "
             "with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
         )
-    loop = prepared.loop
-    actuators, reference_rows = loop.actuators, loop.reference
-    if reference_rows is None:
+    actuators, rows = loop.actuators, loop.reference
+    if rows is None:
         raise ExportError("a controller without a reference; expected the reference signals for it to follow")
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
     design = Designed(
@@ -280,62 +276,39 @@ def designed(
         delay=actuators.delay,
         law=law,
         feedforward=choice.feedforward,
-        constant_force=np.asarray(constant),
+        constant_force=np.zeros(6) if prepared.controller is not None else choice.planned(np.zeros((1, 6)))[0],
         reference=prepared.reference if reference == "inside" else None,
         reference_inputs=reference == "inputs",
         force_limit=math.inf if actuators.force_limit is None else actuators.force_limit,
         rate_limit=math.inf if actuators.rate_limit is None else actuators.rate_limit,
         start_force=loop.start_force.copy(),
-        first_measured=reference_rows[0, signals.positions(used)] if used else np.zeros(0),
-        first_reference=np.delete(reference_rows[0], np.s_[12:24]),
+        first_measured=rows[0, signals.positions(used)] if used else np.zeros(0),
+        first_reference=np.delete(rows[0], np.s_[12:24]),
         ranges=ranges_of(prepared.platform, loop.timing.sample_time, prepared.legs),
         faults=faults,
         carried=carried(parts, prepared),
     )
-    faults.check(design.measured)
+    if faults.frozen is not None and not design.watched:
+        raise ExportError(
+            f"frozen needs measurements of {' or '.join(_WATCHED)}, whose references are lengths; the controller "
+            f"measures {', '.join(v.name for v in design.measured) or 'nothing'}"
+        )
     return design
 
 
-def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
+def _law_of(chosen: Any, prepared: Prepared) -> LinearLaw | FunctionLaw | None:
+    """The law of an experiment's controller, or, if none is chosen there, of the one that replaces it."""
     if prepared.controller is None:
         return None
-    controller = fresh_controller(prepared.controller)
+    controller, T = fresh_controller(prepared.controller), prepared.loop.timing.sample_time
     if isinstance(chosen, PD | PID):
         gains = chosen.gains(prepared.platform)
-        T = prepared.loop.timing.sample_time
-        return PidLaw(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
+        return pid_law(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
     if isinstance(controller, LinearController):
-        controller.check_sample_time(prepared.loop.timing.sample_time)
-        return MatrixLaw(controller)
+        controller.check_sample_time(T)
+        return matrix_law(controller)
     if isinstance(controller, UnitController):
         raise ExportError(f"controller is {controller.path}, which is already an FMU; expected its source controller")
     rows = prepared.loop.reference
     assert rows is not None
     return own_law(prepared.controller, prepared.known, rows[:: prepared.loop.timing.steps_a_sample])
-
-
-def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:
-    """The parts of a prepared experiment.
-
-    Raises
-    ------
-    ExportError
-        Too many steps in a sample.
-    """
-    loop = prepared.loop
-    has_sensors = "sensors" in parts
-    reading = loop.sensors.sample_time if has_sensors else None
-    has_steps = "drives" in parts or reading is not None
-    steps = loop.timing.steps_a_sample if has_steps else 1
-    if steps > MOST_STEPS:
-        raise ExportError(
-            f"{' and '.join(parts)} run at the plant_step of {loop.timing.plant_step:g} s, {steps} times in a sample "
-            f"of {loop.timing.sample_time:g} s; expected at most {MOST_STEPS} times: a longer plant_step"
-        )
-    return Carried(
-        parts,
-        float(loop.actuators.lag) if "drives" in parts else 0.0,
-        dict(loop.sensors.quantisation) if has_sensors else {},
-        steps,
-        None if reading is None else loop.timing.steps_in(reading, "the sensors' sample_time"),
-    )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from gough_stewart.fmu_build.build import chosen_versions, unit_archives
 from gough_stewart.fmu_build.cache import check_installed
+from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.toolchain import chosen_targets
 from gough_stewart.harness.control.traced_law import is_casadi_function
@@ -28,7 +29,7 @@ from gough_stewart.harness.export.choices import (
 from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.harness.export.notes import in_short, least_robust_first, notes_of, refusal
 from gough_stewart.harness.export.ssp import loop_archive
-from gough_stewart.harness.export.stability import LoopStability, MemberProgress, output_delay_of, stability_of
+from gough_stewart.harness.export.stability import Host, LoopStability, MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.progress import StepProgress
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     import casadi
 
 
-def export(
+def export(  # noqa: PLR0912 - one road, in sections
     experiment: "Experiment | Path | str | casadi.Function",
     settings: Settings = (),
     *,
@@ -136,8 +137,7 @@ def export(
     if is_casadi_function(experiment):
         controller, experiment = experiment, around(experiment)
     chosen = experiment_of(cast("Experiment | Path | str", experiment), settings)
-    requested, name = chosen_forms(forms), name_of(chosen)
-    inside = chosen_parts(parts)
+    requested, name, inside = chosen_forms(forms), name_of(chosen), chosen_parts(parts)
     if "ssp" in requested and reference == "inputs":
         raise ExportError(
             "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
@@ -145,20 +145,21 @@ def export(
     if ssp not in ("1.0", "2.0"):
         raise ExportError(f"ssp is {ssp!r}; expected '1.0' or '2.0'")
     versions, (in_ssp,), systems = chosen_versions(fmi), chosen_versions([ssp_fmi]), chosen_targets(targets)
-    folder = Path(out)
+    folder, files, report = Path(out), dict[str, bytes](), progress or (lambda _text: None)
     check_output_folder(folder, names_of_files(name, requested, versions))
-    report = progress or (lambda _text: None)
-    files: dict[str, bytes] = {}
     if "page" in requested:
         if controller is not None:
             raise ExportError("a page has the controllers of experiments; expected no controller, or the other forms")
         report("page")
         files[f"{name}_live.html"] = live_page(chosen)
-    if requested == ("page",):
-        return _written(folder, files)
-    hosts = tuple(form for form in requested if form != "page")
+    hosts: tuple[Host, ...] = tuple(form for form in requested if form != "page")
+    if not hosts:
+        write_files(folder, files)
+        return [folder / file for file in files]
+
+    # the controller, and how its loops are judged; what traces is imported for controllers only, since a page's code is
+    # carried
     check_installed(TRACER)
-    # what traces is imported for controllers only, since a page's code is carried
     from gough_stewart.harness.export.design import designed
     from gough_stewart.harness.export.fmu import component_of
     from gough_stewart.harness.export.write import c_files
@@ -169,26 +170,24 @@ def export(
     refused = refusal(chosen, judged.items())
     if refused is not None and not anyway:
         raise refused
-    notes = {host: notes_of(chosen, host, report_of_host, law.carried) for host, report_of_host in judged.items()}
+    notes = {host: notes_of(chosen, host, judged[host], law.carried) for host in hosts}
     duration, late = chosen.loop.duration, output_delay_of(chosen)
+
+    def unit_of(host: Host) -> UnitComponent:
+        """Its forces act at least one sample late.
+
+        All of the delay is the unit's only in an SSP, or with drives, behind which nothing else could have the rest.
+        """
+        delay = late if host == "ssp" or law.carried.drives else 1
+        of_host = replace(law, delay=late, notes=notes[host].inside)
+        return component_of(of_host, f"{name}_controller", duration, output_delay=delay)
+
     if "c" in hosts:
         report("C")
         files |= c_files(chosen, replace(law, notes=notes["c"].inside), f"{name}_controller", controller)
-    # the forces of a unit act at least one sample late; all of the delay is the unit's only in an SSP, or with drives,
-    # behind which there is nothing else that could have the rest of it
-    units = {
-        host: component_of(
-            replace(law, delay=late, notes=notes[host].inside),
-            f"{name}_controller",
-            duration,
-            output_delay=late if host == "ssp" or law.carried.drives else 1,
-        )
-        for host in hosts
-        if host != "c"
-    }
-    if "fmu" in units:
-        files |= unit_archives(units["fmu"], versions, systems, report)
-    if "ssp" in units:
+    if "fmu" in hosts:
+        files |= unit_archives(unit_of("fmu"), versions, systems, report)
+    if "ssp" in hosts:
         plant = plant_component(
             prepared.machine,
             start=prepared.start,
@@ -200,36 +199,23 @@ def export(
         )
         report("SSP")
         files[f"{name}.ssp"] = loop_archive(
-            name,
-            plant,
-            units["ssp"],
-            duration,
-            law.step,
-            systems,
-            notes["ssp"].inside,
+            *(name, plant, unit_of("ssp"), duration, law.step, systems, notes["ssp"].inside),
             fmi_version=in_ssp,
             ssp_version=ssp,
             side=prepared.loop.sensors.side,
             progress=report,
         )
-    paths = _written(folder, files)
+    write_files(folder, files)
     loops = least_robust_first(judged)
     if stability is not None:
         stability(loops)
-    _say(warn, [text for of_form in notes.values() for text in of_form.warnings])
-    _say(verdict, map(in_short, loops))
-    return paths
-
-
-def _written(folder: Path, files: dict[str, bytes]) -> list[Path]:
-    write_files(folder, files)
+    for listener, texts in (
+        (warn, [text for of_form in notes.values() for text in of_form.warnings]),
+        (verdict, list(map(in_short, loops))),
+    ):
+        for text in texts if listener is not None else ():
+            listener(text)  # type: ignore[misc]
     return [folder / file for file in files]
-
-
-def _say(listener: Callable[[str], None] | None, texts: Iterable[str]) -> None:
-    if listener is not None:
-        for text in texts:
-            listener(text)
 
 
 def around(function: "casadi.Function") -> Experiment:

@@ -15,8 +15,8 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed, designed
+from gough_stewart.harness.export.laws import Setting
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.settings import Setting
 from gough_stewart.harness.export.stability import stability_of
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model.process.progress import StepProgress
@@ -47,17 +47,15 @@ def component_of(
 
 
 def _parameter(setting: Setting, designed: Designed) -> ControllerParameter:
-    expected = setting.expected or " and ".join(_in_words(text, designed) for text in setting.conditions)
-    return ControllerParameter(setting.variable, setting.value, setting.may_be_infinite, expected or "another value")
-
-
-def _in_words(condition: str, designed: Designed) -> str:
-    """A C condition in the user's terms: `anti_windup_time[1] >= sample_time`."""
-    if "DEFAULT_SAMPLE_TIME" in condition:
-        return f"{designed.sample_time!r} s, since the controller was designed for it"
-    plain = condition.replace("parameters->", "")
-    plain = re.sub(r"\[(\d+)\]", lambda index: f"[{int(index[1]) + 1}]", plain)
-    return re.sub(r"!\((.*) > 0\)", r"\1 = 0", plain)
+    """With what is expected in the user's terms: `anti_windup_time[1] >= sample_time`."""
+    texts = []
+    for condition in setting.conditions:
+        text = re.sub(r"\[(\d+)\]", lambda index: f"[{int(index[1]) + 1}]", condition.replace("parameters->", ""))
+        if "DEFAULT_SAMPLE_TIME" in text:
+            text = f"{designed.sample_time!r} s, since the controller was designed for it"
+        texts.append(re.sub(r"!\((.*) > 0\)", r"\1 = 0", text))
+    expected = setting.expected or " and ".join(texts) or "another value"
+    return ControllerParameter(setting.variable, setting.value, setting.may_be_infinite, expected)
 
 
 @contextmanager

@@ -1,15 +1,20 @@
-"""Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations."""
+"""Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+A law says which of its numbers stay tunable: its settings.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.component import Link, with_links
+from gough_stewart.harness.control.component import Link, Parameter, with_links
 from gough_stewart.harness.control.laws import Controller, LinearController, Space, fresh_controller
 from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
 from gough_stewart.harness.control.makers import name_of
@@ -19,16 +24,74 @@ from gough_stewart.harness.control.state_space import Method, StateSpace, matric
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.parameters import Bound, Variability, Variable
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Tolerance beyond the unit circle, needed for chains of integrators, whose eigenvalues are rounded.
 _ROUNDING = 1e-6
 
 
-class Linear(NamedTuple):
+class Setting(NamedTuple):
+    """A parameter of the exported controller, with its designed value: in C a field of a struct."""
+
+    variable: Variable
+    value: FloatArray  # in the variable's shape
+    # C conditions on the struct `parameters`, besides finite values and the variable's bound
+    conditions: tuple[str, ...] = ()
+    may_be_infinite: bool = False  # a limit; none is 0, or infinite
+    largest: float = LARGEST_NUMBER  # magnitude of an element
+    expected: str = ""  # the conditions in the user's words; by default as they are
+
+
+def setting(
+    name: str,
+    unit: str,
+    bound: Bound,
+    description: str,
+    value: ArrayLike,
+    *,
+    variability: Variability = "tunable",
+    conditions: Iterable[str] = (),
+    **more: Any,
+) -> Setting:
+    """A setting with the shape of its value; `more` are other fields."""
+    value = np.asarray(value, dtype=float)
+    variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
+    return Setting(variable, value, tuple(conditions), **more)
+
+
+def setting_of(parameter: Parameter, value: ArrayLike, more: str = "") -> Setting:
+    """The setting of a component's parameter, with more words in its description."""
+    name, unit = parameter.name, parameter.unit
+    is_limit = parameter.none is not None and math.isinf(parameter.none)
+    # at least a thousandth, written so that it holds for float and for double
+    condition = "!(value > 0) || value * 1000 >= 1" if is_limit else parameter.condition
+    named = {"value": f"parameters->{name}", "sample_time": "parameters->sample_time"}
+    condition = re.sub(r"\b(value|sample_time)\b", lambda word: named[word[0]], condition)
+    return setting(
+        *(name, unit, parameter.bound, parameter.description + more, value),
+        conditions=(condition,) if condition else (),
+        may_be_infinite=is_limit,
+        expected=f"0, which is none, or at least 0.001 {unit}" if is_limit else parameter.expected,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """What all laws say of themselves."""
+
+    name: str  # for display
+    signals: tuple[str, ...]  # that it uses
+    space: Space = "leg"  # of its output forces
+    settings: tuple[Setting, ...] = ()
+    fixes_sample_time: bool = False  # whether its numbers are valid for one sample time
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearLaw(Law):
     """x⁺ = A x + B u, w = C x + D u, as numbers and as symbols of coefficients."""
 
     system: StateSpace
@@ -39,104 +102,92 @@ class Linear(NamedTuple):
     coefficients: casadi.Function | None = None  # settings -> coefficients
 
 
-@dataclass(frozen=True)
-class PidLaw:
+def pid_law(
+    gains: Gains,
+    derivative_on: DerivativeOn,
+    discretisation: Method,
+    space: Space,
+    sample_time: float,
+    links: tuple[Link, ...] = (),
+) -> LinearLaw:
     """PD or PID: its gains stay tunable; which channels have derivative and integral action is fixed."""
+    channels = channels_of(gains)
+    differentiates, integrates = channels.differentiates, channels.integrates
+    units = ("N/m", "N.s/m", "N/(m.s)") if space == "leg" else ("", "", "")
+    channel = "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
 
-    gains: Gains
-    derivative_on: DerivativeOn
-    discretisation: Method
-    space: Space
-    sample_time: float
-    links: tuple[Link, ...] = ()
+    # gains, and the related times
+    def gain(name: str, unit: str, bound: Bound, value: Any, acts: NDArray[np.bool_]) -> Setting:
+        """Of six channels, of which those that do not act have none."""
+        none = [f"!(parameters->{name}_gain[{k}] > 0)" for k in np.flatnonzero(~acts)]
+        return setting(f"{name}_gain", unit, bound, f"{name} gain {channel}", value, conditions=none)
 
-    signals = ("leg_length",)
-    fixes_sample_time = False
-
-    @property
-    def name(self) -> str:
-        """The name for display."""
-        kind = "PID" if channels_of(self.gains).integrates.any() else "PD"
-        return " with ".join([f"{kind} in {self.space} space", *(f"a {link.name}" for link in self.links)])
-
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        """Gains, and the related times."""
-        channels = channels_of(self.gains)
-        differentiate, integrate = channels.differentiates, channels.integrates
-        units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
-        channel = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
-        settings = [
-            setting("proportional_gain", units[0], "> 0", f"proportional gain {channel}", channels.proportional)
+    settings = [gain("proportional", units[0], "> 0", channels.proportional, np.ones(N_LEGS, dtype=bool))]
+    if differentiates.any():
+        sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
+        settings += [
+            gain("derivative", units[1], ">= 0", channels.derivative, differentiates),
+            setting(
+                *("derivative_filter", "s", "> 0", "time constant of the derivative filter"),
+                channels.filter_time[0],
+                conditions=sampled if discretisation == "tustin" else (),
+            ),
         ]
-        if differentiate.any():
-            sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
-            settings += [
-                setting(
-                    *("derivative_gain", units[1], ">= 0", f"derivative gain {channel}", channels.derivative),
-                    conditions=_zero_but_where("derivative_gain", differentiate),
-                ),
-                setting(
-                    *("derivative_filter", "s", "> 0", "time constant of the derivative filter"),
-                    channels.filter_time[0],
-                    conditions=sampled if self.discretisation == "tustin" else (),
-                ),
-            ]
-        if integrate.any():
-            late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrate)]
-            settings += [
-                setting(
-                    *("integral_gain", units[2], ">= 0", f"integral gain {channel}", channels.integral),
-                    conditions=_zero_but_where("integral_gain", integrate),
-                ),
-                setting(
-                    *("anti_windup_time", "s", "> 0", "time constant of back-calculation at a limit"),
-                    channels.tracking_time,
-                    conditions=late,
-                ),
-            ]
-        for link in self.links:
-            settings += [setting_of(p, getattr(link, p.key)) for p in link.parameters()]
-        return tuple(settings)
-
-    @cached_property
-    def linear(self) -> Linear:
-        """Its matrices, discretised by the function that discretises the controller in Python."""
-        inputs = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in self.settings}
-        inputs["sample_time"] = casadi.SX.sym("sample_time")
-        zeros = np.array([casadi.SX(0)] * N_LEGS, dtype=object)
-
-        def channel(name: str) -> Array:
-            if name not in inputs:
-                return zeros
-            return np.asarray(symbols.elements(inputs[name]) + zeros)  # one value for all, or one each
-
-        names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
-        numbers = channels_of(self.gains)
-        continuous = channel_matrices(ChannelGains(*[*map(channel, names), *numbers[5:]]), self.derivative_on)
-        T = symbols.elements(inputs["sample_time"])
-        of_links = [
-            (type(link), {p.key: symbols.elements(inputs[p.name]) for p in link.parameters()}) for link in self.links
+    if integrates.any():
+        late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrates)]
+        text = "time constant of back-calculation at a limit"
+        settings += [
+            gain("integral", units[2], ">= 0", channels.integral, integrates),
+            setting("anti_windup_time", "s", "> 0", text, channels.tracking_time, conditions=late),
         ]
-        traced = matrices_at(continuous, T, self.discretisation, symbols.solve)
-        traced = with_links(traced, of_links, T, symbols.solve)
-        numeric = channel_matrices(numbers, self.derivative_on)
-        A = matrices_at(numeric, self.sample_time, self.discretisation).A
-        # the integrators are states whose rows are those of the unit matrix, whatever the gains; links have none
-        alone = [*(np.eye(len(A)) == A).all(axis=1), *[False] * (traced.nstates - len(A))]
-        values, c, system = _coefficients(traced)
-        start = integrating = system.B
-        if traced.nstates:
-            # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
-            unit = np.diag(np.array(alone, dtype=float))
-            integrating = symbols.solve(np.eye(traced.nstates) - system.A + unit, unit)
-            start = rest(system.A, unit, system.B, symbols.solve)
-        function = symbols.function("coefficients_of_law", inputs, {"law": values})
-        return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
+    settings += [setting_of(p, getattr(link, p.key)) for link in links for p in link.parameters()]
+
+    # its matrices, discretised by the function that discretises the controller in Python
+    inputs = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in settings}
+    inputs["sample_time"] = casadi.SX.sym("sample_time")
+    values, zeros = {key: symbols.elements(v) for key, v in inputs.items()}, np.array([casadi.SX(0)] * N_LEGS)
+    names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
+    # one value for all, or one each
+    of_channels = [np.asarray(values[name] + zeros) if name in values else zeros for name in names]
+    of_gains = channels._replace(**dict(zip(ChannelGains._fields, of_channels, strict=False)))
+    T = values["sample_time"]
+    traced = matrices_at(channel_matrices(of_gains, derivative_on), T, discretisation, symbols.solve)
+    of_links = [(type(link), {p.key: values[p.name] for p in link.parameters()}) for link in links]
+    traced = with_links(traced, of_links, T, symbols.solve)
+    A = matrices_at(channel_matrices(channels, derivative_on), sample_time, discretisation).A
+    # the integrators are states whose rows are those of the unit matrix, whatever the gains; links have none
+    alone = [*(np.eye(len(A)) == A).all(axis=1), *[False] * (traced.nstates - len(A))]
+
+    # one symbol for each distinct value in the matrices
+    entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in traced.blocks]))))
+    distinct = {entry.element_hash(): entry for entry in entries if not entry.is_constant()}
+    c, places = casadi.SX.sym("coefficients", len(distinct)), {key: place for place, key in enumerate(distinct)}
+    flat = np.array([float(e) if e.is_constant() else c[places[e.element_hash()]] for e in entries], dtype=object)
+    parts = np.split(flat, np.cumsum([b.size for b in traced.blocks])[:-1])
+    blocks = [part.reshape(b.shape) for part, b in zip(parts, traced.blocks, strict=True)]
+    system = StateSpace(blocks[0], blocks[1], blocks[2], blocks[3], 1.0)
+    start = integrating = system.B
+    if traced.nstates:
+        # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
+        unit = np.diag(np.array(alone, dtype=float))
+        integrating = symbols.solve(np.eye(traced.nstates) - system.A + unit, unit)
+        start = rest(system.A, unit, system.B, symbols.solve)
+    name = f"{'PID' if integrates.any() else 'PD'} in {space} space"
+    return LinearLaw(
+        " with ".join([name, *(f"a {link.name}" for link in links)]),
+        ("leg_length",),
+        space,
+        tuple(settings),
+        system=system,
+        kinds=system.ninputs // N_LEGS,
+        start=start,
+        integrating=integrating,
+        symbols=c,
+        coefficients=symbols.function("coefficients_of_law", inputs, {"law": casadi.vertcat(*distinct.values())}),
+    )
 
 
-@dataclass(frozen=True)
-class MatrixLaw:
+def matrix_law(controller: LinearController) -> LinearLaw:
     """A discrete linear system with constant matrices.
 
     Raises
@@ -144,55 +195,71 @@ class MatrixLaw:
     ExportError
         It is unstable by itself.
     """
+    A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(controller.system).blocks)
+    poles = np.linalg.eigvals(A)
+    worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
+    if abs(worst) > 1 + _ROUNDING:
+        raise ExportError(
+            f"the controller is unstable by itself: it has an eigenvalue z = {worst:.6g} with |z| = "
+            f"{abs(worst):.6g}; expected none outside the unit circle, since its state would grow for any "
+            "measurement; redesign it with more damping or less gain"
+        )
+    integrating = integrating_modes(A) if len(A) else A
+    return LinearLaw(
+        f"a discrete linear system in {controller.space} space",
+        controller.signals,
+        controller.space,
+        fixes_sample_time=controller.sample_time is not None,
+        system=StateSpace(A, B, C, D, 1.0),
+        kinds=controller.kinds,
+        start=rest(A, integrators(integrating), B) if len(A) else B,
+        integrating=integrating,
+        symbols=casadi.SX.sym("coefficients", 0),
+    )
 
-    controller: LinearController
 
-    def __post_init__(self) -> None:
-        poles = np.linalg.eigvals(np.asarray(self.controller.system.A, dtype=float))
-        worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
-        if abs(worst) > 1 + _ROUNDING:
-            raise ExportError(
-                f"the controller is unstable by itself: it has an eigenvalue z = {worst:.6g} with |z| = "
-                f"{abs(worst):.6g}; expected none outside the unit circle, since its state would grow for any "
-                "measurement; redesign it with more damping or less gain"
-            )
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FunctionLaw(Law):
+    """A CasADi function, see `function_law`; its state is its memory, with the last command if it takes that."""
+
+    function: casadi.Function  # of plain operations
+    constants: Mapping[str, int]  # its inputs that are settings or made of them, with their sizes
+    memory: int  # size
 
     @property
-    def name(self) -> str:
-        """The name for display."""
-        return f"a discrete linear system in {self.space} space"
-
-    @property
-    def fixes_sample_time(self) -> bool:
-        """Whether its matrices are valid for one sample time."""
-        return self.controller.sample_time is not None
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """The signals that it uses."""
-        return self.controller.signals
-
-    @property
-    def space(self) -> Space:
-        """The space of its output forces."""
-        return self.controller.space
-
-    settings: ClassVar[tuple[Setting, ...]] = ()  # the design is fixed
+    def n_states(self) -> int:
+        """Size of its state."""
+        return self.memory + N_LEGS * ("command" in self.function.name_in())
 
     @cached_property
-    def linear(self) -> Linear:
-        """Its matrices."""
-        A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(self.controller.system).blocks)
-        integrating = integrating_modes(A) if len(A) else A
-        start = rest(A, integrators(integrating), B) if len(A) else B
-        return Linear(
-            StateSpace(A, B, C, D, 1.0), self.controller.kinds, start, integrating, casadi.SX.sym("coefficients", 0)
-        )
+    def coefficients(self) -> casadi.Function | None:
+        """Settings -> `constants`, one after the other; a limit of 0 is none."""
+        if not self.constants:
+            return None
+        named = {_LIMITS.get(name, name): casadi.SX.sym(name, size) for name, size in self.constants.items()}
+        values = [casadi.if_else(s > 0, s, np.inf) if name in _LIMITS.values() else s for name, s in named.items()]
+        return symbols.function("coefficients_of_law", named, {"law": casadi.vertcat(*values)})
+
+    def __call__(self, values: Mapping[str, casadi.SX]) -> tuple[casadi.SX, casadi.SX]:
+        """Forces and next states, from symbols by name: `states`, `coefficients`, and those of its inputs."""
+        f = self.function
+        memory, command = casadi.vertsplit(values["states"], [0, self.memory, self.n_states])
+        ends = np.cumsum([0, *self.constants.values()]).tolist()
+        constants = dict(zip(self.constants, casadi.vertsplit(values["coefficients"], ends), strict=True))
+        parts = {**values, **constants, MEMORY: memory, "command": command}
+        outputs = f.call({name: casadi.reshape(parts[name], f.size_in(k)) for k, name in enumerate(f.name_in())})
+        force, following = casadi.vec(outputs[FORCE]), [casadi.vec(outputs.get(MEMORY_NEXT, casadi.SX(0, 1)))]
+        if command.numel():
+            following.append(values["feedforward"] + force)
+        return force, casadi.vertcat(*following)
 
 
-@dataclass(frozen=True, eq=False)
-class FunctionLaw:
-    """A CasADi function from named inputs to `actuator_force` (6,) [N].
+# Inputs of a function and the settings that they are.
+_LIMITS = {"force_limit": "force_limit", "rate_limit": "force_rate_limit"}
+
+
+def function_law(f: casadi.Function, gains: Mapping[str, Any], name: str, *, fixes_sample_time: bool) -> FunctionLaw:
+    """The law of a CasADi function from named inputs to `actuator_force` (6,) [N].
 
     Inputs may be time; the measurements position, orientation, velocity, angular_velocity, leg_length, leg_velocity;
     the same with the prefix `reference_`, and reference_acceleration, reference_angular_acceleration; command, excess,
@@ -205,114 +272,40 @@ class FunctionLaw:
         Other inputs or outputs, wrong sizes, or a function that CasADi cannot expand to plain operations of C; of a
         table, such as an interpolant, it names the signals and a way to write it.
     """
-
-    function: casadi.Function
-    gains: Mapping[str, Any] = field(default_factory=dict)
-    name: str = "a CasADi function"
-    fixes_sample_time: bool = False  # whether the sample time is in its numbers
-
-    space: ClassVar[Space] = "leg"
-
-    def __post_init__(self) -> None:
-        f = self.function
-        known = SIZES | {name: int(np.size(value)) for name, value in self.gains.items()}
-        inputs = {name: f.numel_in(k) for k, name in enumerate(f.name_in())}
-        outputs = {name: f.numel_out(k) for k, name in enumerate(f.name_out())}
-        for name, size in inputs.items():
-            if name != MEMORY and name not in known:
-                raise ExportError(
-                    f"the CasADi function has the input '{name}'; expected one of {', '.join(known)}, {MEMORY}"
-                )
-            if name != MEMORY and size != known[name]:
-                raise ExportError(f"the CasADi function's input '{name}' has {size} elements; expected {known[name]}")
-        expected = {FORCE: N_LEGS} | ({MEMORY_NEXT: inputs[MEMORY]} if MEMORY in inputs else {})
-        if outputs != expected:
+    known = SIZES | {key: int(np.size(value)) for key, value in gains.items()}
+    inputs = {key: f.numel_in(k) for k, key in enumerate(f.name_in())}
+    outputs = {key: f.numel_out(k) for k, key in enumerate(f.name_out())}
+    for key, size in inputs.items():
+        if key != MEMORY and key not in known:
             raise ExportError(
-                f"the CasADi function has the outputs {outputs}; expected {expected}, names and sizes"
-                + ("" if MEMORY in inputs else f"; {MEMORY_NEXT} needs an input {MEMORY}")
+                f"the CasADi function has the input '{key}'; expected one of {', '.join(known)}, {MEMORY}"
             )
-        try:
-            plain = f.expand()
-        except RuntimeError as error:
-            reason = str(error).strip().splitlines()[-1]
-            raise ExportError(
-                f"the CasADi function cannot be expanded to plain operations ({reason}); expected one without "
-                "solvers, tables or callbacks"
-            ) from None
-        _check_operations(f, plain)
-
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        """The gains that it takes."""
-        taken = {
-            name: np.asarray(self.gains[name], dtype=float) for name in self.function.name_in() if name in self.gains
-        }
-        return tuple(setting(name, "", None, f"{name} of the law", value) for name, value in taken.items())
-
-    @property
-    def constants(self) -> dict[str, int]:
-        """Its inputs that are settings or made of them, with their sizes."""
-        names = ("sample_time", *_LIMITS, *(s.variable.name for s in self.settings))
-        f = self.function
-        return {name: f.numel_in(k) for k, name in enumerate(f.name_in()) if name in names}
-
-    @property
-    def coefficients(self) -> casadi.Function | None:
-        """Settings -> `constants`, one after the other; a limit of 0 is none."""
-        if not self.constants:
-            return None
-        named = {_LIMITS.get(name, name): casadi.SX.sym(name, size) for name, size in self.constants.items()}
-        values = [casadi.if_else(s > 0, s, np.inf) if name in _LIMITS.values() else s for name, s in named.items()]
-        return symbols.function("coefficients_of_law", named, {"law": casadi.vertcat(*values)})
-
-    @property
-    def n_states(self) -> int:
-        """Size of its memory, with the command of the last sample if it takes that."""
-        return self._memory_size + N_LEGS * ("command" in self.function.name_in())
-
-    @property
-    def _memory_size(self) -> int:
-        names = self.function.name_in()
-        return int(self.function.numel_in(names.index(MEMORY))) if MEMORY in names else 0
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """The signals that it uses."""
-        return tuple(name for name in signals.NAMES if name in self.function.name_in())
-
-    def __call__(self, values: Mapping[str, casadi.SX]) -> tuple[casadi.SX, casadi.SX]:
-        """Forces and next states, from symbols by name: `states`, `coefficients`, and those of its inputs."""
-        f = self.function.expand()
-        memory, command = casadi.vertsplit(values["states"], [0, self._memory_size, self.n_states])
-        ends = np.cumsum([0, *self.constants.values()]).tolist()
-        constants = dict(zip(self.constants, casadi.vertsplit(values["coefficients"], ends), strict=True))
-        parts = {**values, **constants, MEMORY: memory, "command": command}
-        outputs = f.call({name: casadi.reshape(parts[name], f.size_in(k)) for k, name in enumerate(f.name_in())})
-        force, following = casadi.vec(outputs[FORCE]), [casadi.vec(outputs.get(MEMORY_NEXT, casadi.SX(0, 1)))]
-        if command.numel():
-            following.append(values["feedforward"] + force)
-        return force, casadi.vertcat(*following)
-
-
-Law = PidLaw | MatrixLaw | FunctionLaw
-
-# Inputs of a function and the settings that they are.
-_LIMITS = {"force_limit": "force_limit", "rate_limit": "force_rate_limit"}
-
-
-def own_law(controller: Controller, known: KnownAhead, reference: FloatArray) -> FunctionLaw:
-    """The law of a user's controller: a CasADi function, or one that is traced from a class or a function.
-
-    Raises
-    ------
-    ControllerError, ExportError
-        It cannot be traced, or is none that C can have.
-    """
-    made = fresh_controller(controller)
-    if isinstance(made, casadi.Function):
-        return FunctionLaw(made, known.gains)
-    function = traced_function(controller, known, reference)
-    return FunctionLaw(function, name=f"traced from {name_of(made)}", fixes_sample_time=True)
+        if key != MEMORY and size != known[key]:
+            raise ExportError(f"the CasADi function's input '{key}' has {size} elements; expected {known[key]}")
+    expected = {FORCE: N_LEGS} | ({MEMORY_NEXT: inputs[MEMORY]} if MEMORY in inputs else {})
+    if outputs != expected:
+        raise ExportError(
+            f"the CasADi function has the outputs {outputs}; expected {expected}, names and sizes"
+            + ("" if MEMORY in inputs else f"; {MEMORY_NEXT} needs an input {MEMORY}")
+        )
+    try:
+        plain = f.expand()
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise ExportError(
+            f"the CasADi function cannot be expanded to plain operations ({reason}); expected one without "
+            "solvers, tables or callbacks"
+        ) from None
+    _check_operations(f, plain)
+    return FunctionLaw(
+        name,
+        tuple(key for key in signals.NAMES if key in inputs),
+        settings=tuple(setting(key, "", None, f"{key} of the law", gains[key]) for key in inputs if key in gains),
+        fixes_sample_time=fixes_sample_time,
+        function=plain,
+        constants={key: size for key, size in inputs.items() if key in ("sample_time", *_LIMITS, *gains)},
+        memory=inputs.get(MEMORY, 0),
+    )
 
 
 def _check_operations(function: casadi.Function, plain: casadi.Function) -> None:
@@ -344,28 +337,16 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
             signals_of |= dict.fromkeys(plain.instruction_output(k), names)
 
 
-def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:
-    """One symbol for each distinct value in matrices, and the matrices of these symbols and of numbers."""
-    blocks = [np.asarray(block) for block in system.blocks]
-    entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in blocks]))))
-    place = dict[int, int]()
-    values: list[casadi.SX] = []
-    places = list[int | None]()
-    for entry in entries:
-        if entry.is_constant():
-            places.append(None)
-            continue
-        key = entry.element_hash()
-        if key not in place:
-            place[key] = len(values)
-            values.append(entry)
-        places.append(place[key])
-    c = casadi.SX.sym("coefficients", len(values))
-    flat = np.array([float(e) if k is None else c[k] for e, k in zip(entries, places, strict=True)], dtype=object)
-    ends = np.cumsum([b.size for b in blocks])
-    A, B, C, D = (part.reshape(b.shape) for part, b in zip(np.split(flat, ends[:-1]), blocks, strict=True))
-    return casadi.vertcat(*values), c, StateSpace(A, B, C, D, 1.0)
+def own_law(controller: Controller, known: KnownAhead, reference: FloatArray) -> FunctionLaw:
+    """The law of a user's controller: a CasADi function, or one that is traced from a class or a function.
 
-
-def _zero_but_where(name: str, there: NDArray[np.bool_]) -> list[str]:
-    return [f"!(parameters->{name}[{k}] > 0)" for k in np.flatnonzero(~there)]
+    Raises
+    ------
+    ControllerError, ExportError
+        It cannot be traced, or is none that C can have.
+    """
+    made = fresh_controller(controller)
+    if isinstance(made, casadi.Function):
+        return function_law(made, known.gains, "a CasADi function", fixes_sample_time=False)
+    function = traced_function(controller, known, reference)
+    return function_law(function, {}, f"traced from {name_of(made)}", fixes_sample_time=True)

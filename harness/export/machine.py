@@ -2,7 +2,7 @@
 
 The block has everything that a run needs: coefficients, motion, noise, changes, start values and memory, and what may
 be turned while it runs. The C is the same for all loops of shipped components; see c/machine/machine.h. A motion's kind
-is a number of C's functions, see `plan_c`; a table or path is its pieces.
+is a number of C's functions, see `machine_equations`; a table or path is its pieces.
 """
 
 import ctypes
@@ -24,7 +24,8 @@ from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.laws_of_members import LawFrom, LinearLaw
 from gough_stewart.harness.control.loop_transfer import held_plant, space_of
-from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, Gains, channels_of, modal_masses
+from gough_stewart.harness.control.notch import Notch
+from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, channels_of, modal_masses
 from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.control.state_space import METHODS, Method
 from gough_stewart.harness.errors import ControllerError, ExportError
@@ -162,21 +163,6 @@ def version(variant: Variant = IDEAL) -> int:
 # ---- a run as a block ----
 
 
-def machine_of(
-    experiment: Experiment,
-    prepared: Prepared,
-    kept: int = 64,
-    forever: bool = False,
-    turned: Mapping[str, Any] | None = None,
-) -> Block:
-    """A run of an experiment as a block, with its plan; see `machine_block`."""
-    planned = _planned(experiment, prepared, kept)
-    tolerance = experiment.plant.tolerance
-    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
-    with plant, prepared.law_in_a_run() as law_from:
-        return machine_block(plant, law_from, prepared.loop, planned, kept, forever, turned)
-
-
 def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block, Prepared, dict[str, Any]]:
     """The machine of an experiment that goes on until its host ends it, what is prepared of it, and what may be turned.
 
@@ -188,58 +174,59 @@ def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block
         A controller that needs Python or an FMU, another plant than the model, steps of a fixed size, or settings of
         the loop that change.
     """
-    name, kind = experiment.where, getattr(experiment.controller, "type", "")
-    if experiment.code:
-        raise ExportError(
-            f"{name} executes {', '.join(map(str, experiment.code))}, which {host} cannot; expected a controller of "
-            "the types pd, pid, state_space or open_loop, and the plant 'model'"
-        )
-    if experiment.plant.kind != "model":
-        raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
-    if experiment.plant.fixed_step_size:
-        raise ExportError(
-            f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; {host} steps by error control: "
-            "set plant.fixed_step_size=0"
-        )
-    if any(change.has_settings or change.enabled is not None for change in experiment.change):
-        raise ExportError(
-            f"{name} changes settings of its loop during the run, which {host} cannot; expected "
-            "[[change]] of parameters alone"
-        )
+    name, plant = experiment.where, experiment.plant
+    changes = [change.has_settings or change.enabled is not None for change in experiment.change]
+    for is_so, text in (
+        (
+            experiment.code,
+            f"executes {', '.join(map(str, experiment.code))}, which {host} cannot; expected a controller of the types "
+            "pd, pid, state_space or open_loop, and the plant 'model'",
+        ),
+        (plant.kind != "model", f"has the plant '{plant.kind}'; expected 'model': set plant.kind=model"),
+        (
+            plant.fixed_step_size,
+            f"has plant.fixed_step_size {plant.fixed_step_size:g}; {host} steps by error control: set "
+            "plant.fixed_step_size=0",
+        ),
+        (
+            any(changes),
+            f"changes settings of its loop during the run, which {host} cannot; expected [[change]] of parameters "
+            "alone",
+        ),
+    ):
+        if is_so:
+            raise ExportError(f"{name} {text}")
     prepared = prepare(experiment)
     try:
         turned = turning(experiment, prepared)
         block = machine_of(experiment, prepared, kept, forever=True, turned=turned)
     except ControllerError as error:
+        kind = getattr(experiment.controller, "type", "")
         raise ExportError(f"{name}: controller '{kind}': {error}") from error
     if block.law is not None:
         raise ExportError(f"{name}: {host} has the laws of shipped components; expected one of them")
     return block, prepared, turned
 
 
+def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, **options: Any) -> Block:
+    """A run of an experiment as a block, with its plan; options as of `machine_block`."""
+    planned = _planned(experiment, prepared, kept)
+    tolerance = experiment.plant.tolerance
+    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
+    with plant, prepared.law_in_a_run() as law_from:
+        return machine_block(plant, law_from, prepared.loop, planned, kept, **options)
+
+
 def machine_block(
-    plant: LanesPlant,
+    plant: LanesPlant,  # at its start, of one member
     law_from: LawFrom | None,
     loop: Loop,
-    planned: Mapping[str, Any] | None = None,
-    kept: int = 64,
-    forever: bool = False,
-    turned: Mapping[str, Any] | None = None,
+    planned: Mapping[str, Any] | None = None,  # what it follows, which C computes row by row; else there are tables
+    kept: int = 64,  # rows that a call of `machine_run` keeps, at most
+    forever: bool = False,  # it does not end with the run, if it has a plan or needs none; jitter and injection do
+    turned: Mapping[str, Any] | None = None,  # what may be turned while it runs, see `turning`
 ) -> Block:
     """A run of one member as a block.
-
-    Parameters
-    ----------
-    plant
-        At its start, of one member.
-    planned
-        The fields of what it follows, which C computes row by row; otherwise there are tables of all rows.
-    kept
-        Rows that a call of `machine_run` keeps, at most.
-    forever
-        It does not end with the run, if it has a plan or needs none; jitter and injection do.
-    turned
-        The fields of what may be turned while it runs, see `turning`.
 
     Raises
     ------
@@ -498,65 +485,52 @@ def _channels_of(host: CompiledHost, law: TurnableLaw) -> NDArray[np.int64]:
 def turning(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
     """The fields of what may be turned while an experiment's loop runs, and of its linear loop: see machine.h."""
     linear, loop, choice = linear_of(prepared.controller), prepared.loop, experiment.controller
-    gains = choice.gains(prepared.platform)
-    values = {"variant": -1, "sample_time": loop.timing.sample_time, "wanted": _wanted(choice, loop)}
-    if isinstance(choice, SixChannels) and gains is not None:
-        values |= _of_gains(choice, gains, prepared)
-    # the linear loop in C knows neither the sensors' own clock nor jitter
-    if linear is not None and prepared.motion is not None and not loop.worst_delay:
-        values |= _linear_loop(prepared, linear)
-    return values
-
-
-def _of_gains(choice: SixChannels, gains: Gains, prepared: Prepared) -> dict[str, Any]:
-    """Nothing if not all channels have the same actions."""
-    differentiates, integrates = np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0
-    if not differentiates.all() or integrates.any() != integrates.all():
-        return {}
-    notch = choice.notch
-    law = TurnableLaw(choice.derivative_on, bool(integrates.all()), choice.discretisation, notch is not None)
-    used = np.concatenate([*channels_of(gains)[:3], [gains.filter_time], gains.tracking_time])
-    return {
-        "variant": VARIANTS.index(law),
-        "masses": modal_masses(prepared.platform, choice.space),
-        "gains": used,
-        "used": used,
-        "filter_time": choice.derivative_filter or 0.0,
-        "tracking_time": getattr(choice, "anti_windup_time", None) or 0.0,
-        "notch": np.zeros(3) if notch is None else np.array([notch.frequency, notch.damping, notch.depth]),
-    }
-
-
-def _wanted(choice: Any, loop: Loop) -> FloatArray:
-    limit = loop.actuators.force_limit
-    values: dict[str, Any] = {
+    gains, actuators, timing = choice.gains(prepared.platform), loop.actuators, loop.timing
+    limit, encoders = actuators.force_limit, (loop.sensors.noise, loop.sensors.quantisation)
+    wanted = {
         "bandwidth": getattr(choice, "bandwidth", None) or 0.0,
         "damping_ratio": getattr(choice, "damping_ratio", None) or DAMPING_RATIO,
         "integral_time": getattr(choice, "integral_time", None) or 1.0,
         "filter_time": 0.0,
         **dict.fromkeys(("proportional", "derivative", "integral"), 1.0),
-        "delay": loop.actuators.delay,
+        "delay": actuators.delay,
         "force_limit": math.inf if limit is None else limit,
-        "noise": loop.sensors.noise.get(_ENCODERS, 0.0),
-        "quantisation": loop.sensors.quantisation.get(_ENCODERS, 0.0),
+        **{name: sizes.get(_ENCODERS, 0.0) for name, sizes in zip(WANTED[-2:], encoders, strict=True)},
     }
-    return np.array([float(values[name]) for name in WANTED])
+    values = {
+        "variant": -1,
+        "sample_time": timing.sample_time,
+        "wanted": np.array([float(wanted[name]) for name in WANTED]),
+    }
 
+    # gains of channels, if all have the same actions
+    if isinstance(choice, SixChannels) and gains is not None:
+        differentiates, integrates = np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0
+        if differentiates.all() and integrates.any() == integrates.all():
+            notch = choice.notch
+            law = TurnableLaw(choice.derivative_on, bool(integrates.all()), choice.discretisation, notch is not None)
+            used = np.concatenate([*channels_of(gains)[:3], [gains.filter_time], gains.tracking_time])
+            values |= {
+                "variant": VARIANTS.index(law),
+                "masses": modal_masses(prepared.platform, choice.space),
+                "gains": used,
+                "used": used,
+                "filter_time": choice.derivative_filter or 0.0,
+                "tracking_time": getattr(choice, "anti_windup_time", None) or 0.0,
+                "notch": np.zeros(3) if notch is None else np.array([getattr(notch, key) for key in Notch.keys]),
+            }
 
-def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
-    """The plant in the first pose of the reference, as `margins` has it, and room for its analysis."""
-    loop, motion = prepared.loop, prepared.motion
-    timing, actuators = loop.timing, loop.actuators
-    assert motion is not None  # a controller has a reference
-    pose = motion.position[0], motion.orientation[0]
-    plant = held_plant(
-        prepared.machine, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
-    )
-    (_, readings), to_force = space_of(prepared.platform, linear, *pose)
-    n, states = plant.nstates, linear.system.nstates
-    most = n + N_LEGS * max(int(actuators.delay), MOST_DELAY) + states
-    both = n + states
-    work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS
-    matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "to_space": readings, "to_force": to_force}
-    room = {"work": np.zeros(work), "n_work": work, "results": np.zeros(POLES + 4 * most)}
-    return {"n_plant": n, **matrices, **room, "most_states": most}
+    # the plant in the first pose of the reference, as `margins` has it, and room for its analysis; the linear loop in C
+    # knows neither the sensors' own clock nor jitter
+    motion = prepared.motion
+    if linear is not None and motion is not None and not loop.worst_delay:
+        pose = motion.position[0], motion.orientation[0]
+        lag, side = float(actuators.lag), loop.sensors.side
+        plant = held_plant(prepared.machine, linear, timing.sample_time, lag, *pose, side=side)
+        (_, readings), to_force = space_of(prepared.platform, linear, *pose)
+        n, both = plant.nstates, plant.nstates + linear.system.nstates
+        most = both + N_LEGS * max(int(actuators.delay), MOST_DELAY)
+        work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS
+        values |= {"n_plant": n, "A": plant.A, "B": plant.B, "C": plant.C, "to_space": readings, "to_force": to_force}
+        values |= {"work": np.zeros(work), "n_work": work, "results": np.zeros(POLES + 4 * most), "most_states": most}
+    return values

@@ -56,8 +56,7 @@ def _shipped_c(variant: Variant) -> Sources:
 
 @cache
 def _headers(variant: Variant) -> tuple[str, str, str, str]:
-    from gough_stewart.harness.export.design_c import design_header  # these import CasADi
-    from gough_stewart.harness.export.plan_c import plan_header
+    from gough_stewart.harness.export.machine_equations import design_header, plan_header  # imports CasADi
 
     return components_header(), _fields_header(variant), plan_header(), design_header()
 

@@ -7,8 +7,9 @@ first pose of its reference and along its motion, the machine after each change 
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -47,37 +48,33 @@ _FREQUENCIES = 16  # at which members are compared
 _SEEN = (("plant",), ("platform",), ("loop", "delay"), ("loop", "jitter"), ("actuators", "lag"))
 
 
+class Delays(NamedTuple):
+    """What makes a loop late."""
+
+    delay: int  # from measurement to force [samples]
+    lag: float  # of the drives [s]
+    late: float = 0.0  # worst delay by the sensors' clock and jitter [s]
+
+
 @dataclass(frozen=True)
 class LoopAround:
     """The loop around an exported controller: how late its forces act there."""
 
     where: str
     least: int  # samples from measurement to force, at least
-    fixed: int | None  # if it does not depend on the experiment
-    has_drives: bool  # whether the machine is that of the experiment, with its lag and its changes
+    fixed: int | None = None  # if it does not depend on the experiment
+    has_machine: bool = True  # whether it is that of the experiment, with its drives, jitter and changes
     own_lag: float | None = None  # of the drives that the controller carries, if it does [s]
     carries_sensors: bool = False  # with their clock, which otherwise is the machine's
 
-    def delay_and_lag(self, experiment: Experiment) -> tuple[int, float]:
-        """From measurement to force [samples], and the time constant of the drives [s]."""
+    def delays(self, experiment: Experiment, loop: Loop) -> Delays:
+        """Of the experiment of a member of the prepared loop."""
         delay = max(self.least, experiment.loop.delay) if self.fixed is None else self.fixed
-        lag = experiment.actuators.lag if self.has_drives else 0.0
-        return delay, lag if self.own_lag is None else self.own_lag
-
-    def delays(self, experiment: Experiment, loop: Loop) -> "Delays":
-        """All of them, of the experiment of a member of the prepared loop."""
-        jitter = experiment.loop.jitter if self.has_drives else 0.0
+        lag = experiment.actuators.lag if self.has_machine else 0.0
+        jitter = experiment.loop.jitter if self.has_machine else 0.0
         with_jitter = replace(loop, timing=replace(loop.timing, jitter=jitter))
-        late = with_jitter.worst_delay if self.has_drives or self.carries_sensors else 0.0
-        return Delays(*self.delay_and_lag(experiment), late)
-
-
-class Delays(NamedTuple):
-    """What makes a loop late."""
-
-    delay: int  # [samples]
-    lag: float  # [s]
-    late: float  # worst delay by the sensors' clock and jitter [s]
+        late = with_jitter.worst_delay if self.has_machine or self.carries_sensors else 0.0
+        return Delays(delay, lag if self.own_lag is None else self.own_lag, late)
 
 
 def output_delay_of(experiment: Experiment) -> int:
@@ -85,46 +82,34 @@ def output_delay_of(experiment: Experiment) -> int:
     return max(1, experiment.loop.delay)
 
 
-def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ()) -> tuple[LoopAround, ...]:
+def loops_around(host: Host, experiment: Experiment, loop: Loop, parts: Iterable[Part] = ()) -> tuple[LoopAround, ...]:
     """The loops that a form is made for; an FMU may meet a machine with its own delay, or a plant directly.
 
     One that carries the drives has their delay too, and there is no other loop for it.
     """
-    lag = experiment.actuators.lag if "drives" in parts else None
-    has_sensors, whole = "sensors" in parts, output_delay_of(experiment)
+    lag, whole = experiment.actuators.lag if "drives" in parts else None, output_delay_of(experiment)
+    alone = {"has_machine": False, "carries_sensors": "sensors" in parts}
     if host == "ssp":
-        return (
-            LoopAround("in the SSP", 1, whole, has_drives=False, own_lag=lag, carries_sensors=has_sensors),
-        )  # fmt: skip
+        return (LoopAround("in the SSP", 1, whole, own_lag=lag, **alone),)
     if host == "c":
-        return (LoopAround("in C", 0, None, has_drives=True, own_lag=lag),)
+        return (LoopAround("in C", 0, own_lag=lag),)
     if host == "run":
-        return (LoopAround("with the unit in the run", 1, None, has_drives=True, own_lag=lag),)
+        return (LoopAround("with the unit in the run", 1, own_lag=lag),)
     if lag is not None:
-        return (LoopAround("with the FMU", 1, whole, has_drives=True, own_lag=lag),)
-    loops_of_unit = (
-        LoopAround("with the FMU", 1, None, has_drives=True),
-        LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False, carries_sensors=has_sensors),
-    )
-    clocks = bool(experiment.loop.jitter or (experiment.sensors.sample_time and not has_sensors))
-    loops = {(*around.delay_and_lag(experiment), clocks and around.has_drives) for around in loops_of_unit}
-    return loops_of_unit if len(loops) > 1 else loops_of_unit[:1]
+        return (LoopAround("with the FMU", 1, whole, own_lag=lag),)
+    loops_of_unit = LoopAround("with the FMU", 1), LoopAround("with the FMU directly at a plant", 1, 1, **alone)
+    clocks = bool(experiment.loop.jitter or (experiment.sensors.sample_time and "sensors" not in parts))
+    distinct = {(*s.delays(experiment, loop)[:2], clocks and s.has_machine) for s in loops_of_unit}
+    return loops_of_unit[: len(distinct)]
 
 
 class Case(NamedTuple):
     """One linear loop, judged."""
 
     what: str
-    delay: int  # [samples]
-    lag: float  # [s]
+    loop: Delays
     eigenvalue: complex  # z with the largest |z|
     frequency: float  # its frequency [Hz]
-    late: float = 0.0  # worst delay by the sensors' clock and jitter [s]
-
-    @property
-    def loop(self) -> Delays:
-        """What makes it late."""
-        return Delays(self.delay, self.lag, self.late)
 
     @property
     def size(self) -> float:
@@ -140,14 +125,14 @@ class LoopStability:
     nominal: Case
     poses: int  # judged along the motion
     on_the_way: Case  # the worst of them
-    changed: tuple[Case, ...]  # after each change of the machine
-    members: int  # judged
-    impossible: int  # members that cannot run
-    unstable: int  # members
-    worst: Case | None  # of the members
-    margins: Margins | None  # of the nominal machine, if it is stable
-    margins_of_worst: tuple[Case, Margins] | None  # the smallest of the members that look the least robust
-    remedy: str  # for the nominal machine, if it is unstable
+    changed: tuple[Case, ...] = ()  # after each change of the machine
+    members: int = 0  # judged
+    impossible: int = 0  # members that cannot run
+    unstable: int = 0  # members
+    worst: Case | None = None  # of the members
+    margins: Margins | None = None  # of the nominal machine, if it is stable
+    margins_of_worst: tuple[Case, Margins] | None = None  # the smallest of the members that look the least robust
+    remedy: str = ""  # for the nominal machine, if it is unstable
 
     @property
     def worst_of_all(self) -> Case:
@@ -205,34 +190,48 @@ def stability_of(
     ExperimentError
         An invalid `[ensemble]`.
     """
-    hosts, parts = tuple(hosts), tuple(parts)
+    hosts, parts, loop = tuple(hosts), tuple(parts), prepared.loop
+    around = {host: loops_around(host, experiment, loop, parts) for host in hosts}
     try:
         form = prepared.linear_form()
         if form is None or form.doubt:
             reason = NO_FEEDBACK if prepared.controller is None else "an FMU has no linear form"
             return dict.fromkeys(hosts, StabilityReport(reason=reason if form is None else form.doubt))
-        loops = _Loops(prepared, form.controller)
-        around = {host: loops_around(host, experiment, parts) for host in hosts}
-        judges = {s: _Judge(loops, experiment, s) for surroundings in around.values() for s in surroundings}
+        linear = _LinearLoops(prepared, form.controller)
+        surroundings = dict.fromkeys(place for loops in around.values() for place in loops)
+        found = {place: linear.without_members(place, experiment) for place in surroundings}
     except ControllerError as error:
         return dict.fromkeys(hosts, StabilityReport(reason=str(error)))
+
+    # members, of which what surroundings have in common is judged once
+    tallies = {place: Tally() for place in surroundings}
     for done, of_all, number, member in _members_of(experiment):
-        # what surroundings have in common is judged once
-        cases: dict[Delays, _Member | None] = {}
-        for surroundings, judge in judges.items():
-            if member is None:
-                judge.add(None)
-                continue
-            at = surroundings.delays(member[1], prepared.loop)
-            if at not in cases:
-                cases[at] = loops.member(number, member[0], at)
-            judge.add(cases[at])
+        cases = dict[Delays, _Member | None]()
+        for place, tally in tallies.items():
+            at = None if member is None else place.delays(member[1], loop)
+            if member is not None and at is not None and at not in cases:
+                cases[at] = linear.member(number, member[0], at)
+            tally.add(None if at is None else cases[at])
         if progress is not None:
             progress(done, of_all)
-    return {
-        host: StabilityReport(tuple(judges[s].result(margins=margins) for s in surroundings))
-        for host, surroundings in around.items()
-    }
+
+    def whole(place: LoopAround) -> LoopStability:
+        tally, judged = tallies[place], found[place]
+        known: list[tuple[Case, Margins]] = []
+        if margins and not tally.unstable:
+            candidates = [(m.case, linear.margins(m.machine, m.case.loop)) for m in tally.extremes]
+            known = [(case, known_margins) for case, known_margins in candidates if known_margins is not None]
+        return replace(
+            judged,
+            members=tally.members,
+            impossible=tally.impossible,
+            unstable=tally.unstable,
+            worst=tally.extremes[0].case if tally.extremes else None,
+            margins=linear.margins(prepared.machine, judged.nominal.loop) if margins else None,
+            margins_of_worst=min(known, key=lambda pair: pair[1].disk.alpha, default=None),
+        )
+
+    return {host: StabilityReport(tuple(map(whole, loops))) for host, loops in around.items()}
 
 
 class _Member(NamedTuple):
@@ -242,126 +241,100 @@ class _Member(NamedTuple):
     peak: float  # of σ(S − T) on a coarse grid of frequencies
 
 
-class _Loops:
+@dataclass
+class Tally:
+    """Members as they come: their numbers, and those that look the least robust, by each sign of it."""
+
+    members: int = 0
+    unstable: int = 0
+    impossible: int = 0
+    extremes: tuple[_Member, ...] = field(default=())  # largest |z|, least damping, largest peak
+
+    def add(self, member: _Member | None) -> None:
+        """A member's loop; None if the member is impossible, or its machine has no linear model there."""
+        if member is None:
+            self.impossible += 1
+            return
+        self.members += 1
+        self.unstable += member.case.size >= 1
+        members = (*self.extremes, member)
+        self.extremes = (
+            max(members, key=lambda m: m.case.size),
+            min(members, key=lambda m: m.damping_ratio),
+            max(members, key=lambda m: m.peak),
+        )
+
+
+class _LinearLoops:
+    """The linear loops of a prepared experiment's controller around machines."""
+
     def __init__(self, prepared: Prepared, controller: LinearController) -> None:
-        self._prepared, self._controller, self.loop = prepared, controller, prepared.loop
-        self.machine, self.sample_time = prepared.machine, prepared.loop.timing.sample_time
-        motion = prepared.motion
+        self._prepared, self._controller = prepared, controller
+        motion, timing = prepared.motion, prepared.loop.timing
         assert motion is not None
         rows = np.unique(np.linspace(0, len(motion.position) - 1, POSES).round().astype(int))
         poses = np.concatenate([motion.position[rows], motion.orientation[rows]], axis=1)
         _, first = np.unique(poses, axis=0, return_index=True)
-        self.poses = [(float(prepared.loop.timing.times[rows[k]]), poses[k]) for k in sorted(first)]
-        self._margins: dict[tuple[Platform, Delays], Margins | None] = {}
+        self._poses = [(float(timing.times[rows[k]]), poses[k]) for k in sorted(first)]
+        self.margins = cache(self._margins)
 
-    def transfer(self, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Any:
+    def _transfer(self, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Any:
         """L(z) of a machine, by default in the first pose of the reference."""
-        p = self.poses[0][1] if pose is None else pose
+        p = self._poses[0][1] if pose is None else pose
         place = {"position": p[:3], "orientation": p[3:]}
         return transfer_of(self._prepared, machine, self._controller, **at._asdict(), **place)
 
-    def case(self, what: str, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Case:
-        """The eigenvalues of a loop."""
-        return self._case(what, at, closed_loop(self.transfer(machine, at, pose)).poles())
-
     def _case(self, what: str, at: Delays, z: Any) -> Case:
         worst = complex(z[np.abs(z).argmax()])
-        return Case(what, at.delay, at.lag, worst, frequency_of(worst, self.sample_time), at.late)
+        return Case(what, at, worst, frequency_of(worst, self._prepared.loop.timing.sample_time))
+
+    def _margins(self, machine: Platform, at: Delays) -> Margins | None:
+        """Its margins; None if it is unstable."""
+        try:
+            return loop_margins(self._transfer(machine, at))
+        except UnstableLoopError:
+            return None
+
+    def without_members(self, place: LoopAround, experiment: Experiment) -> LoopStability:
+        """The loop of the experiment's own machine: in its first pose, along its motion, after its changes."""
+        machine, at = self._prepared.machine, place.delays(experiment, self._prepared.loop)
+
+        def judged(what: str, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Case:
+            return self._case(what, at, closed_loop(self._transfer(machine, at, pose)).poles())
+
+        nominal = judged("the nominal machine in its first pose", machine, at)
+        on_the_way = [
+            judged(f"the nominal machine in its pose at {time:.3g} s", machine, at, pose)
+            for time, pose in self._poses[1:]
+        ]
+        changed = []
+        for change in self._prepared.loop.changes if place.has_machine else ():
+            if change.parameters:
+                machine = replace(machine, **dict(change.parameters))  # type: ignore[arg-type]
+                changed.append(judged(f"the machine after its change at {change.time:g} s", machine, at))
+        remedy = ""
+        if nominal.size >= 1:
+            remedy, delay = remedy_of(self._transfer(self._prepared.machine, at)), experiment.loop.delay
+            shorter = at._replace(delay=delay)
+            if shorter != at and judged("", self._prepared.machine, shorter).size < 1:
+                delayed = f"with the delay of {delay} samples" if delay else "without delay"
+                remedy = f"it is stable {delayed}; {remedy}"
+        worst = max([nominal, *on_the_way], key=lambda case: case.size)
+        return LoopStability(place, nominal, len(self._poses), worst, tuple(changed), remedy=remedy)
 
     def member(self, number: int, machine: Platform, at: Delays) -> _Member | None:
         """The loop of a member, with signs of little robustness that take little time; None without a linear model."""
         try:
-            L = self.transfer(machine, at)
+            L = self._transfer(machine, at)
             z = closed_loop(L).poles()
-            S, T = sensitivities(L, np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self.sample_time)
+            frequencies = np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self._prepared.loop.timing.sample_time
+            S, T = sensitivities(L, frequencies)
         except GoughStewartError:
             return None
         s = np.log(z[np.abs(z) > 1e-9])
         damping = float(np.min(-s.real / np.abs(s), initial=1.0))
         peak = float(np.linalg.norm(S - T, 2, axis=(1, 2)).max())
         return _Member(self._case(f"member {number}", at, z), machine, damping, peak)
-
-    def margins(self, machine: Platform, at: Delays) -> Margins | None:
-        """Its margins; None if it is unstable."""
-        key = (machine, at)
-        if key not in self._margins:
-            try:
-                self._margins[key] = loop_margins(self.transfer(*key))
-            except UnstableLoopError:
-                self._margins[key] = None
-        return self._margins[key]
-
-    def after_changes(self) -> Iterator[tuple[float, Platform]]:
-        """The machine from the time [s] of each change of its parameters on."""
-        machine = self.machine
-        for change in self._prepared.loop.changes:
-            if change.parameters:
-                machine = replace(machine, **dict(change.parameters))  # type: ignore[arg-type]
-                yield change.time, machine
-
-
-class _Judge:
-    """Judges the loop in its surroundings: the experiment's own machine first, then members as they come."""
-
-    def __init__(self, loops: _Loops, experiment: Experiment, around: LoopAround) -> None:
-        self._loops, self._around, self._delay = loops, around, experiment.loop.delay
-        self._at = around.delays(experiment, loops.loop)
-        machine = loops.machine
-        self._nominal = loops.case("the nominal machine in its first pose", machine, self._at)
-        on_the_way = [
-            loops.case(f"the nominal machine in its pose at {time:.3g} s", machine, self._at, pose)
-            for time, pose in loops.poses[1:]
-        ]
-        self._on_the_way = max([self._nominal, *on_the_way], key=lambda case: case.size)
-        self._changed = tuple(
-            loops.case(f"the machine after its change at {time:g} s", changed, self._at)
-            for time, changed in (loops.after_changes() if around.has_drives else ())
-        )
-        self._members = self._unstable = self._impossible = 0
-        self._extremes: tuple[_Member, ...] = ()  # largest |z|, least damping, largest peak
-
-    def add(self, member: _Member | None) -> None:
-        """A member's loop; None if the member is impossible, or its machine has no linear model there."""
-        if member is None:
-            self._impossible += 1
-            return
-        self._members += 1
-        self._unstable += member.case.size >= 1
-        members = (*self._extremes, member)
-        self._extremes = (
-            max(members, key=lambda m: m.case.size),
-            min(members, key=lambda m: m.damping_ratio),
-            max(members, key=lambda m: m.peak),
-        )
-
-    def result(self, *, margins: bool) -> LoopStability:
-        """What is known of it; margins of members are the smallest of the extremes', unknown if one is unstable."""
-        loops, nominal = self._loops, self._nominal
-        known: list[tuple[Case, Margins]] = []
-        if margins and not self._unstable:
-            candidates = [(m.case, loops.margins(m.machine, m.case.loop)) for m in self._extremes]
-            known = [(case, known_margins) for case, known_margins in candidates if known_margins is not None]
-        return LoopStability(
-            surroundings=self._around,
-            nominal=nominal,
-            poses=len(loops.poses),
-            on_the_way=self._on_the_way,
-            changed=self._changed,
-            members=self._members,
-            impossible=self._impossible,
-            unstable=self._unstable,
-            worst=self._extremes[0].case if self._extremes else None,
-            margins=loops.margins(loops.machine, self._at) if margins else None,
-            margins_of_worst=min(known, key=lambda pair: pair[1].disk.alpha, default=None),
-            remedy="" if nominal.size < 1 else self._remedy(),
-        )
-
-    def _remedy(self) -> str:
-        loops, delay = self._loops, self._delay
-        gains = remedy_of(loops.transfer(loops.machine, self._at))
-        if self._at.delay == delay or loops.case("", loops.machine, self._at._replace(delay=delay)).size >= 1:
-            return gains
-        return f"it is stable {f'with the delay of {delay} samples' if delay else 'without delay'}; {gains}"
 
 
 def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[Platform, Experiment] | None]]:

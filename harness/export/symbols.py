@@ -1,14 +1,21 @@
-"""CasADi symbols in the shapes that the equations use, and Functions of the symbols that an expression needs."""
+"""CasADi symbols in the shapes that the equations use: vectors, linear equations, and what is relative to home.
+
+A float resolves 0.24 µm at 3 m. Relative to home, positions and leg lengths are smaller, and they are computed from
+differences, which single precision does not cancel: L − L₀ = (2 l₀ + Δ)·Δ/(L + L₀), with Δ = t − t₀ + (R − R₀) p.
+"""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
 
 from gough_stewart.model import interface
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.vectors import Array, FloatArray
 
 Symbols = Mapping[str, casadi.SX]
 
@@ -67,3 +74,59 @@ def function(name: str, inputs: Symbols, outputs: Mapping[str, casadi.SX]) -> ca
     everything = casadi.vertcat(*results)
     used = {key: v for key, v in inputs.items() if v.numel() and casadi.depends_on(everything, v)}
     return casadi.Function(name, list(used.values()), results, list(used), list(outputs))
+
+
+class Home(NamedTuple):
+    """What signals are relative to."""
+
+    position: FloatArray  # [m]
+    orientation: FloatArray  # [rad]
+    leg_length: FloatArray  # [m]
+
+    @property
+    def pose(self) -> FloatArray:
+        """Position and orientation (6,)."""
+        return np.concatenate([self.position, self.orientation])
+
+    def of(self, name: str, size: int) -> FloatArray:
+        """The value of a signal at home (size,); zeros for rates."""
+        return np.asarray(getattr(self, name, np.zeros(size)), dtype=float)
+
+
+def home_of(platform: Platform) -> Home:
+    """The home pose and its legs."""
+    position, orientation = np.asarray(platform.home_position), np.asarray(platform.home_orientation)
+    return Home(position, orientation, np.asarray(leg_geometry(platform, position, orientation).length))
+
+
+def change_of_lengths(parameters: Parameters, home: Home, pose: casadi.SX) -> casadi.SX:
+    """L − L₀ (6,) of symbols of a platform at a pose relative to home (6,).
+
+    R − R₀ = ΔRz Ry Rx + Rz₀ ΔRy Rx + Rz₀ Ry₀ ΔRx; and cos(α₀ + δ) − cos α₀ = −2 sin(α₀ + δ/2) sin(δ/2),
+    sin(α₀ + δ) − sin α₀ = 2 cos(α₀ + δ/2) sin(δ/2).
+    """
+
+    def about(axis: int, c: Any, s: Any, unit: float) -> casadi.SX:
+        """A rotation about an axis, or its change, from the cosine and sine of its angle."""
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        matrix = casadi.SX(3, 3)
+        matrix[axis, axis] = unit
+        matrix[first, first] = matrix[second, second] = c
+        matrix[second, first], matrix[first, second] = s, -casadi.SX(s)
+        return casadi.sparsify(matrix)
+
+    angles = home.orientation
+    x0, y0, z0 = (about(axis, np.cos(angles[axis]), np.sin(angles[axis]), 1.0) for axis in range(3))
+    middles, halves = angles + pose[3:] / 2, casadi.sin(pose[3:] / 2)
+    dx, dy, dz = (
+        about(k, -2 * casadi.sin(middles[k]) * halves[k], 2 * casadi.cos(middles[k]) * halves[k], 0.0) for k in range(3)
+    )
+    turn = dz @ (y0 + dy) @ (x0 + dx) + z0 @ dy @ (x0 + dx) + z0 @ y0 @ dx
+    R0, changes = matrix_from_orientation(angles), []
+    for leg in range(6):
+        arm = column(parameters.platform_points[0, leg])
+        at_home = casadi.SX(home.position) + casadi.SX(R0) @ arm - column(parameters.base_points[0, leg])
+        change = pose[:3] + turn @ arm
+        length = casadi.sqrt(casadi.sumsqr(at_home + change)) + casadi.sqrt(casadi.sumsqr(at_home))
+        changes.append(casadi.dot(2 * at_home + change, change) / length)
+    return casadi.vertcat(*changes)

@@ -2,33 +2,27 @@
 
 The harness plays a path as quintics between the knots of its time law. There are thousands of them; the path's splines
 and the law at its knots are a tenth of that. What the law keeps in 32 bits changes forces by less than 1e-6 of the
-largest, see `path_deviation`. A table of the platform's coordinates would be larger: along a fastest path,
+largest, which an export measures. A table of the platform's coordinates would be larger: along a fastest path,
 accelerations have a kink or jump at every knot, and 1e-6 of the forces takes 380 kB of six coordinates.
 """
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.relative import Home
-from gough_stewart.harness.motion.limits.reach import legs_of
+from gough_stewart.harness.export.symbols import Home
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of, smaller
 from gough_stewart.harness.motion.paths.polynomials import Polynomials
-from gough_stewart.harness.motion.paths.time_law import AlongPath, Averaged, Quintic, Stretched, TimedPath, TimeLaw
-from gough_stewart.model.platform import Platform
+from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stretched, TimedPath, TimeLaw
 from gough_stewart.model.vectors import FloatArray
 
 # Of the path parameter, which is at most 1, in 32 bits with a sign: a float of that size would move legs by 30 nm.
 _UNIT = 2.0**-31
-# Instants at which motions are compared.
-_COMPARED = 20_000
 
 
 def number(value: float, form: str = "R") -> str:
@@ -69,31 +63,6 @@ class ConstantTables:
     def define(self, **macros: object) -> None:
         """Macros."""
         self.lines += [f"#define {name} {value}" for name, value in macros.items()]
-
-
-class KnotTable(NamedTuple):
-    """A time law at its knots in 32-bit numbers, as C has it; each (n,)."""
-
-    knots: FloatArray  # since the start [s]
-    begins: FloatArray  # path parameter at which the spline's piece begins
-    values: FloatArray  # path parameter since then, in units of 2⁻³¹
-    rates: FloatArray  # [1/s]
-    accelerations: FloatArray  # [1/s²]
-    jerks: FloatArray  # from a knot to the next [1/s³] (n − 1,)
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return float(self.knots[-1])
-
-    def __call__(self, time: FloatArray) -> AlongPath:
-        """At times (n,) [s], as C computes in double precision."""
-        knot = np.searchsorted(self.knots[:-1], time, side="right") - 1
-        since, jerk = time - self.knots[knot], self.jerks[knot]
-        rate, acceleration = self.rates[knot], self.accelerations[knot]
-        value = self.begins[knot] + _UNIT * self.values[knot]
-        value = value + since * (rate + since * (acceleration / 2 + since * jerk / 6))
-        return AlongPath(value, rate + since * (acceleration + since * jerk / 2), acceleration + since * jerk)
 
 
 def path_of(reference: object) -> TimedPath | None:
@@ -143,7 +112,9 @@ def add_motion(tables: ConstantTables, reference: Piecewise, home: Home) -> None
 
 def _add_path(tables: ConstantTables, source: TimedPath) -> None:
     begins, pieces = source.path.pieces
-    law = _unstretched(source.law)
+    law: TimeLaw = source.law
+    while isinstance(law, Stretched):
+        law = law.law
     tables.lines.append(f"static const moment PATH_START = MOMENT({float(source.start)!r});")
     tables.define(N_SPLINES=len(begins), N_POWERS=pieces.shape[2], IS_AVERAGED=int(isinstance(law, Averaged)))
     tables.add("SPLINE_AT", begins)
@@ -151,14 +122,17 @@ def _add_path(tables: ConstantTables, source: TimedPath) -> None:
     if isinstance(law, Quintic):
         tables.define(N_KNOTS=0, LAW_DURATION=number(source.law.duration))
         return
-    table = _at_knots(source)
-    tables.define(N_KNOTS=len(table.knots), FIRST_STEP=_first_step(len(table.knots) - 1), LAW_UNIT=number(_UNIT))
+    # the law at its knots: the path parameter since its spline's piece began, and its two derivatives
+    knots = source.law.knots
+    at = source.law(knots)
+    begin = begins[np.searchsorted(begins, at.value, side="right") - 1]
+    tables.define(N_KNOTS=len(knots), FIRST_STEP=_first_step(len(knots) - 1), LAW_UNIT=number(_UNIT))
     tables.lines.append("#include <stdint.h>")
-    tables.add("FIRST_KNOT", np.searchsorted(table.begins, begins), "int32_t")
-    tables.add("KNOTS", table.knots, "moment")
-    tables.add("LAW_VALUE", table.values, "int32_t")
-    tables.add("LAW_RATE", table.rates, "float")
-    tables.add("LAW_CHANGE", table.accelerations, "float")
+    tables.add("FIRST_KNOT", np.searchsorted(begin, begins), "int32_t")
+    tables.add("KNOTS", knots, "moment")
+    tables.add("LAW_VALUE", np.rint((at.value - begin) / _UNIT), "int32_t")
+    tables.add("LAW_RATE", at.rate.astype(np.float32).astype(float), "float")
+    tables.add("LAW_CHANGE", at.acceleration.astype(np.float32).astype(float), "float")
 
 
 def _rows(pieces: FloatArray, relative: int) -> str:
@@ -173,34 +147,3 @@ def _rows(pieces: FloatArray, relative: int) -> str:
 def _first_step(n: int) -> int:
     """Of a search among n values by halves: the largest power of 2 below n."""
     return 1 << max(0, (n - 1).bit_length() - 1)
-
-
-def path_deviation(platform: Platform, reference: Polynomials, source: TimedPath) -> str:
-    """What rounding of the law costs in double precision, for the header."""
-    exported = source if isinstance(_unstretched(source.law), Quintic) else replace(source, law=_at_knots(source))
-    times = source.start + np.linspace(0, 1, _COMPARED + 1)[1:-1] * source.law.duration
-    motions = exported(times), reference(times)
-    forces = [feedforward("computed_torque", platform, motion) for motion in motions]
-    force = np.abs(forces[0] - forces[1]).max() / np.abs(forces[1]).max()
-    legs = zip(*(legs_of(platform, motion) for motion in motions), strict=True)
-    length, velocity = (np.abs(a - b).max() for a, b in legs)
-    return (
-        f"The motion along the path differs from that of a run, in double precision: its computed torque by at most "
-        f"{force:.2g} of the largest, leg lengths by {length:.2g} m, leg velocities by {velocity:.2g} m/s."
-    )
-
-
-def _at_knots(source: TimedPath) -> KnotTable:
-    knots, (begins, _) = source.law.knots, source.path.pieces
-    at = source.law(knots)
-    begin = begins[np.searchsorted(begins, at.value, side="right") - 1]
-    rates, accelerations = (values.astype(np.float32).astype(float) for values in (at.rate, at.acceleration))
-    is_linear = isinstance(_unstretched(source.law), Averaged)
-    jerks = is_linear * np.diff(accelerations) / np.diff(knots)
-    return KnotTable(knots, begin, np.rint((at.value - begin) / _UNIT), rates, accelerations, jerks)
-
-
-def _unstretched(law: TimeLaw) -> TimeLaw:
-    while isinstance(law, Stretched):
-        law = law.law
-    return law

@@ -5,7 +5,7 @@ Each takes those of the following vectors that it needs, by name:
     time; motion (18) at it; coefficients; states x; measured; excess (6); the platform's parameters
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import casadi
@@ -19,8 +19,8 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed
-from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
-from gough_stewart.harness.export.relative import Home, change_of_lengths
+from gough_stewart.harness.export.laws import FunctionLaw, LinearLaw
+from gough_stewart.harness.export.symbols import Home, change_of_lengths
 from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
@@ -73,80 +73,61 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
 
     Then the law gives the changes of its states in place of the next ones.
     """
-    law = designed.law
-    ahead = designed.feedforward != "none" and designed.reference_inputs
-    path = path_of(designed.reference)
-    start, step = (None, None) if law is None else _law(designed, law, home)
-    equations = law.linear if isinstance(law, PidLaw | MatrixLaw) else law
+    law, path, measured = designed.law, path_of(designed.reference), interface.size_of(designed.measured)
+    platform, vector, ahead = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
+    of_motion = {"motion": vector, **platform}
+
+    # the feedforward, and the motion for which it is if that is not known before
+    later = feedforward = expected = None
+    if designed.feedforward != "none":
+        force = feedforward_of(designed.feedforward, symbols.parameters_of(platform), motion_in(vector, home))
+        feedforward = symbols.function("feedforward", of_motion, {"force": force})
+        if designed.reference_inputs:
+            at = _from_home(extrapolated(motion_in(vector, home), symbols.row(ahead)), home)
+            later = symbols.function("extrapolated", {"motion": vector, "ahead": ahead}, {"later": vector_of(at)})
+    if designed.watched:
+        references = _references(of_motion, [v.name for v in designed.watched], home)
+        expected = symbols.function("references_watched", of_motion, {"expected": casadi.vertcat(*references)})
+
+    start, step = (None, None) if law is None else _law(designed, home)
+
+    # limits on the command, with the excess if the law hears of it; and what is carried of the machine
+    settings = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in designed.settings}
+    T, parts = symbols.elements(settings["sample_time"]), designed.carried
+
+    def component(kind: type[Stepped], name: str, period: Array, signal: str, **options: Any) -> TracedComponent:
+        values = {p.key: none_as(p.none or 0.0, settings[p.name]) for p in kind.parameters()}
+        return traced_component(kind, name, values, period, settings, {signal: N_LEGS}, **options)
+
+    hears_excess = step is not None and "excess" in step.name_in()
+    options: dict[str, Any] = {} if hears_excess else {"left_out": ("change",), "wanted": ForceLimits.outputs[:2]}
+    limits = component(ForceLimits, "force_limits", T, "command", **options)
+    drives = component(Drive, "drives", T / parts.steps_a_sample, "target") if parts.drives else None
+    sensors = None
+    if parts.sensors and measured:
+        steps = (casadi.repmat(settings[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured)
+        values = {"quantisation": symbols.elements(casadi.vertcat(*steps))[:, None]}
+        sensors = traced_component(Sensor, "sensors", values, T, settings, {"true": measured, "noise": 0})
     return Traced(
-        None if equations is None else equations.coefficients,
+        None if law is None else law.coefficients,
         None if path is None else path_function(path, home),
         None if designed.reference is None else motion_function(designed.reference, home),
-        _extrapolation(home) if ahead else None,
-        _feedforward(designed, home),
-        start,
-        _expected(designed, home),
-        step,
-        *_components(designed, hears_excess=step is not None and "excess" in step.name_in()),
+        *(later, feedforward, start, expected, step),
+        *(limits, drives, sensors),
     )
-
-
-def _components(
-    designed: Designed, *, hears_excess: bool
-) -> tuple[TracedComponent, TracedComponent | None, TracedComponent | None]:
-    """The limits on the command, with the excess if the law hears of it; and what is carried of the machine."""
-    settings = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in designed.settings}
-    T, parts, n = symbols.elements(settings["sample_time"]), designed.carried, interface.size_of(designed.measured)
-
-    def values_of(component: type[Stepped]) -> dict[str, Array]:
-        return {p.key: none_as(p.none or 0.0, settings[p.name]) for p in component.parameters()}
-
-    limits = traced_component(
-        *(ForceLimits, "force_limits", values_of(ForceLimits), T, settings, {"command": N_LEGS}),
-        left_out=() if hears_excess else ("change",),
-        wanted=ForceLimits.outputs if hears_excess else ("allowed", "force_limited"),
-    )
-    drives = sensors = None
-    if parts.drives:
-        drives = traced_component(
-            *(Drive, "drives", values_of(Drive), T / parts.steps_a_sample, settings, {"target": N_LEGS})
-        )
-    if parts.sensors and n:
-        steps = casadi.vertcat(
-            *(casadi.repmat(settings[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured)
-        )
-        values = {"quantisation": symbols.elements(steps)[:, None]}
-        sensors = traced_component(Sensor, "sensors", values, T, settings, {"true": n, "noise": 0})
-    return limits, drives, sensors
 
 
 def traced_component(
     component: type[Stepped],
     name: str,
-    values: Mapping[str, Array],
-    period: Array,
-    settings: symbols.Symbols,
-    inputs: Mapping[str, int],
-    left_out: tuple[str, ...] = (),
-    wanted: tuple[str, ...] | None = None,
+    values: Mapping[str, Array],  # of its keys, as expressions of the settings, (1,) or (size, 1)
+    period: Array,  # time between its steps, likewise (1,)
+    settings: symbols.Symbols,  # of the exported parameters, by name
+    inputs: Mapping[str, int],  # the sizes of its inputs; one of 0 is absent
+    left_out: tuple[str, ...] = (),  # coefficients of parts that are left out
+    wanted: tuple[str, ...] | None = None,  # outputs; by default all
 ) -> TracedComponent:
-    """A component's equations, as a run of N members executes them, for one member, whose sizes are fixed.
-
-    Parameters
-    ----------
-    values
-        Of its keys, as expressions of the settings, (1,) or (size, 1).
-    period
-        Time between its steps, likewise (1,).
-    settings
-        Symbols of the exported parameters, by name.
-    inputs
-        The sizes of its inputs; one of 0 is absent.
-    left_out
-        Coefficients of parts that are left out.
-    wanted
-        Outputs; by default all.
-    """
+    """A component's equations, as a run of N members executes them, for one member, whose sizes are fixed."""
     prepared = component.prepare(values, period)._replace(**dict.fromkeys(left_out))
     parts = {key: np.asarray(part) for key, part in prepared._asdict().items() if part is not None}
     c = casadi.SX.sym(f"{name}_coefficients", sum(part.size for part in parts.values()))
@@ -172,7 +153,7 @@ def none_as(value: float, setting: casadi.SX) -> Array:
     return where(greater(elements, 0.0), elements, value)
 
 
-def _joined(arrays: Any) -> casadi.SX:
+def _joined(arrays: Iterable[Any]) -> casadi.SX:
     return casadi.vertcat(*map(symbols.column, arrays))
 
 
@@ -181,6 +162,9 @@ def _shaped_as(arrays: Any, vector: casadi.SX) -> list[Array]:
     ends = np.cumsum([array.size for array in arrays])
     parts = np.split(symbols.elements(vector), ends)
     return [part.reshape(array.shape) for part, array in zip(parts, arrays, strict=False)]
+
+
+# ---- motions and forces ----
 
 
 def motion_function(reference: Reference, home: Home | None = None) -> casadi.Function:
@@ -203,17 +187,29 @@ def motion_function(reference: Reference, home: Home | None = None) -> casadi.Fu
     return symbols.function("motion", {"time": time}, {"motion": motion})
 
 
-def solve_by_orthogonal(matrix: Array, vector: Array) -> Array:
-    """Solution of Jᵀ x = w, of arrays (1, 6, 6) and (1, 6), from J = Q R: x = Q R⁻ᵀ w, in constant time.
+def vector_of(motion: Motion) -> casadi.SX:
+    """A motion as one vector (18)."""
+    return casadi.densify(symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1)))
+
+
+def motion_in(vector: casadi.SX, home: Home | None = None) -> Motion:
+    """The motion in the world of a vector (18), relative to a home if there is one."""
+    motion = Motion(*np.split(symbols.row(vector), 6, axis=-1))
+    return motion if home is None else _from_home(motion, Home(-home.position, -home.orientation, home.leg_length))
+
+
+def _from_home(motion: Motion, home: Home | None) -> Motion:
+    if home is None:
+        return motion
+    return motion._replace(position=motion.position - home.position, orientation=motion.orientation - home.orientation)
+
+
+class _Maps:
+    """The leg maps of J = Q R, an array (1, 6, 6), for columns of symbols.
 
     Gram–Schmidt orthogonalisation of the columns of J needs no pivots, and is invariant to the scale of a column, which
     depends on the units of lengths and angles.
     """
-    return symbols.row(_Maps(np.swapaxes(matrix, -1, -2)).to_force(symbols.column(vector)))
-
-
-class _Maps:
-    """The leg maps of J = Q R, an array (1, 6, 6), for columns of symbols."""
 
     def __init__(self, J: Array) -> None:
         self._J = symbols.sparse(J[0])
@@ -232,35 +228,9 @@ class _Maps:
         return self._Q @ casadi.solve(self._R.T, wrench)
 
 
-def vector_of(motion: Motion) -> casadi.SX:
-    """A motion as one vector (18)."""
-    return casadi.densify(symbols.column(np.concatenate([np.asarray(part) for part in motion], axis=-1)))
-
-
-def motion_in(vector: casadi.SX, home: Home | None = None) -> Motion:
-    """The motion in the world of a vector (18), relative to a home if there is one."""
-    motion = Motion(*np.split(symbols.row(vector), 6, axis=-1))
-    return motion if home is None else _from_home(motion, Home(-home.position, -home.orientation, home.leg_length))
-
-
-def _from_home(motion: Motion, home: Home | None) -> Motion:
-    if home is None:
-        return motion
-    return motion._replace(position=motion.position - home.position, orientation=motion.orientation - home.orientation)
-
-
-def _extrapolation(home: Home | None) -> casadi.Function:
-    motion, ahead = casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
-    later = _from_home(extrapolated(motion_in(motion, home), symbols.row(ahead)), home)
-    return symbols.function("extrapolated", {"motion": motion, "ahead": ahead}, {"later": vector_of(later)})
-
-
-def _feedforward(designed: Designed, home: Home | None) -> casadi.Function | None:
-    if designed.feedforward == "none":
-        return None
-    platform, vector = symbols.platform_symbols(), casadi.SX.sym("motion", N_MOTION)
-    force = feedforward_of(designed.feedforward, symbols.parameters_of(platform), motion_in(vector, home))
-    return symbols.function("feedforward", {"motion": vector, **platform}, {"force": force})
+def solve_by_orthogonal(matrix: Array, vector: Array) -> Array:
+    """Solution of Jᵀ x = w, of arrays (1, 6, 6) and (1, 6), from J = Q R: x = Q R⁻ᵀ w, in constant time."""
+    return symbols.row(_Maps(np.swapaxes(matrix, -1, -2)).to_force(symbols.column(vector)))
 
 
 def feedforward_of(kind: Feedforward, parameters: Parameters, at: Motion) -> casadi.SX:
@@ -273,18 +243,29 @@ def feedforward_of(kind: Feedforward, parameters: Parameters, at: Motion) -> cas
     return symbols.column(force)
 
 
-def _expected(designed: Designed, home: Home | None) -> casadi.Function | None:
-    if not designed.watched:
-        return None
-    inputs = {"motion": casadi.SX.sym("motion", N_MOTION), **symbols.platform_symbols()}
-    names = [v.name for v in designed.watched]
-    references = _references(inputs, [f"reference_{name}" for name in names], home)
-    expected = casadi.vertcat(*(references[f"reference_{name}"] for name in names))
-    return symbols.function("references_watched", inputs, {"expected": expected})
+def _references(
+    inputs: Mapping[str, casadi.SX], names: Iterable[str], home: Home | None, *, whole: bool = False
+) -> list[casadi.SX]:
+    """References of some signals and accelerations; `whole` in the world."""
+    at, parameters, names = motion_in(inputs["motion"], home), symbols.parameters_of(inputs), tuple(names)
+    values = dict(zip(REFERENCE, at, strict=True))
+    if any(name.startswith("leg_") for name in names):
+        values |= legs_of(parameters, at)._asdict()  # type: ignore[arg-type]
+    references = {name: symbols.column(value) for name, value in values.items()}
+    if home is not None and not whole:
+        pose = inputs["motion"][:6]
+        references |= {"position": pose[:3], "orientation": pose[3:]}
+        if "leg_length" in names:
+            references["leg_length"] = change_of_lengths(parameters, home, pose)
+    return [references[name] for name in names]
 
 
-def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Function | None, casadi.Function]:
-    measured = casadi.SX.sym("measured", interface.size_of(designed.measured))
+# ---- laws ----
+
+
+def _law(designed: Designed, home: Home | None) -> tuple[casadi.Function | None, casadi.Function]:
+    """The start and the step of a law."""
+    law, measured = designed.law, casadi.SX.sym("measured", interface.size_of(designed.measured))
     inputs = {
         "time": casadi.SX.sym("time"),
         "motion": casadi.SX.sym("motion", N_MOTION),
@@ -292,7 +273,9 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
         "excess": casadi.SX.sym("excess", N_LEGS),
         **symbols.platform_symbols(),
     }
-    by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
+    ends = np.cumsum([0, *(v.size for v in designed.measured)]).tolist()
+    parts = casadi.vertsplit(measured, ends) if designed.measured else []
+    by_name = {v.name: part for v, part in zip(designed.measured, parts, strict=True)}
     if isinstance(law, FunctionLaw):
         inputs |= {
             "states": casadi.SX.sym("states", law.n_states),
@@ -300,46 +283,43 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
             "coefficients": casadi.SX.sym("coefficients", sum(law.constants.values())),
         }
         # a function may use anything but differences, so its signals are whole ones
-        references = _references(inputs, law.function.name_in(), home, whole=True)
+        names = [name for name in law.function.name_in() if name.startswith("reference_")]
+        values = _references(inputs, [name.removeprefix("reference_") for name in names], home, whole=True)
         whole = by_name if home is None else {name: v + home.of(name, v.numel()) for name, v in by_name.items()}
-        force, following = law({**inputs, **whole, **references})
+        force, following = law({**inputs, **whole, **dict(zip(names, values, strict=True))})
         if home is not None:
             following = following - inputs["states"]
         outputs = {"force": force, **({"next": following} if law.n_states else {})}
         return None, symbols.function("law", inputs, outputs)
-    references = _references(inputs, [f"reference_{name}" for name in law.signals], home)
+    assert isinstance(law, LinearLaw)
+    references = dict(zip(law.signals, _references(inputs, law.signals, home), strict=True))
     if "orientation" in law.signals:  # in the turns of the reference
-        angles = by_name["orientation"], references["reference_orientation"]
+        angles = by_name["orientation"], references["orientation"]
         by_name["orientation"] = symbols.column(nearest_angle(*map(symbols.row, angles)))
-    r, y = (
-        casadi.vertcat(*(values[prefix + name] for name in law.signals))
-        for values, prefix in ((references, "reference_"), (by_name, ""))
-    )
+    r, y = (casadi.vertcat(*(values[name] for name in law.signals)) for values in (references, by_name))
     if home is not None and not _depends_on_differences(law, r.numel()):
-        at_home = np.concatenate(
-            [home.of(v.name, v.size) for name in law.signals for v in designed.measured if v.name == name]
-        )
+        at_home = np.concatenate([home.of(name, references[name].numel()) for name in law.signals])
         r, y = r + at_home, y + at_home
     return _linear(law, inputs, r, y, home)
 
 
-def _depends_on_differences(law: Law, n: int) -> bool:
+def _depends_on_differences(law: LinearLaw, n: int) -> bool:
     """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
-    if not isinstance(law, MatrixLaw) or law.space == "task":
+    if law.coefficients is not None or law.space == "task":
         return True
-    linear, unit = law.linear, np.eye(n)
-    inputs = np.concatenate(inputs_of(linear.kinds, unit, unit, np.zeros((N_LEGS, n))))
-    forced = [np.asarray(block, dtype=float) @ inputs for block in (linear.system.B, linear.system.D)]
+    unit = np.eye(n)
+    inputs = np.concatenate(inputs_of(law.kinds, unit, unit, np.zeros((N_LEGS, n))))
+    forced = [np.asarray(block, dtype=float) @ inputs for block in (law.system.B, law.system.D)]
     return not any(np.abs(block).max(initial=0.0) > 0 for block in forced)
 
 
 def _linear(
-    law: PidLaw | MatrixLaw, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
+    law: LinearLaw, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
 ) -> tuple[casadi.Function | None, casadi.Function]:
     """x⁺ = A x + B u and the forces; in task space, the displacement and the lengths of the last sample are states."""
-    linear, n = law.linear, law.linear.system.nstates
+    n = law.system.nstates
     extra = 2 * N_LEGS if law.space == "task" else 0
-    inputs |= {"states": casadi.SX.sym("states", n + extra), "coefficients": linear.symbols}
+    inputs |= {"states": casadi.SX.sym("states", n + extra), "coefficients": law.symbols}
     x, pose, before = casadi.vertsplit(inputs["states"], [0, n, n + extra // 2, n + extra])
     maps, excess, r_at_rest, y_at_rest = None, inputs["excess"], r, y
     memory = memory_at_rest = casadi.SX(0, 1)
@@ -351,45 +331,17 @@ def _linear(
         r, y = displacements(maps.to_pose, pose, before, r, lengths)
         memory = casadi.vertcat(y, lengths) if home is None else casadi.vertcat(y - pose, lengths - before)
         excess = maps.to_wrench(excess)
-    u = casadi.vertcat(*inputs_of(linear.kinds, r, y, excess))
-    following, force = _advance(linear.system, x, u, of_change=home is not None)
+    u = casadi.vertcat(*inputs_of(law.kinds, r, y, excess))
+    of_x = np.asarray(law.system.A) - np.eye(n) if home is not None else np.asarray(law.system.A)
+    A, B, C, D = (symbols.sparse(np.asarray(block)) for block in (of_x, law.system.B, law.system.C, law.system.D))
+    following, force = A @ x + B @ u, C @ x + D @ u
     outputs = {"force": force if maps is None else maps.to_force(force)}
     if not n + extra:
         return None, symbols.function("law", inputs, outputs)
     step = symbols.function("law", inputs, {**outputs, "next": casadi.vertcat(following, memory)})
-    u = casadi.vertcat(*inputs_of(linear.kinds, r_at_rest, y_at_rest, casadi.SX.zeros(N_LEGS)))
+    u = casadi.vertcat(*inputs_of(law.kinds, r_at_rest, y_at_rest, casadi.SX.zeros(N_LEGS)))
     # the steady state under constant inputs, with the integrals of a state: none before the first sample
-    at_rest = (
-        symbols.sparse(linear.start) @ u + symbols.sparse(np.asarray(linear.integrating)) @ x if n else casadi.SX(0, 1)
-    )
+    at_rest = casadi.SX(0, 1)
+    if n:
+        at_rest = symbols.sparse(law.start) @ u + symbols.sparse(np.asarray(law.integrating)) @ x
     return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, memory_at_rest)}), step
-
-
-def _advance(system: Any, x: casadi.SX, u: casadi.SX, *, of_change: bool) -> tuple[casadi.SX, casadi.SX]:
-    """The next state, or its change; and the output."""
-    from_itself = np.asarray(system.A) - np.eye(system.nstates) if of_change else np.asarray(system.A)
-    A, B, C, D = (symbols.sparse(np.asarray(block)) for block in (from_itself, system.B, system.C, system.D))
-    return A @ x + B @ u, C @ x + D @ u
-
-
-def _references(
-    inputs: dict[str, casadi.SX], names: Any, home: Home | None, *, whole: bool = False
-) -> dict[str, casadi.SX]:
-    """References of some signals and accelerations, by names with the prefix `reference_`; `whole` in the world."""
-    at = motion_in(inputs["motion"], home)
-    values = dict(zip(REFERENCE, at, strict=True))
-    parameters = symbols.parameters_of(inputs)
-    if any("_leg_" in name for name in names if name.startswith("reference_")):
-        values |= legs_of(parameters, at)._asdict()  # type: ignore[arg-type]
-    references = {f"reference_{name}": symbols.column(value) for name, value in values.items()}
-    if home is not None and not whole:
-        pose = inputs["motion"][:6]
-        references |= {"reference_position": pose[:3], "reference_orientation": pose[3:]}
-        if "reference_leg_length" in names:
-            references["reference_leg_length"] = change_of_lengths(parameters, home, pose)
-    return references
-
-
-def _split(vector: casadi.SX, variables: Any) -> list[casadi.SX]:
-    ends = np.cumsum([0, *(v.size for v in variables)]).tolist()
-    return list(casadi.vertsplit(vector, ends)) if variables else []

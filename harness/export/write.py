@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi
 import numpy as np
@@ -24,8 +24,9 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed
 from gough_stewart.harness.export.header import header, title_of
-from gough_stewart.harness.export.relative import Home, home_of
-from gough_stewart.harness.export.settings import Setting
+from gough_stewart.harness.export.laws import Setting
+from gough_stewart.harness.export.moments import function_of_time
+from gough_stewart.harness.export.symbols import Home, home_of
 from gough_stewart.harness.export.tables import ConstantTables, add_motion, number, numbers, path_of
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.loop.run import simulate
@@ -41,7 +42,6 @@ from gough_stewart.model.vectors import FloatArray
 # The program that shows how the C is called.
 EXAMPLE = "example_main.c"
 RUNTIME = {path.name: path.read_text(encoding="utf-8") for path in Path(__file__).parent.joinpath("runtime").iterdir()}
-_IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,16 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
     ExportError
         A prefix that is not valid in C.
     """
-    if not _IDENTIFIER.fullmatch(prefix):
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", prefix):
         raise ExportError(
             f"prefix is {prefix!r}; expected a lower-case letter, then lower-case letters, digits or underscores, at "
             "most 41"
         )
+
+    def named(text: str) -> str:
+        text = text.replace('"controller.h"', f'"{prefix}.h"')
+        return re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
+
     home = home_of(designed.platform)
     functions, of_single = traced(designed), traced(designed, home)
     switches, tables = _switches(designed, functions), _numbers(designed, home)
@@ -81,37 +86,28 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
         add_motion(tables, designed.reference, home)  # type: ignore[arg-type]
     design = "\n".join(["", *(f"#define {name} {value}" for name, value in switches.items()), *tables.lines, ""])
     parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions, of_single)}
-    operations = operations_of(functions)
     source = re.sub(r'^#include "(\w+\.c)"\n', lambda include: parts[include[1]], parts["controller.c"], flags=re.M)
-    work = f"at most {sum(operations.values())} floating-point operations, of them " + ", ".join(
-        f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE
-    )
+    operations = operations_of(functions)
+    of_kinds = ", ".join(f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE)
+    work = f"at most {sum(operations.values())} floating-point operations, of them {of_kinds}"
     flash = tables.bytes(8), tables.bytes(4)
-    return ControllerSources(
-        {f"{prefix}.c": _named(f"/* {title_of(designed)}. */\n", source, prefix)},
-        {f"{prefix}.h": header(designed, functions, switches, prefix, work, flash, deviation)},
-        _named("", RUNTIME[EXAMPLE].replace('#include "design.c"\n', _first_inputs(designed, switches, home)), prefix),
-        sum(operations.values()),
-    )
 
-
-def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -> str:
-    lines = ["/* in single precision, relative to home */"]
-    lines.append("#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))")
+    # what the example measures and follows: of a platform at rest in the first reference
+    first = ["/* in single precision, relative to home */"]
+    first.append("#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))")
     for name, values, at_home in (
         # C has no empty arrays
         ("MEASURED", np.append(designed.first_measured, 0.0), np.append(_at_home(designed.measured, home), 0.0)),
         ("REFERENCE", designed.first_reference, np.append(home.pose, np.zeros(12))),
     ):
         texts = (f"FROM({x!r}, {zero!r})" for x, zero in zip(values.tolist(), at_home.tolist(), strict=True))
-        lines.append(f"#define {name} {{{', '.join(texts)}}}")
-    lines += [f"#define {key} {switches[key]}" for key in ("HAS_REFERENCE_INPUTS", "STEPS_A_SAMPLE")]
-    return "\n".join([*lines, ""])
+        first.append(f"#define {name} {{{', '.join(texts)}}}")
+    first += [f"#define {key} {switches[key]}" for key in ("HAS_REFERENCE_INPUTS", "STEPS_A_SAMPLE")]
+    example = RUNTIME[EXAMPLE].replace('#include "design.c"\n', "\n".join([*first, ""]))
 
-
-def _named(head: str, text: str, prefix: str) -> str:
-    text = text.replace('"controller.h"', f'"{prefix}.h"')
-    return head + re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
+    head = header(named(RUNTIME["controller.h.in"]), designed, functions, switches, work, flash, deviation)
+    units = {f"{prefix}.c": f"/* {title_of(designed)}. */\n{named(source)}"}
+    return ControllerSources(units, {f"{prefix}.h": head}, named(example), sum(operations.values()))
 
 
 def _uses(function: casadi.Function | None, name: str) -> bool:
@@ -174,13 +170,20 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
 def _numbers(designed: Designed, home: Home) -> ConstantTables:
     """Defaults and checks of the parameters, home, ranges of the inputs."""
     tables, settings = ConstantTables(), designed.settings
-    measured, reference, frozen = designed.measured, designed.reference_variables, designed.faults.frozen
     tables.define(SAMPLE_TIME=repr(float(designed.sample_time)))
     tables.define(DEFAULT_SAMPLE_TIME="R(SAMPLE_TIME)", TRANSFER_TIME="R(CONTROLLER_TRANSFER_TIME)")
-    tables.lines += ["", "const controller_parameters CONTROLLER_DEFAULTS = {", *map(_default, settings), "};", ""]
-    tables.reals += sum(s.variable.size for s in settings)
-    of_inputs = (("MEASURED", "HOME", measured), ("REFERENCE", "HOME_POSE", reference))
-    for name, of_home, variables in of_inputs:
+
+    # defaults in their places, since C++ has no designators before C++20; no limit is 0
+    tables.lines += ["", "const controller_parameters CONTROLLER_DEFAULTS = {"]
+    for s in settings:
+        text = numbers(np.where(np.isinf(s.value) & s.may_be_infinite, 0.0, s.value).flat)
+        tables.lines.append(f"    {f'{{{text}}}' if s.variable.shape else text}, /* {s.variable.name} */")
+        tables.reals += s.variable.size
+    tables.lines += ["};", ""]
+
+    # home, and the ranges of what comes in
+    measured, reference, frozen = designed.measured, designed.reference_variables, designed.faults.frozen
+    for name, of_home, variables in (("MEASURED", "HOME", measured), ("REFERENCE", "HOME_POSE", reference)):
         if not variables:
             continue
         at_home, ends = _at_home(variables, home), designed.ranges.joined(variables)
@@ -189,19 +192,15 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
         tables.define(**{of_home: f"CONTROLLER_{of_home}"})
         tables.reals += len(shown)
         for end, values in (("LOW", ends.low), ("HIGH", ends.high)):
-            written = ", ".join(
-                f"FROM_HOME({x!r}, {at!r})" for x, at in zip(values.tolist(), at_home.tolist(), strict=True)
-            )
-            tables.add(f"{name}_{end}", values, written=written)
+            pairs = zip(values.tolist(), at_home.tolist(), strict=True)
+            tables.add(f"{name}_{end}", values, written=", ".join(f"FROM_HOME({x!r}, {at!r})" for x, at in pairs))
     if not reference:
         tables.lines.append(f"MAYBE_UNUSED static const real HOME_POSE[6] = {{{numbers(home.pose)}}};")
     if frozen is not None:
-        ends = np.cumsum([0, *(v.size for v in measured)]).tolist()
-        places = [
-            k for v, at in zip(measured, ends, strict=False) if v in designed.watched for k in range(at, at + v.size)
-        ]
-        tables.add("WATCHED", places, "int")
+        is_watched = np.concatenate([np.repeat(v in designed.watched, v.size) for v in measured])
+        tables.add("WATCHED", np.flatnonzero(is_watched), "int")
         tables.define(FROZEN_SAMPLES=frozen.samples, FROZEN_MOVEMENT=number(frozen.movement))
+
     checks = [line for place, s in enumerate(settings, 1) for line in _check(s, place)]
     tables.lines += [
         "",
@@ -214,13 +213,6 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
         "}",
     ]
     return tables
-
-
-def _default(setting: Setting) -> str:
-    """In its place, since C++ has no designators before C++20."""
-    finite = np.where(np.isinf(setting.value), 0.0, setting.value) if setting.may_be_infinite else setting.value
-    text = numbers(finite.flat)
-    return f"    {f'{{{text}}}' if setting.variable.shape else text}, /* {setting.variable.name} */"
 
 
 def _check(setting: Setting, place: int) -> list[str]:
@@ -240,32 +232,12 @@ def _check(setting: Setting, place: int) -> list[str]:
 
 # --- law.c ------------------------------------------------------------------------------------------------------------
 
-# The arguments of the traced functions; other inputs are members of the instant, or parameters.
-_ARGUMENTS = {
-    "motion": ("now", "motion"),
-    "motion_of_table": ("pose", "rate", "acceleration", "motion"),
-    "motion_of_path": ("spline", "slope", "bend", "speed", "change", "pose", "rate", "acceleration"),
-    "extrapolated": ("motion", "ahead", "later"),
-    "feedforward": ("at", "force"),
-    "start": ("at", "states_at_rest"),
-    "references_watched": ("at", "expected"),
-    "law": ("at", "force"),
-    "coefficients_of_law": ("parameters", "law"),
-    "coefficients_of_force_limits": ("parameters", "force_limits"),
-    "coefficients_of_drives": ("parameters", "drives"),
-    "coefficients_of_sensors": ("parameters", "sensors"),
-    "force_limits": ("force_limits_coefficients", "command", "allowed", "force_limited"),
-    "drives": (*("drives_coefficients", "drives_states", "target"), *("drives_next", "actuator_force", "rate_limited")),
-    "sensors": ("sensors_coefficients", "true", "reading"),
+# What a function is computed from besides its arguments: of others than these, nothing.
+_CONTEXTS = {
+    **dict.fromkeys(("law", "start", "feedforward", "references_watched"), "const instant *at"),
+    "motion": "moment now",
 }
-_WITH_STATES = {
-    "law": ("at", "force", "next"),
-    "force_limits": (
-        *("force_limits_coefficients", "force_limits_states", "command"),
-        *("force_limits_next", "allowed", "force_limited", "excess"),
-    ),
-}
-_KINDS = {"at": "const instant *", "parameters": "const controller_parameters *", "now": "moment "}
+_OF_PARAMETERS = "const controller_parameters *parameters"
 _OF_INSTANT = ("coefficients", "motion", "measured", "excess", "feedforward", "states")
 
 
@@ -274,166 +246,41 @@ def _law(designed: Designed, functions: Traced, single: Traced) -> str:
     arrays = frozenset(s.variable.name for s in designed.settings if s.variable.shape)
     has_motion = functions.feedforward is not None or _needs_motion(functions)
     texts = []
-    for name in (
-        "coefficients",
-        *(("path", "motion") if has_motion else ()),
-        "extrapolated",
-        "start",
-        "expected",
-        "law",
-    ):
+    for name in ("coefficients", *("path", "motion") * has_motion, "extrapolated", "start", "expected", "law"):
         plain, of_single = getattr(functions, name), getattr(single, name)
         if plain is None:
             continue
         is_of_time = name == "motion" and _uses(of_single, "time")
-        text, in_single = (_function(f, arrays) for f in (plain, of_single))
-        in_single = function_of_time(of_single) if is_of_time else in_single
+        text = _function(plain, arrays)
+        in_single = function_of_time(of_single) if is_of_time else _function(of_single, arrays)
         texts.append(text if text == in_single else f"\n#if CONTROLLER_SINGLE{in_single}#else{text}#endif\n")
     shared = [functions.feedforward, *(f for component in functions.components for f in component[:2])]
     return "".join([*texts, *(_function(f, arrays) for f in shared if f is not None)]) + "\n"
 
 
 def _function(function: casadi.Function, arrays: frozenset[str]) -> str:
-    """A traced function in the type of the controller, with its arguments in their order.
+    """A traced function in the type of the controller.
 
-    Its other inputs are members of the instant, or parameters, of which `arrays` have several elements.
+    Of one with a context, inputs are members of the instant, or parameters, of which `arrays` have several elements.
     """
     name, inputs, outputs = function.name(), function.name_in(), function.name_out()
-    has_states = bool({"next", "excess"} & {*outputs})
-    arguments = _WITH_STATES[name] if has_states else _ARGUMENTS[name]
-    body = function_source(function, "", Types("real", call="REAL({})"), conditions=True).partition("{\n")[2]
-    context = "" if "parameters" in arguments else "at->"
-    lines = []
-    for key in inputs:
+    context = _OF_PARAMETERS if name.startswith("coefficients_of_") else _CONTEXTS.get(name, "")
+    variable, lines = re.findall(r"\w*$", context)[0], list[str]()
+    for key in inputs if context else ():
         if key == "time":
-            place = "&now" if "now" in arguments else "&at->time"
+            place = "&now" if variable == "now" else "&at->time"
         elif key in _OF_INSTANT:
             place = f"at->{key}"
         else:
-            place = f"{'' if key in arrays else '&'}{context}parameters->{key}"
-        if key not in arguments:
-            lines.append(f"  const real *const {key} = {place};")
-    used = {*inputs, *outputs, *(key for key in _KINDS if any(re.search(rf"= &?{key}\b", line) for line in lines))}
-    lines += [f"  (void){key};" for key in arguments if key not in used]
-    declared = [
-        f"{_KINDS[key]}{key}" if key in _KINDS else f"{'' if key in outputs else 'const '}real {key}[]"
-        for key in arguments
-    ]
-    text = "\n".join([f"\nstatic void {name}({', '.join(declared)})", "{", *lines, body])
+            place = f"{'' if key in arrays else '&'}{'at->' * (variable == 'at')}parameters->{key}"
+        lines.append(f"  const real *const {key} = {place};")
+    if context and not any(re.search(rf"= &?{variable}\b", line) for line in lines):
+        lines.append(f"  (void){variable};")
+    arguments = [context] if context else [f"const real {key}[]" for key in inputs]
+    arguments += [f"real {key}[]" for key in outputs]
+    body = function_source(function, "", Types("real", call="REAL({})"), conditions=True).partition("{\n")[2]
+    text = "\n".join([f"\nstatic void {name}({', '.join(arguments)})", "{", *lines, body])
     return re.sub(r"\btrue\b", "exact", text)  # a word of C++
-
-
-class _Value(NamedTuple):
-    """A value of a motion in single precision: a moment, or a single number; constants are both."""
-
-    text: str
-    is_moment: bool = True
-    constant: float | None = None
-
-    @property
-    def moment(self) -> str:
-        """As a moment."""
-        if self.constant is not None:
-            return f"CONSTANT({self.constant!r})"
-        return self.text if self.is_moment else f"moment_of({self.text}, 0)"
-
-    @property
-    def single(self) -> str:
-        """As a single number."""
-        if self.constant is not None:
-            return number(self.constant)
-        return f"moment_value({self.text})" if self.is_moment else self.text
-
-
-# Sums keep the digits that one of them has, products those that both have; {a}, {b} are moments, {x}, {y} numbers.
-_SUMS = {
-    casadi.OP_ADD: "moment_sum({a}, {b})",
-    casadi.OP_SUB: "moment_sum({a}, moment_minus({b}))",
-    casadi.OP_TWICE: "moment_sum({a}, {a})",
-    casadi.OP_NEG: "moment_minus({a})",
-}
-_PRODUCTS = {
-    casadi.OP_MUL: "moment_product({a}, {b})",
-    casadi.OP_SQ: "moment_product({a}, {a})",
-    casadi.OP_DIV: "moment_quotient({a}, {b})",
-    casadi.OP_INV: "moment_quotient(CONSTANT(1.0), {a})",
-    casadi.OP_FMIN: "moment_less({a}, {b}) ? {a} : {b}",
-    casadi.OP_FMAX: "moment_less({a}, {b}) ? {b} : {a}",
-}
-_OF_MOMENTS = {
-    casadi.OP_LT: "moment_less({a}, {b}) ? 1 : 0",
-    casadi.OP_LE: "moment_less({b}, {a}) ? 0 : 1",
-    casadi.OP_SIN: "REAL(sin)(moment_angle({a}))",
-    casadi.OP_COS: "REAL(cos)(moment_angle({a}))",
-}
-_OF_NUMBERS = {
-    casadi.OP_ADD: "{x} + {y}",
-    casadi.OP_SUB: "{x} - {y}",
-    casadi.OP_TWICE: "{x} + {x}",
-    casadi.OP_NEG: "-({x})",
-    casadi.OP_MUL: "{x} * {y}",
-    casadi.OP_SQ: "{x} * {x}",
-    casadi.OP_DIV: "{x} / {y}",
-    casadi.OP_INV: "1 / {x}",
-    casadi.OP_FMIN: "{x} < {y} ? {x} : {y}",
-    casadi.OP_FMAX: "{x} > {y} ? {x} : {y}",
-    casadi.OP_LT: "{x} < {y} ? 1 : 0",
-    casadi.OP_LE: "{x} <= {y} ? 1 : 0",
-    casadi.OP_NOT: "IS_TRUE({x}) ? 0 : 1",
-    casadi.OP_AND: "IS_TRUE({x}) && IS_TRUE({y}) ? 1 : 0",
-    casadi.OP_OR: "IS_TRUE({x}) || IS_TRUE({y}) ? 1 : 0",
-    casadi.OP_IF_ELSE_ZERO: "IS_TRUE({x}) ? {y} : 0",
-    **{
-        getattr(casadi, f"OP_{name.upper()}"): f"REAL({name})({{x}})"
-        for name in ("sqrt", "sin", "cos", "tan", "atan", "asin", "acos", "tanh", "exp", "log", "fabs", "floor")
-    },
-    casadi.OP_ATAN2: "REAL(atan2)({x}, {y})",
-    casadi.OP_POW: "REAL(pow)({x}, {y})",
-    casadi.OP_CONSTPOW: "REAL(pow)({x}, {y})",
-    casadi.OP_HYPOT: "REAL(hypot)({x}, {y})",
-}
-
-
-def function_of_time(function: casadi.Function) -> str:
-    """A motion as a function of a moment, of which sums and products of constants keep 48 bits.
-
-    Raises
-    ------
-    ExportError
-        An operation for which there is no rule.
-    """
-    lines: list[str] = []
-    values: dict[int, _Value] = {}
-    for k in range(function.n_instructions()):
-        kind, written = function.instruction_id(k), function.instruction_output(k)
-        if kind == casadi.OP_CONST:
-            values[written[0]] = _Value("", constant=float(function.instruction_constant(k)))
-        elif kind == casadi.OP_INPUT:
-            values[written[0]] = _Value("now")
-        elif kind == casadi.OP_OUTPUT:
-            lines.append(f"  motion[{written[1]}] = {values[function.instruction_input(k)[0]].single};")
-        else:
-            operands = [values[place] for place in function.instruction_input(k)]
-            value = _operation(kind, operands[0], operands[-1], function.name())
-            lines.append(f"  const {'moment' if value.is_moment else 'real'} a{k} = {value.text};")
-            values[written[0]] = value._replace(text=f"a{k}")
-    return "\n".join(["\nstatic void motion(moment now, real motion[])", "{", *lines, "}\n"])
-
-
-def _operation(kind: int, a: _Value, b: _Value, name: str) -> _Value:
-    either, all_moments = a.is_moment or b.is_moment, a.is_moment and b.is_moment
-    if kind == casadi.OP_IF_ELSE_ZERO and b.is_moment:
-        return _Value(f"IS_TRUE({a.single}) ? {b.moment} : CONSTANT(0.0)")
-    form = _SUMS.get(kind) if either else None
-    form = form or (_PRODUCTS.get(kind) if all_moments else None)
-    is_moment = form is not None
-    form = form or (_OF_MOMENTS.get(kind) if either else None) or _OF_NUMBERS.get(kind)
-    if form is None:
-        raise ExportError(
-            f"the reference has an operation for which there is no single precision (number {kind} of CasADi in "
-            f"{name}); expected arithmetic, or an export with reference = 'inputs'"
-        )
-    return _Value(form.format(a=a.moment, b=b.moment, x=a.single, y=b.single), is_moment)
 
 
 # --- operations per step ----------------------------------------------------------------------------------------------
@@ -455,49 +302,40 @@ SIMPLE, DIVISIONS, OTHERS = (
 # the search in a table.
 _A_FORCE, _A_CHECK, _A_SEARCH, _A_PIECE = 8, 2, 40, 6 * (5 + 4 + 3) * 2
 _A_LAW = 25
-# In the written code, where several quotients of one divisor are products with its reciprocal.
-_RECIPROCAL, _PRODUCT = re.compile(r"^  r\d+=1/", re.M), re.compile(r"\*r\d+\);$", re.M)
 
 
 def operations_of(functions: Traced) -> dict[str, int]:
     """Floating-point operations per step in double precision, at most, by kind."""
-    law, motion, motions = functions.law, functions.motion, 0
+    law, motion, path = functions.law, functions.motion, functions.path
+    motions = 0 if motion is None else (functions.feedforward is not None) + (law is not None)
     total = {SIMPLE: 6 * _A_FORCE, DIVISIONS: 0, OTHERS: 0}
     if law is not None:
-        total[SIMPLE] += _A_CHECK * (
-            sum(map(law.numel_in, range(law.n_in()))) + sum(map(law.numel_out, range(law.n_out())))
-        )
-    if motion is not None:
-        motions = (functions.feedforward is not None) + (law is not None)
-        if motion.name() == "motion_of_table":
-            total[SIMPLE] += motions * (_A_SEARCH + _A_PIECE)
-        if functions.path is not None:  # at both ends of a piece
-            total[SIMPLE] += motions * 2 * (_A_SEARCH + 2 * _A_LAW + _A_PIECE)
-    for function in (
-        *(functions.extrapolated, functions.feedforward, functions.start, functions.expected, law),
-        *(component.step for component in functions.components),
-        *[motion] * motions,
-        *[functions.path] * 2 * motions,
-    ):
+        total[SIMPLE] += _A_CHECK * (law.nnz_in() + law.nnz_out())
+    if motion is not None and motion.name() == "motion_of_table":
+        total[SIMPLE] += motions * (_A_SEARCH + _A_PIECE)
+    if path is not None:  # at both ends of a piece
+        total[SIMPLE] += motions * 2 * (_A_SEARCH + 2 * _A_LAW + _A_PIECE)
+    of_sample = (functions.extrapolated, functions.feedforward, functions.start, functions.expected, law)
+    of_motion = [*[motion] * motions, *[path] * 2 * motions]
+    for function in (*of_sample, *(component.step for component in functions.components), *of_motion):
         if function is None:
             continue
-        divisions = 0
-        for k in range(function.n_instructions()):
-            kind = function.instruction_id(k)
-            divisions += kind in _DIVISIONS
+        kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
+        for kind in kinds:
             if kind not in _FREE:
                 total[SIMPLE if kind in _SIMPLE else DIVISIONS if kind in _DIVISIONS else OTHERS] += 1
-        if divisions:
+        if _DIVISIONS.intersection(kinds):
+            # in the written code several quotients of one divisor are products with its reciprocal
             code = function_source(function, conditions=True)
-            products = len(_PRODUCT.findall(code))
+            products = len(re.findall(r"\*r\d+\);$", code, re.M))
             total[SIMPLE] += products
-            total[DIVISIONS] += len(_RECIPROCAL.findall(code)) - products
+            total[DIVISIONS] += len(re.findall(r"^  r\d+=1/", code, re.M)) - products
     return total
 
 
 # --- what single precision costs --------------------------------------------------------------------------------------
 
-# Of a run, at most [s].
+# Of a run that does not follow a path, at most [s].
 _COMPARED = 2.5
 # More than any controller's coefficients and memory [bytes].
 _ROOM = 1 << 20
@@ -506,41 +344,46 @@ _ROOM = 1 << 20
 def deviation_of(experiment: Experiment, designed: Designed, prefix: str, controller: Any = None) -> str:
     """What single precision costs, in words: forces of the code compiled here, on what a run in the harness measured.
 
-    The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's.
+    The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's, but
+    for the rounding of a path, which is stated too.
     """
-    loop = experiment.loop.model_copy(update={"duration": min(experiment.loop.duration, _COMPARED)})
+    has_path, duration = path_of(designed.reference) is not None, experiment.loop.duration
+    loop = experiment.loop.model_copy(update={"duration": duration if has_path else min(duration, _COMPARED)})
     quiet: dict[str, Any] = {"change": [], "disturbance": [], "fault": [], "injection": None}
-    experiment = experiment.model_copy(update={"loop": loop, **quiet})
-    prepared = prepare(experiment, controller)
+    prepared = prepare(experiment.model_copy(update={"loop": loop, **quiet}), controller)
     with prepared.law_in_a_run() as law:
         run = simulate(ModelPlant(prepared.machine, prepared.start), law, prepared.loop)
     samples = int(run.sample_of_row[-1]) + 1
     names = [v.name for v in designed.measured]
-    measured = run.measured[:samples, signals.positions(names)] if names else np.zeros((samples, 0))
-    reference = None
+    rows = [run.measured[:samples, signals.positions(names) if names else []]]
     if designed.reference_inputs and prepared.reference is not None:
-        reference = np.concatenate(prepared.reference(np.arange(samples) * designed.sample_time), axis=1)
+        rows.append(np.concatenate(prepared.reference(np.arange(samples) * designed.sample_time), axis=1))
     try:
-        expected, forces = (_forces(designed, real, measured, reference) for real in ("double", "float"))
+        expected, forces = (_forces(designed, real, rows) for real in ("double", "float"))
     except BuildError as error:
         return f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
     deviation, largest = forces - expected, float(np.abs(expected).max())
     most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
-    share = f"{most / largest:.2g}" if largest > 0 else "all"
-    return (
+    text = (
         f"With {prefix.upper()}_REAL=float, forces deviate from those in double precision, in "
-        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, {share} of the largest "
+        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, "
+        f"{f'{most / largest:.2g}' if largest > 0 else 'all'} of the largest "
         f"force; in root mean square by {mean_square**0.5:.2g} N."
     )
+    if has_path and not designed.carried.has_steps:
+        commanded = np.clip(run.command[:samples], -designed.force_limit, designed.force_limit)
+        share = float(np.abs(expected - commanded).max()) / largest
+        text += f" The path is rounded: in double precision, forces differ from those of a run by {share:.2g} of these."
+    return text
 
 
-def _forces(designed: Designed, real: str, measured: FloatArray, reference: FloatArray | None) -> FloatArray:
-    """Of the compiled code at every sample (m, 6); at its last step, if it has several."""
+def _forces(designed: Designed, real: str, rows: list[FloatArray]) -> FloatArray:
+    """Of the compiled code at every sample (m, 6), of measurements and perhaps references; at its last step of many."""
     kind: Any = {"float": ctypes.c_float, "double": ctypes.c_double}[real]
-    home = home_of(designed.platform)
     if real == "float":
-        measured = measured - _at_home(designed.measured, home)
-        reference = None if reference is None else reference - np.concatenate([home.pose, np.zeros(12)])
+        home = home_of(designed.platform)
+        at_home = _at_home(designed.measured, home), np.concatenate([home.pose, np.zeros(12)])
+        rows = [values - zero for values, zero in zip(rows, at_home, strict=False)]
     sources = controller_sources(designed)
     flags = [*(flag for flag in FLAGS if flag != "-fvisibility=hidden"), f"-DCONTROLLER_REAL={real}"]
     library = compile_library("controller", sources.units, sources.headers, native(), flags=flags)
@@ -553,10 +396,9 @@ def _forces(designed: Designed, real: str, measured: FloatArray, reference: Floa
         code.controller_prepare(parameters, coefficients)
         code.controller_start(parameters, memory)
         force, limited = (kind * 6)(), (ctypes.c_ubyte * 6)()
-        forces = np.empty((len(measured), 6))
-        for k, row in enumerate(measured):
-            rows = [row] if reference is None else [row, reference[k]]
-            inputs = [(kind * max(1, len(values)))(*values.tolist()) for values in rows]
+        forces = np.empty((len(rows[0]), 6))
+        for k, _ in enumerate(forces):
+            inputs = [(kind * max(1, values.shape[1]))(*values[k].tolist()) for values in rows]
             for _ in range(designed.carried.steps_a_sample):
                 code.controller_step(parameters, coefficients, memory, *inputs, force, limited)
             forces[k] = force[:]
@@ -566,6 +408,5 @@ def _forces(designed: Designed, real: str, measured: FloatArray, reference: Floa
 def c_files(experiment: Experiment, designed: Designed, name: str, controller: Any = None) -> dict[str, bytes]:
     """The C of an experiment's controller and an example program, by file name; what float costs is in the header."""
     sources = controller_sources(designed, name, deviation_of(experiment, designed, name, controller))
-    return {
-        file: text.encode() for file, text in {**sources.units, **sources.headers, EXAMPLE: sources.example}.items()
-    }
+    texts: Mapping[str, str] = {**sources.units, **sources.headers, EXAMPLE: sources.example}
+    return {file: text.encode() for file, text in texts.items()}

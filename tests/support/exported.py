@@ -19,7 +19,7 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed
-from gough_stewart.harness.export.relative import home_of
+from gough_stewart.harness.export.symbols import home_of
 from gough_stewart.harness.export.write import ControllerSources, controller_sources
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants import signals

@@ -24,7 +24,7 @@
 
 /* What a machine follows, computed at each row: the reference, and forces along it. */
 typedef struct {
-    int64_t kind;               /* of motion, see harness/export/plan_c.py; 0 is one that the caller gives */
+    int64_t kind;               /* of motion, see harness/export/machine_equations.py; 0: the caller gives it */
     const double *coefficients; /* the values of its keys */
     int64_t n_pieces;           /* of a table: when each begins [s], and its polynomials (6, 6), highest power first */
     const double *begins, *pieces;

@@ -99,13 +99,10 @@ def live_page(experiment: Experiment) -> bytes:
         "nearness": report_page.NEARNESS,
         "live": page_data(experiment),
     }
-    body = Template(_script("live.html")).substitute(
-        title=html.escape(experiment.title),
-        about=html.escape(experiment.description),
-        licences=html.escape(three_licence()),
-        versions=html.escape(", ".join(f"{name} {number}" for name, number in versions().items() if name in _PACKAGES)),
-        themes=report_page.THEME_OPTIONS,
-    )
+    used = ", ".join(f"{name} {number}" for name, number in versions().items() if name in _PACKAGES)
+    texts = {"title": experiment.title, "about": experiment.description, "licences": three_licence(), "versions": used}
+    escaped = {name: html.escape(text) for name, text in texts.items()}
+    body = Template(_script("live.html")).substitute(escaped, themes=report_page.THEME_OPTIONS)
     style = report_page.colours() + asset("page.css") + asset("stage.css") + _script("live.css")
     first = "\n".join([*map(asset, _FIRST), _script("engine.js")])
     rest = "\n".join([*map(asset, (*_SHARED, *_VIEW)), *map(_script, _LIVE)])
@@ -115,9 +112,20 @@ def live_page(experiment: Experiment) -> bytes:
 def page_data(experiment: Experiment) -> dict[str, Any]:
     """All that the scripts of a page get, in plain types; see `live_page` for errors."""
     live = live_machine(experiment)
+    machine = live.prepared.machine
+    lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
+    low = machine.leg_length_min or 0.9 * float(lengths.min())
+    high = machine.leg_length_max or 1.1 * float(lengths.max())
+    lower = min(0.97 * low, 0.53 * high)
     return {
         **live.data,
-        "scene": _scene(live.prepared.machine),
+        # the bodies of the view; their motion comes from the machine
+        "scene": {
+            "base": machine.base_points.tolist(),
+            "platform": machine.platform_points.tolist(),
+            "lower": lower,
+            "upper": min(0.97 * low, 1.06 * high - lower),
+        },
         "wasm": _packed(shipped_wasm(live.block.variant)),
         "block": _packed(live.block.words.astype("<i8").tobytes()),
         "worker": _script("session.js") + _script("worker.js"),
@@ -132,67 +140,31 @@ def _packed(raw: bytes) -> str:
     return base64.b64encode(zlib.compress(raw, 9)).decode()
 
 
-def _scene(machine: Platform) -> dict[str, Any]:
-    """The bodies of the view; their motion comes from the machine."""
-    lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
-    low = machine.leg_length_min or 0.9 * float(lengths.min())
-    high = machine.leg_length_max or 1.1 * float(lengths.max())
-    longest = 0.97 * low
-    lower = min(longest, 0.53 * high)
-    return {
-        "base": machine.base_points.tolist(),
-        "platform": machine.platform_points.tolist(),
-        "lower": lower,
-        "upper": min(longest, 1.06 * high - lower),
-    }
-
-
 def live_machine(experiment: Experiment) -> Live:
     """The machine of an experiment, and what a hand may do to it; see `live_page` for errors."""
     block, prepared, turned = endless_machine(experiment, KEPT, "a page")
-    return Live(block, prepared, {**_data(experiment, prepared), "turn": _turned(turned, prepared)})
-
-
-def _turned(turned: dict[str, Any], prepared: Prepared) -> dict[str, Any]:
-    """What may be tuned, and where poles and margins are among the results."""
-    has_gains = turned["variant"] >= 0
-    return {
-        "wanted": [float(value) if np.isfinite(value) else None for value in turned["wanted"]],
-        "names": WANTED,
-        "gains": has_gains,
-        "integral": has_gains and bool(turned["gains"][12] > 0),
-        "margins": "results" in turned,
-        "poles": POLES,
-        "most": turned.get("most_states", 0),
-        "mostDelay": max(MOST_DELAY, int(prepared.loop.actuators.delay)),
-        "sampleTime": turned["sample_time"],
-    }
-
-
-def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
     platform, machine, loop = prepared.platform, prepared.machine, prepared.loop
-    home = platform.home_position, platform.home_orientation
-    limit = float(np.min(loop.actuators.values["force_limit"]))
+    home, timing, choice = (platform.home_position, platform.home_orientation), loop.timing, experiment.controller
+    limit, is_open = float(np.min(loop.actuators.values["force_limit"])), isinstance(choice, OpenLoop)
     ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
     begins = {v.name: ends[k] for k, v in enumerate(interface.PLATFORM_PARAMETERS)}
-    stroke = [machine.leg_length_min, machine.leg_length_max]
-    is_open = isinstance(experiment.controller, OpenLoop)
+    stroke, has_gains = [machine.leg_length_min, machine.leg_length_max], turned["variant"] >= 0
     start_force = loop.feedforward[0]
     if prepared.controller is not None:
         start_force = static_leg_forces(machine, prepared.start.position, prepared.start.orientation)
-    return {
+    data = {
         "fields": {name: fields()[name] for name in _FIELDS},
-        "plantStep": loop.timing.plant_step,
-        "every": loop.timing.steps_a_sample,
+        "plantStep": timing.plant_step,
+        "every": timing.steps_a_sample,
         "kept": KEPT,
-        "duration": loop.timing.duration,
+        "duration": timing.duration,
         # of these a page has no more than the experiment
         "endsWithRun": bool(experiment.loop.jitter or loop.injection is not None),
         "forceLimit": limit if np.isfinite(limit) else None,
         "largestForce": float(np.abs(static_leg_forces(platform, *home)).max()),
         "stroke": stroke if None not in stroke else None,
         # rows of the experiment's changes, and sizes of what they and a hand change
-        "changes": sorted({loop.timing.row(change.time, "a change") for change in loop.changes} - {0}),
+        "changes": sorted({timing.row(change.time, "a change") for change in loop.changes} - {0}),
         "sizes": {
             **{"parameters": ends[-1], "inputs": N_LEGS + 6},
             **{"cut": N_LEGS, "frozen": signals.SIZE, "cut,frozen": N_FAULTS},
@@ -211,7 +183,20 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "failures": FAILURES,
         "reach": reach_of(platform).tolist(),
         "home": np.concatenate(home).tolist(),
+        # what may be tuned, and where poles and margins are among the results
+        "turn": {
+            "wanted": [float(value) if np.isfinite(value) else None for value in turned["wanted"]],
+            "names": WANTED,
+            "gains": has_gains,
+            "integral": has_gains and bool(turned["gains"][12] > 0),
+            "margins": "results" in turned,
+            "poles": POLES,
+            "most": turned.get("most_states", 0),
+            "mostDelay": max(MOST_DELAY, int(loop.actuators.delay)),
+            "sampleTime": turned["sample_time"],
+        },
     }
+    return Live(block, prepared, data)
 
 
 def _download(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:

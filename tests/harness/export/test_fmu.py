@@ -1,284 +1,508 @@
-"""The controller as FMU against the loop in Python: what is measured there goes in, its forces have to come out.
+"""A controller's unit: when it takes samples, by closed forms; its forces, by the loop in Python; what it refuses.
 
-Expected forces are those of `harness/loop` with a delay of one sample, unless a test says else.
+The short law's force k of a sample at time t with position p is RATE t + WEIGHT p + COUNT (samples before) + √p₃, cut
+to the limit. The long one is a PID, whose forces are those of `harness/loop` with a delay of one sample.
 """
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import casadi
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.fmu_build.build import build_units
+from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
-from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
 from gough_stewart.model.kinematics import leg_geometry
-from tests.support.controllers import PROPORTIONAL, SAMPLE_TIME, forces_of, run_of, uneven_experiment
-from tests.support.fmu_plants import DISCARD, ERROR, Plant, refused
+from gough_stewart.model.vectors import FloatArray
+from tests.support.controllers import FORCE_LIMIT, PROPORTIONAL, SAMPLE_TIME, forces_of, run_of, uneven_experiment
+from tests.support.fmu_plants import DISCARD, ERROR, OK, Plant, refused
+from tests.support.saved_bytes import accepts, numbers_of, with_numbers
 from tests.support.uneven import UNEVEN
 
-LENGTHS = signals.positions(("leg_length",))
-TOLERANCE = 1e-9
+T = SAMPLE_TIME
+RATE = np.array([300.0, -100.0, 400.0, -150.0, 500.0, -900.0])  # [N/s]
+WEIGHT = np.array(
+    [[8.0, -28, 4.0], [32.0, 8.0, -32], [4.0, 32.0, 8.0], [-32, 16.0, 20.0], [36.0, 2.0, 16.0], [20, -8, 12]]
+)
+COUNT = np.array([0.7, -1.1, 0.3, 2.1, -0.4, 1.9])  # [N]
+FIRST, SECOND = np.array([[0.4, -0.3, 2.5], [-0.2, 0.6, 1.7]])  # [m]
+VERSIONS = ["2.0", "3.0"]
 
 
-class Exported(NamedTuple):
-    """A controller, its units by FMI version, and the run in Python."""
+class Units(NamedTuple):
+    """Of a controller, by FMI version."""
 
     designed: Designed
+    component: UnitComponent
     files: dict[str, FmuFile]
-    run: Run
     folder: Path
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exported]:
-    folder = tmp_path_factory.mktemp("controller")
-    experiment = uneven_experiment(folder)
-    chosen = designed(experiment)
-    files = {file.version: file for file in map(FmuFile, build_units(component_of(chosen, "uneven"), folder))}
-    yield Exported(chosen, files, run_of(experiment), folder)
+def units_of(folder: Path, controller: Any = None, **options: Any) -> Iterator[Units]:
+    chosen = designed(uneven_experiment(folder, **options), controller)
+    component = component_of(chosen, "controller")
+    files = {file.version: file for file in map(FmuFile, build_units(component, folder))}
+    yield Units(chosen, component, files, folder)
     for file in files.values():
         file.close()
 
 
-@pytest.fixture(params=["2.0", "3.0"])
-def unit(request: pytest.FixtureRequest, exported: Exported) -> Iterator[Plant]:
-    """An instance, not yet initialised."""
-    with Plant(exported.files[request.param], name="controller") as made:
-        yield made
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
+    t, p, count = casadi.SX.sym("t"), casadi.SX.sym("p", 3), casadi.SX.sym("count")
+    forces = casadi.DM(RATE) * t + casadi.mtimes(casadi.DM(WEIGHT), p) + casadi.DM(COUNT) * count + casadi.sqrt(p[2])
+    names = ["time", "position", "memory"], ["actuator_force", "memory_next"]
+    law = casadi.Function("law", [t, p, count], [forces, count + 1], *names)
+    yield from units_of(tmp_path_factory.mktemp("short"), law, feedforward="none")
 
 
-def assert_forces(found: list[np.ndarray], expected: np.ndarray) -> None:
-    """Relative to the largest."""
-    assert np.abs(np.array(found) - expected).max() <= TOLERANCE * np.abs(expected).max()
+@pytest.fixture(scope="module")
+def long(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
+    yield from units_of(tmp_path_factory.mktemp("long"))
 
 
-def lengths_at(run: Run, sample: int) -> np.ndarray:
-    return np.asarray(run.measured[sample, LENGTHS])
+@pytest.fixture(params=VERSIONS)
+def unit(request: pytest.FixtureRequest, short: Units) -> Iterator[Plant]:
+    """An instance with the short law, not yet initialised."""
+    with Plant(short.files[request.param]) as one:
+        yield one
 
 
-def reference_lengths(exported: Exported, sample: int) -> np.ndarray:
-    """Of the legs on the reference, by the geometry (6,) [m]."""
-    reference = exported.designed.reference
-    assert reference is not None
-    at = reference(np.array([sample * SAMPLE_TIME]))
-    return np.asarray(leg_geometry(UNEVEN, at.position[0], at.orientation[0]).length)
+@pytest.fixture(params=VERSIONS)
+def pid(request: pytest.FixtureRequest, long: Units) -> Iterator[Plant]:
+    """An instance of the PID, likewise."""
+    with Plant(long.files[request.param]) as one:
+        yield one
 
 
-SAMPLES = 90  # later ones look ahead beyond the end of the run in Python
+def force(sample: int, position: ArrayLike, sample_time: float = T, before: int | None = None) -> NDArray[np.float64]:
+    """The forces that a sample decides, after so many good ones; by default all."""
+    p = np.asarray(position)
+    counted = sample if before is None else before
+    free = RATE * sample * sample_time + WEIGHT @ p + COUNT * counted + np.sqrt(p[2])
+    return np.asarray(np.clip(free, -FORCE_LIMIT, FORCE_LIMIT))
 
 
-@pytest.mark.parametrize("parts", [1, 4])
-def test_steps_of_a_sample_and_of_a_quarter_give_the_forces_of_the_loop(
-    unit: Plant, exported: Exported, parts: int
+def assert_force(unit: Plant, expected: NDArray[np.float64]) -> None:
+    np.testing.assert_allclose(unit.get("actuator_force"), expected, rtol=1e-12, atol=1e-9)
+
+
+def positions_of(n: int, seed: int = 3) -> FloatArray:
+    return np.abs(np.random.default_rng(seed).uniform(-0.25, 2.25, (n, 3)))
+
+
+# --- when samples are -------------------------------------------------------------------------------------------------
+
+# By which a communication point may miss a sample: the larger of 1e-6 T and 1e-9 max(1, |t|), at most T/20.
+SLACKS = [
+    *((0.0, T, 1e-6 * T), (-0.25, 2.5e-4, 1e-9), (12.3, T, 1e-9 * 12.304), (-30.0, T, 1e-9 * 29.996)),
+    *((86_400.0, T, 86_400e-9), (1e6, T, T / 20), (3.0, 0.05, 1e-6 * 0.05)),
+]
+
+
+@pytest.mark.parametrize(("start", "sample_time", "slack"), SLACKS)
+def test_a_step_that_misses_a_sample_by_rounding_meets_it(
+    unit: Plant, short: Units, start: float, sample_time: float, slack: float
 ) -> None:
-    """Expected: of sample k at the end of its step, unchanged in between; before the first sample the start forces."""
+    """Expected: forces of sample 0 are out at the end of the step, and the next step begins with sample 1."""
+    unit.set("sample_time", sample_time)
+    unit.initialise(time=start)
+    unit.set("position", FIRST)
+    before = unit.serialized()
+    unit.do_step(start, sample_time - 1.02 * slack)
+    assert_force(unit, short.designed.start_force)
+    unit.restore(before)
+    end = start + (sample_time - 0.98 * slack)
+    unit.do_step(start, sample_time - 0.98 * slack)
+    assert unit.time == end
+    assert_force(unit, force(0, FIRST))
+    unit.set("position", SECOND)
+    unit.do_step(end, sample_time)
+    assert_force(unit, force(1, SECOND, sample_time))
+
+
+def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, short: Units) -> None:
+    """Expected: before, no flag and the start forces; nothing that was set is changed by a step."""
+    far = np.array([2.25, -0.25, 1.0])
+    unit.set("position", far)
     unit.initialise()
-    np.testing.assert_array_equal(unit.get("actuator_force"), exported.designed.start_force)
-    forces, flags, step = [], [], SAMPLE_TIME / parts
-    for k in range(SAMPLES):
-        before = unit.get("actuator_force")
-        unit.set("leg_length", lengths_at(exported.run, k))
-        for part in range(parts):
-            np.testing.assert_array_equal(unit.get("actuator_force"), before)
-            unit.do_step((k * parts + part) * step, step)
-            unit.set("leg_length", np.zeros(6))  # nobody looks between samples
-        forces.append(unit.get("actuator_force"))
-        flags.append(unit.get("force_limited"))
-    assert_forces(forces, forces_of(exported.run)[:SAMPLES])
-    np.testing.assert_array_equal(np.array(flags), exported.run.force_limited[:SAMPLES])
+    free = WEIGHT @ far + 1.0
+    assert 1 <= (np.abs(free) > FORCE_LIMIT).sum() <= 5
+    for step in (0.3 * T, 0.6 * T):
+        np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
+        assert_force(unit, short.designed.start_force)
+        unit.do_step(unit.time, step)
+    unit.do_step(0.9 * T, 0.2 * T)
+    np.testing.assert_array_equal(unit.get("force_limited"), np.abs(free) > FORCE_LIMIT)
+    assert_force(unit, np.clip(free, -FORCE_LIMIT, FORCE_LIMIT))
+    np.testing.assert_array_equal(unit.get("position"), far)
+    assert unit.time == pytest.approx(1.1 * T, rel=1e-12)
 
 
-def test_steps_of_four_samples_with_inputs_interpolated(exported: Exported) -> None:
-    """Expected: steps of a sample with the inputs of the straight lines between every fourth sample."""
-    ramp = [lengths_at(exported.run, k) for k in range(0, 81, 4)]
-
-    def at(k: int) -> np.ndarray:
-        a, b = ramp[k // 4], ramp[k // 4 + 1]
-        return np.asarray(a + (b - a) * (k % 4) / 4)
-
-    file = exported.files["2.0"]
-    with Plant(file) as one, Plant(file) as four:
-        one.initialise()
-        four.initialise()
-        for k in range(80):
-            one.set("leg_length", at(k))
-            one.do_step(k * SAMPLE_TIME, SAMPLE_TIME)
-            if k % 4 == 0:
-                four.set("leg_length", at(k))
-                four.set_input_rates("leg_length", (ramp[k // 4 + 1] - ramp[k // 4]) / (4 * SAMPLE_TIME))
-            if k % 4 == 3:
-                four.do_step((k - 3) * SAMPLE_TIME, 4 * SAMPLE_TIME)
-                assert_forces([four.get("actuator_force")], one.get("actuator_force"))
+def test_steps_that_do_not_fit_samples(unit: Plant, short: Units) -> None:
+    """Expected: inputs held from the communication point before a sample; its force is out one sample later."""
+    steps = T * np.random.default_rng(3).uniform(0.05, 2.5, 80)
+    points = np.concatenate([[0.0], np.cumsum(steps)])
+    positions = positions_of(len(points))
+    unit.initialise()
+    for point, step, position in zip(points, steps, positions, strict=False):
+        unit.set("position", position)
+        unit.do_step(float(point), float(step))
+        sample = int((point + step) / T) - 1
+        held = positions[int(np.searchsorted(points, sample * T, side="right")) - 1]
+        assert_force(unit, force(sample, held) if sample >= 0 else short.designed.start_force)
 
 
-def test_an_importer_of_fmi_3_sets_inputs_at_every_sample_of_a_long_step(exported: Exported) -> None:
-    """Expected: the forces of the loop, seen in the intermediate update of the next sample."""
-    forces: list[np.ndarray] = []
-    times: list[float] = []
+def test_inputs_go_on_at_their_rates(short: Units) -> None:
+    """Expected: p + ṗ t, also where samples see it."""
+    rates = np.array([13.0, -21.0, 34.0])
+    with Plant(short.files["2.0"]) as unit:
+        unit.initialise(time=-1.0)
+        unit.set("position", FIRST)
+        unit.set_input_rates("position", rates)
+        unit.do_step(-1.0, 2.5 * T)
+        np.testing.assert_allclose(unit.get("position"), FIRST + 2.5 * T * rates, rtol=1e-12)
+        assert_force(unit, force(1, FIRST + T * rates))
+
+
+def test_an_importer_of_fmi_3_sets_inputs_at_every_sample_of_a_long_step(short: Units) -> None:
+    """Expected: the force of a sample, seen in the intermediate update of the next one."""
+    forces, times, positions = list[FloatArray](), list[float](), positions_of(42)
 
     def update(_environment: object, time: float, *_flags: object) -> None:
         times.append(time)
         forces.append(asked.get("actuator_force"))
-        asked.set("leg_length", lengths_at(exported.run, len(times)))
+        asked.set("position", positions[len(times)])
 
-    with Plant(exported.files["3.0"], intermediateUpdate=update) as asked:
+    with Plant(short.files["3.0"], intermediateUpdate=update) as asked:
         asked.initialise()
-        asked.set("leg_length", lengths_at(exported.run, 0))
-        for k in range(0, 80, 20):
-            asked.do_step(k * SAMPLE_TIME, 20 * SAMPLE_TIME)
-    assert times == pytest.approx(SAMPLE_TIME * np.arange(1, 81))
-    assert_forces(forces, forces_of(exported.run)[:80])
+        asked.set("position", positions[0])
+        for k in (0, 20):
+            asked.do_step(k * T, 20 * T)
+    assert times == pytest.approx(T * np.arange(1, 41))
+    np.testing.assert_allclose(forces, [force(k, positions[k]) for k in range(40)], rtol=1e-12, atol=1e-9)
 
 
-def test_steps_that_do_not_fit_samples_give_the_forces_of_steps_that_do(unit: Plant, exported: Exported) -> None:
-    """Expected: inputs held from the communication point before a sample, forces of the last sample but one's start.
+EARLY = [(0.0, 2 * T, 2), (2.5 * T, 2.5 * T, 2), (9 * T, 7 * T, 7), (np.nan, 7 * T, 7)]
 
-    Sample k is taken in the step over k T, and its force is out from (k + 1) T on; the expectation is a unit that goes
-    from sample to sample, fed with what the other held at k T.
-    """
-    steps = SAMPLE_TIME * np.random.default_rng(3).uniform(0.05, 2.5, 150)
-    points = np.concatenate([[0.0], np.cumsum(steps)])
-    length = [lengths_at(exported.run, k % SAMPLES) for k in range(len(points))]
-    with Plant(unit.file) as regular:
-        regular.initialise()
-        out = [regular.get("actuator_force")]
-        for k in range(int(points[-1] / SAMPLE_TIME)):
-            held = int(np.searchsorted(points, k * SAMPLE_TIME, side="right")) - 1
-            regular.set("leg_length", length[held])
-            regular.do_step(k * SAMPLE_TIME, SAMPLE_TIME)
-            out.append(regular.get("actuator_force"))
+
+@pytest.mark.parametrize(("wanted", "reached", "sample"), EARLY)
+def test_a_step_ends_early_when_the_importer_asks_at_a_sample(
+    short: Units, wanted: float, reached: float, sample: int
+) -> None:
+    """Expected: at the time it asks for, at once if that has passed, and never beyond the step; then it goes on."""
+
+    def update(_environment: Any, time: float, *arguments: Any) -> None:
+        if time == 2 * T:
+            early, at = arguments[-2:]
+            early[0], at[0] = True, wanted
+
+    with Plant(short.files["3.0"], intermediateUpdate=update, earlyReturnAllowed=True) as unit:
+        unit.initialise()
+        unit.set("position", FIRST)
+        _, _, early, last = unit.do_step(0.0, 7 * T)
+        assert (early, last) == (reached < 7 * T, reached)
+        assert unit.time == reached
+        unit.do_step(reached, T)
+        assert_force(unit, force(sample, FIRST))
+
+
+@pytest.mark.parametrize("delay", [2, 12])
+def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plant, short: Units, delay: int) -> None:
+    """Expected: the closed form of sample k from sample k + delay on; start forces before; steps of three quarters."""
+    positions = positions_of(40, delay)
+    expected = [np.array([forces := force(k, p), np.abs(forces) == FORCE_LIMIT]) for k, p in enumerate(positions)]
+    assert 40 <= sum(flags.sum() for _, flags in expected) <= 200
+    unit.set("output_delay", float(delay))
     unit.initialise()
-    for point, step, value in zip(points, steps, length, strict=False):
-        unit.set("leg_length", value)
-        unit.do_step(float(point), float(step))
-        np.testing.assert_array_equal(unit.get("actuator_force"), out[int((point + step) / SAMPLE_TIME)])
-
-
-def test_a_state_in_the_middle_has_the_same_future_in_another_instance(unit: Plant, exported: Exported) -> None:
-    """Expected: the same bits, saved and serialised between two samples."""
-
-    def go_on(one: Plant) -> list[np.ndarray]:
-        found = []
-        for k in range(80, 200):
-            one.set("leg_length", lengths_at(exported.run, k // 4))
-            one.do_step(k * SAMPLE_TIME / 4, SAMPLE_TIME / 4)
-            found.append(one.get("actuator_force"))
-        return found
-
-    unit.initialise()
-    for k in range(80):
-        unit.set("leg_length", lengths_at(exported.run, k // 4))
-        unit.do_step(k * SAMPLE_TIME / 4, SAMPLE_TIME / 4)
-        if k == 77:
-            blob = unit.serialized()
-    middle = unit.serialized()
-    expected = go_on(unit)
+    for quarter in range(0, 4 * 39, 3):
+        if quarter == 81:
+            middle = unit.serialized()
+        # the sample is at the beginning of its quarter, and nobody looks at the inputs of the others
+        unit.set("position", positions[-(-quarter // 4)])
+        unit.do_step(quarter * T / 4, 3 * T / 4)
+        sample = (quarter + 3) // 4 - delay
+        forces, flags = expected[sample] if sample >= 0 else (short.designed.start_force, np.zeros(6))
+        assert_force(unit, forces)
+        np.testing.assert_array_equal(unit.get("force_limited"), flags)
     with Plant(unit.file) as other:
         other.restore(middle)
-        np.testing.assert_array_equal(go_on(other), expected)
-    unit.restore(blob)
-    for k in (78, 79):
-        unit.set("leg_length", lengths_at(exported.run, k // 4))
-        unit.do_step(k * SAMPLE_TIME / 4, SAMPLE_TIME / 4)
-    assert unit.serialized() == middle
+        assert other.get("output_delay") == delay
+        for k in range(delay):  # what was in the line then, and not what has passed through it since
+            other.set("position", positions[21 + k])
+            other.do_step(81 * T / 4 + k * T, T)
+            assert_force(other, expected[21 + k - delay][0])
 
 
-def test_a_tunable_gain_acts_from_the_next_sample_on(unit: Plant, exported: Exported) -> None:
+def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant, short: Units) -> None:
+    """Expected: start forces, since there is no feedforward, of the samples at 3 T and 4 T; the law's memory is kept.
+
+    Reported from a sample later on, counted in T; forces wait in the delay line, reports do not.
+    """
+    for delay in (1, 2):
+        with Plant(unit.file) as one:
+            one.set("output_delay", float(delay))
+            one.initialise()
+            for k in range(8):
+                one.set("position", [0.4, 1e10, 2.5] if k in (3, 4) else FIRST)
+                one.do_step(k * T, T)
+                assert one.get("input_status") == float(k in (3, 4))
+                assert one.get("input_bad_time") == pytest.approx({3: 1, 4: 2}.get(k, 0) * T)
+                sample = k + 1 - delay
+                if sample >= 0:
+                    good = force(sample, FIRST, before=sample - 2 * (sample > 4))
+                    assert_force(one, short.designed.start_force if sample in (3, 4) else good)
+
+
+# --- states -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_state_before_the_first_sample_can_be_restored(unit: Plant, short: Units) -> None:
+    unit.initialise()
+    unit.set("position", FIRST)
+    blob = unit.serialized()
+    unit.do_step(0.0, 3 * T)
+    for one in (unit, Plant(unit.file)):
+        with one:
+            one.restore(blob)
+            assert_force(one, short.designed.start_force)
+            one.set("position", SECOND)
+            one.do_step(0.0, T)
+            assert_force(one, force(0, SECOND))
+
+
+def test_after_a_reset_a_unit_is_as_new(unit: Plant) -> None:
+    """Expected: the bytes of an instance that was never used."""
+    with Plant(unit.file) as new:
+        expected = new.serialized()
+    unit.set("force_limit", 11.0)
+    unit.initialise(time=3.0, stop=5.0)
+    unit.set("position", FIRST)
+    unit.do_step(3.0, 2.5 * T)
+    unit.fmu.reset()
+    assert unit.serialized() == expected
+
+
+@pytest.fixture
+def sampled_thrice(unit: Plant) -> bytes:
+    unit.initialise()
+    unit.set("position", FIRST)
+    unit.do_step(0.0, 2.5 * T)
+    return unit.serialized()
+
+
+def test_numbers_that_no_state_has_are_refused(unit: Plant, sampled_thrice: bytes) -> None:
+    """Expected: no NaN; infinity for the stop time only, since no limit is 0; not below 0: samples, what is bounded."""
+    good = numbers_of(sampled_thrice)
+    may_be_infinite, not_negative = [], []
+    for k, value in enumerate(good):
+        for bad in (np.nan, np.inf, -1.0):
+            changed = good.copy()
+            changed[k] = bad
+            accepted = accepts(unit, with_numbers(sampled_thrice, changed))
+            assert not (accepted and np.isnan(bad)), k
+            may_be_infinite += [value] if accepted and bad == np.inf else []
+            not_negative += [value] if not accepted and bad == -1.0 else []
+    assert may_be_infinite == [np.inf]
+    assert sorted(not_negative) == [T, 1.0, 1.0, 3.0, FORCE_LIMIT, 4000.0]  # with delays and samples
+
+
+def test_an_output_delay_is_a_whole_number_of_samples_up_to_a_limit(unit: Plant) -> None:
+    """Expected: 1 to 12, also in a state; another after the start is misuse."""
+    for wrong in (0.0, -1.0, 1.5, 13.0, 1e9):
+        assert refused(unit.set, "output_delay", wrong) == DISCARD
+        message = f"output_delay = {wrong:g} rejected; expected a whole number of samples from 1 to 12"
+        assert message in unit.take_messages()
+    unit.set("output_delay", 11.0)
+    unit.initialise()
+    assert refused(unit.set, "output_delay", 2.0) != OK
+    assert "output_delay: not allowed in step mode" in unit.take_messages()
+    state = unit.serialized()
+    numbers = numbers_of(state)
+    (place,) = np.flatnonzero(numbers == 11.0)
+    for value in (0.0, 0.5, 13.0, 2.25):
+        numbers[place] = value
+        assert not accepts(unit, with_numbers(state, numbers))
+
+
+def test_older_value_references_stay(short: Units) -> None:
+    """Expected: in the order of inputs, outputs, parameters of the plain C, time; what is younger comes after it."""
+    for version, file in short.files.items():
+        found = {v.name: int(v.valueReference) for v in file.description.modelVariables}
+        younger = ("output_delay", "input_status", "input_bad_time")
+        older = [row.variable for row in short.component.layout.rows if row.variable.name not in ("time", *younger)]
+        names = [v.name for v in older] if version == "3.0" else [name for v in older for name in v.scalar_names]
+        assert [found[name] for name in names] == list(range(len(names)))
+        assert [found[name] for name in younger] == [len(names) + 1 + k for k in range(3)]
+        assert version == "2.0" or found["time"] == len(names)
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [-2000.0, 2.0])
+def test_a_step_of_a_million_samples_is_refused(unit: Plant, start: float) -> None:
+    """Expected: 4000 s at 4 ms, counted from the sample that is due."""
+    unit.initialise(time=start)
+    unit.set("position", FIRST)
+    before = unit.serialized()
+    assert refused(unit.do_step, start, 4000.0) == DISCARD
+    text = f"communication step to {start + 4000:g} s rejected; it has more than 1000000 samples of 0.004 s"
+    assert text in unit.take_messages()
+    assert unit.serialized() == before
+
+
+@pytest.mark.parametrize(("start", "status"), [(1.7e10, OK), (1.9e10, DISCARD), (-1.7e10, OK), (-1.9e10, DISCARD)])
+def test_a_sample_time_of_less_than_a_thousand_roundings_of_time_is_refused(
+    unit: Plant, start: float, status: int
+) -> None:
+    """Expected: 4 ms are 1000 roundings of a double, 2⁻⁵² relative, at 1.8e10 s."""
+    unit.initialise(time=start)
+    unit.set("position", FIRST)
+    assert refused(unit.do_step, start, T) == status
+    message = f"sample_time = 0.004 s rejected; it is too short to be resolved at time {abs(start):g} s"
+    assert (message in unit.take_messages()) == (status == DISCARD)
+
+
+def test_forces_and_inputs_that_are_no_number_are_refused(unit: Plant, sampled_thrice: bytes) -> None:
+    """Expected: at √−1, in the sample at 3 T; a rate of 1e308 m/s, which only a state can have; the state stays."""
+    unit.set("position", [0.1, 0.2, -1.0])
+    before = unit.serialized()
+    assert refused(unit.do_step, 2.5 * T, T) == DISCARD
+    assert "at time 0.012 s: the forces are not finite" in unit.take_messages()
+    assert unit.serialized() == before
+    unit.restore(sampled_thrice)
+    unit.do_step(2.5 * T, T)
+    numbers = numbers_of(sampled_thrice)
+    (place,) = np.flatnonzero((numbers[:-2] == FIRST[0]) & (numbers[2:] == FIRST[2]))
+    numbers[place - 3] = 1e308  # rates stand before inputs
+    unit.restore(with_numbers(sampled_thrice, numbers))
+    assert refused(unit.do_step, 2.5 * T, 3.0) == DISCARD
+    assert "s: an input is not finite; its derivative is too large" in unit.take_messages()
+    assert unit.time == 2.5 * T
+
+
+def test_what_cannot_be_is_refused_and_changes_nothing(pid: Plant, long: Units) -> None:
+    assert refused(pid.set, "sample_time", 0.0) == DISCARD
+    pid.initialise(stop=1.0)
+    pid.set("leg_length", long.designed.first_measured)
+    pid.do_step(0.0, 1.5 * T)
+    before = pid.serialized()
+    pid.take_messages()
+    for call, expected, reason in (
+        (lambda: pid.set("leg_length", np.full(6, np.nan)), DISCARD, "leg_length[1] = nan m rejected"),
+        (lambda: pid.set("force_limit", -1.0), DISCARD, "force_limit = -1 N rejected; expected a value >= 0"),
+        (lambda: pid.set("sample_time", 0.1), ERROR, "sample_time: not allowed in step mode"),
+        (lambda: pid.set("actuator_force", np.zeros(6)), ERROR, "actuator_force[1] is computed"),
+        (lambda: pid.do_step(0.5, T), ERROR, "expected the current time 0.006"),
+        (lambda: pid.do_step(1.5 * T, 2.0), ERROR, "the stop time is"),
+        (lambda: pid.output_rates("actuator_force"), ERROR, "not offered by this unit"),
+        (lambda: pid.directional("actuator_force", "leg_length", np.ones(6)), ERROR, "not offered by this unit"),
+    ):
+        assert refused(call) == expected
+        assert reason in pid.take_messages()
+    assert pid.serialized() == before
+    assert pid.file.description.modelExchange is None
+    assert pid.file.description.coSimulation.maxOutputDerivativeOrder == 0
+    with pytest.raises(Exception, match="Model Exchange is not offered"):
+        Plant(pid.file, co_simulation=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("derivative_filter", 1e-5, "1e-05 s rejected; expected derivative_filter >= sample_time / 2"),
+        (
+            "anti_windup_time",
+            np.array([1, 1, 1e-4, 1, 1, 1]),
+            "1 1 0.0001 1 1 1 s rejected; expected anti_windup_time[1] >= sample_time and",
+        ),
+    ],
+)
+def test_parameters_that_do_not_go_together_are_refused_with_a_reason(
+    pid: Plant, long: Units, name: str, value: ArrayLike, expected: str
+) -> None:
+    pid.initialise()
+    pid.set("leg_length", long.designed.first_measured)
+    pid.set(name, value)
+    before = pid.serialized()
+    assert refused(pid.do_step, 0.0, T) == DISCARD
+    assert f"{name} = {expected}" in pid.take_messages()
+    assert pid.serialized() == before
+
+
+# --- the loop in Python -----------------------------------------------------------------------------------------------
+
+SAMPLES = 90  # later ones look ahead beyond the end of the run in Python
+
+
+def assert_forces(found: Any, expected: FloatArray) -> None:
+    """Relative to the largest."""
+    assert np.abs(np.array(found) - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+def test_steps_of_a_sample_and_of_a_quarter_give_the_forces_of_the_loop(pid: Plant, long: Units, parts: int) -> None:
+    """Expected: of sample k at the end of its step, unchanged in between; before the first sample the start forces."""
+    expected = run_of(uneven_experiment(long.folder))
+    pid.initialise()
+    np.testing.assert_array_equal(pid.get("actuator_force"), long.designed.start_force)
+    forces, flags, step = [], [], T / parts
+    for k in range(SAMPLES):
+        before = pid.get("actuator_force")
+        pid.set("leg_length", expected.measured[k, signals.positions(("leg_length",))])
+        for part in range(parts):
+            np.testing.assert_array_equal(pid.get("actuator_force"), before)
+            pid.do_step((k * parts + part) * step, step)
+            pid.set("leg_length", np.zeros(6))  # nobody looks between samples
+        forces.append(pid.get("actuator_force"))
+        flags.append(pid.get("force_limited"))
+    assert_forces(forces, forces_of(expected)[:SAMPLES])
+    np.testing.assert_array_equal(np.array(flags), expected.force_limited[:SAMPLES])
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_loop_closed_with_the_unit_is_the_loop_in_python(long: Units, version: str) -> None:
+    """Expected: forces at every plant step, behind the same drives, up to where Python knows no reference ahead."""
+    experiment, rows = uneven_experiment(long.folder), slice(0, 4 * SAMPLES)
+    record = run(experiment, controller=long.files[version].path)
+    assert_forces(record["actuator_force"][rows], run_of(experiment).inputs[rows, :6])
+
+
+def test_a_tunable_gain_acts_from_the_next_sample_on(pid: Plant, long: Units) -> None:
     """Expected: a proportional gain larger by Δ adds Δ e to the force of a sample; nothing to one that was taken."""
     change = np.array([310.0, -240.0, 520.0, 95.0, -430.0, 170.0])
     errors = 0.01 * np.array([[3, -1, 4, -1, 5, -9], [2, 6, -5, 3, -5, 8], [-9, 7, -9, 3, 2, 3]])
-    unit.initialise()
+    assert long.designed.reference is not None
+    at = long.designed.reference(np.arange(3) * T)
+    measured = leg_geometry(UNEVEN, at.position, at.orientation).length - errors
+    pid.initialise()
     for limit in ("force_limit", "force_rate_limit"):  # else the integral would hear of it
-        unit.set(limit, 0.0)
-    unit.set("leg_length", reference_lengths(exported, 0) - errors[0])
-    unit.do_step(0.0, SAMPLE_TIME / 2)
-    middle = unit.serialized()
+        pid.set(limit, 0.0)
+    pid.set("leg_length", measured[0])
+    pid.do_step(0.0, T / 2)
+    middle = pid.serialized()
 
-    def forces(gain: np.ndarray) -> np.ndarray:
-        unit.restore(middle)
-        unit.set("proportional_gain", gain)
-        unit.do_step(SAMPLE_TIME / 2, SAMPLE_TIME / 2)
-        found = [unit.get("actuator_force")]
+    def forces(gain: FloatArray) -> FloatArray:
+        pid.restore(middle)
+        pid.set("proportional_gain", gain)
+        pid.do_step(T / 2, T / 2)
+        found = [pid.get("actuator_force")]
         for k in (1, 2):
-            unit.set("leg_length", reference_lengths(exported, k) - errors[k])
-            unit.do_step(k * SAMPLE_TIME, SAMPLE_TIME)
-            found.append(unit.get("actuator_force"))
+            pid.set("leg_length", measured[k])
+            pid.do_step(k * T, T)
+            found.append(pid.get("actuator_force"))
         return np.array(found)
 
     gain = np.array(PROPORTIONAL)
     difference = forces(gain + change) - forces(gain)
     np.testing.assert_array_equal(difference[0], np.zeros(6))
     np.testing.assert_allclose(difference[1:], change * errors[1:], rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        (
-            "derivative_filter",
-            1e-5,
-            "derivative_filter = 1e-05 s rejected; expected derivative_filter >= sample_time / 2",
-        ),
-        (
-            "anti_windup_time",
-            np.array([1, 1, 1e-4, 1, 1, 1]),
-            "anti_windup_time = 1 1 0.0001 1 1 1 s rejected; expected anti_windup_time[1] >= sample_time and",
-        ),
-    ],
-)
-def test_parameters_that_do_not_go_together_are_refused_with_a_reason(
-    unit: Plant, name: str, value: ArrayLike, message: str, exported: Exported
-) -> None:
-    unit.initialise()
-    unit.set("leg_length", lengths_at(exported.run, 0))
-    unit.set(name, value)
-    before = unit.serialized()
-    assert refused(unit.do_step, 0.0, SAMPLE_TIME) == DISCARD
-    assert message in unit.take_messages()
-    assert unit.serialized() == before
-
-
-def test_what_cannot_be_is_refused_and_changes_nothing(unit: Plant, exported: Exported) -> None:
-    assert refused(unit.set, "sample_time", 0.0) == DISCARD
-    unit.initialise(stop=1.0)
-    unit.set("leg_length", lengths_at(exported.run, 0))
-    unit.do_step(0.0, 1.5 * SAMPLE_TIME)
-    before = unit.serialized()
-    unit.take_messages()
-    for call, expected, reason in (
-        (lambda: unit.set("leg_length", np.full(6, np.nan)), DISCARD, "leg_length[1] = nan m rejected"),
-        (lambda: unit.set("force_limit", -1.0), DISCARD, "force_limit = -1 N rejected; expected a value >= 0"),
-        (lambda: unit.set("sample_time", 0.1), ERROR, "sample_time: not allowed in step mode"),
-        (lambda: unit.set("actuator_force", np.zeros(6)), ERROR, "actuator_force[1] is computed"),
-        (lambda: unit.do_step(0.5, SAMPLE_TIME), ERROR, "expected the current time 0.006"),
-        (lambda: unit.do_step(1.5 * SAMPLE_TIME, 2.0), ERROR, "the stop time is"),
-    ):
-        assert refused(call) == expected
-        assert reason in unit.take_messages()
-    assert unit.serialized() == before
-
-
-def test_model_exchange_and_derivatives_are_not_offered(unit: Plant) -> None:
-    unit.initialise()
-    assert refused(unit.output_rates, "actuator_force") == ERROR
-    assert refused(unit.directional, "actuator_force", "leg_length", np.ones(6)) == ERROR
-    assert "not offered by this unit" in unit.take_messages()
-    assert unit.file.description.modelExchange is None
-    assert unit.file.description.coSimulation.maxOutputDerivativeOrder == 0
-    with pytest.raises(Exception, match="Model Exchange is not offered"):
-        Plant(unit.file, co_simulation=False)
-
-
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_the_loop_closed_with_the_unit_is_the_loop_in_python(exported: Exported, version: str) -> None:
-    """Expected: forces at every plant step, behind the same drives, up to where Python knows no reference ahead."""
-    record = run(uneven_experiment(exported.folder), controller=exported.files[version].path)
-    rows = slice(0, 4 * SAMPLES)
-    assert_forces(list(record["actuator_force"][rows]), exported.run.inputs[rows, :6])

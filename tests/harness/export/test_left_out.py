@@ -39,19 +39,9 @@ AROUND: dict[str, Any] = {
     "ensemble.sensors.noise.leg_length": {"uniform": [0, 1e-5]},
 }
 EVERYWHERE = [
-    "actuators.lag",
-    "actuators.rate_limit",
-    "change",
-    "disturbance",
-    "ensemble.controller.bandwidth",
-    "ensemble.loop.delay",
-    "fault",
-    "injection",
-    "limits.position_error",
-    "loop.jitter",
-    "sensors.noise",
-    "sensors.quantisation",
-    "sensors.sample_time",
+    *("actuators.lag", "actuators.rate_limit", "change", "disturbance", "ensemble.controller.bandwidth"),
+    *("ensemble.loop.delay", "fault", "injection", "limits.position_error", "loop.jitter", "sensors.noise"),
+    *("sensors.quantisation", "sensors.sample_time"),
 ]
 
 

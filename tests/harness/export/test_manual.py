@@ -38,17 +38,12 @@ def off(code: Exported, force: FloatArray = MANUAL) -> Exported:
 def test_a_controller_follows_while_it_is_off_and_begins_there(case: str, real: str) -> None:
     """Expected: the manual force, cut to the limit; switched on, no more than the change of one sample from it.
 
-    The same code that was never off wants quite another force; of a PD both want the same 12 s later, to e⁻¹².
+    In double precision, `tests/harness/loop/test_manual_operation.py` has every sample.
     """
-    code, never = (Exported(made(CASES[case]), real).start() for _ in range(2))
+    code = off(Exported(made(CASES[case]), real).start())
     measured = code.designed.first_measured - ERROR
-    for _ in range(100):
-        code.step(measured)
-        never.step(measured)
-    off(code)
     for _ in range(200):
         force, limited = code.step(measured)
-        never.step(measured)
         np.testing.assert_allclose(force, MANUAL, rtol=1e-6)
         assert not limited.any()
     code.set("manual_force", 10 * MANUAL)
@@ -57,17 +52,7 @@ def test_a_controller_follows_while_it_is_off_and_begins_there(case: str, real: 
     assert limited.all()
     off(code).step(measured)
     code.set("enabled", 1)
-    first, _ = code.step(measured)
-    other, _ = never.step(measured)
-    assert np.abs(other - MANUAL).max() > 30
-    assert np.abs(first - MANUAL).max() < 0.02
-    second, _ = code.step(measured)
-    assert np.abs(second - first).max() < 0.25
-    if case == "PD":
-        for _ in range(8000):
-            force, _ = code.step(measured)
-        other, _ = never.step(measured)
-        np.testing.assert_allclose(force, other, atol=1e-2)
+    assert np.abs(code.step(measured)[0] - MANUAL).max() < 0.02
 
 
 def test_the_force_that_was_taken_over_fades_with_the_stated_time() -> None:

@@ -4,17 +4,16 @@ from types import SimpleNamespace
 from typing import Any
 
 from gough_stewart.harness.export.notes import export_report, least_robust_first, robustness_of
-from gough_stewart.harness.export.stability import Case, LoopAround, LoopStability
+from gough_stewart.harness.export.stability import Case, Delays, LoopAround, LoopStability
 
 
 def loop(alpha: float | None, of_worst: float | None = None, *, stable: bool = True) -> Any:
     def margins(size: float | None) -> Any:
         return None if size is None else SimpleNamespace(disk=SimpleNamespace(alpha=size))
 
-    case = Case("the nominal machine", 1, 0.0, 0.9 + 0j if stable else 1.1 + 0j, 5.0)
+    case = Case("the nominal machine", Delays(1, 0.0), 0.9 + 0j if stable else 1.1 + 0j, 5.0)
     worst = None if of_worst is None else (case, margins(of_worst))
-    around = LoopAround("in C", 0, None, has_drives=True)
-    return LoopStability(around, case, 1, case, (), 0, 0, 0, None, margins(alpha), worst, "")
+    return LoopStability(LoopAround("in C", 0), case, 1, case, margins=margins(alpha), margins_of_worst=worst)
 
 
 def test_the_least_robust_loop_comes_first() -> None:

@@ -1,9 +1,7 @@
 """What an exported controller promises beside its forces: its start, bad values, what it refuses, what C it is."""
 
 import re
-import subprocess
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import casadi
@@ -23,17 +21,10 @@ from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointTo
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID, SINE
-from tests.support.c_hosts import ZIG
 from tests.support.exported import (
-    GCC,
     KP,
-    WARNINGS,
     Exported,
-    compiled,
-    measured_by,
-    run_in_python,
     uneven_experiment,
-    write_sources,
 )
 from tests.support.uneven import UNEVEN
 
@@ -45,14 +36,6 @@ PID_AT_REST: dict[str, Any] = {"reference": HOLD, "controller": {**PID, "feedfor
 def designed_once(of: str) -> Designed:
     """The controller of a table; its parameters are set in a copy of their own."""
     return designed(uneven_experiment(**{"pd": GRAVITY, "pid": PID_AT_REST}[of]))
-
-
-def wanted(experiment_run: Any, made: Designed) -> np.ndarray:
-    """What comes in of the reference at every sample (m, 18)."""
-    times = np.arange(len(experiment_run.command)) * made.sample_time
-    reference = designed(uneven_experiment(**GRAVITY)).reference
-    assert reference is not None
-    return np.concatenate(reference(times), axis=1)
 
 
 VECTORS = st.tuples(*[st.floats(-0.3, 0.3)] * 3)
@@ -90,23 +73,22 @@ def test_a_traced_motion_is_the_motion(reference: Any, times: list[float]) -> No
 
 
 def test_zeros_at_first_give_the_start_forces_and_count_as_samples() -> None:
-    """Expected: `start_force`; then what the harness commands at that sample with its memory fresh."""
-    tables = {**GRAVITY, "controller": {**PID, "derivative_on": "measurement"}}
-    experiment = uneven_experiment(**tables)
-    made, run = designed(experiment), run_in_python(experiment)
-    exported, measured = Exported(made).start(), measured_by(run, made)
+    """Expected: `start_force`; then, with the memory fresh, F = kp e + ki T e/2 of the fourth sample's reference.
+
+    The derivative starts at rest, and the integral at zero, half a step by Tustin's rule.
+    """
+    made = designed(uneven_experiment(reference=CIRCLE, controller={**PID, "derivative_on": "measurement"}))
+    exported, measured = Exported(made).start(), made.first_measured + 1e-3 * np.arange(1, 7)
     for _ in range(3):
         force, limited = exported.step(np.zeros(6))
         assert np.array_equal(force, made.start_force)
         assert not limited.any()
-    # the derivative starts at rest, and the integral at zero: F = kp e of the fourth sample's reference
     assert made.reference is not None
-    at = wanted(run, made)[3]
-    legs = leg_geometry(UNEVEN, at[:3], at[3:6]).length
-    force, _ = exported.step(measured[0])
-    error = legs - measured[0]
-    integral = np.array(PID["integral_gain"]) * error * made.sample_time / 2  # half a step, by Tustin's rule
-    np.testing.assert_allclose(force, np.array(PD["proportional_gain"]) * error + integral, rtol=1e-9)
+    at = made.reference(np.array([3 * made.sample_time]))
+    error = leg_geometry(UNEVEN, at.position[0], at.orientation[0]).length - measured
+    force, _ = exported.step(measured)
+    gain = np.array(KP) + np.array(PID["integral_gain"]) * made.sample_time / 2
+    np.testing.assert_allclose(force, gain * error, rtol=1e-9)
     assert exported.status == 0
     # zeros later on are a fault
     exported.step(np.zeros(6))
@@ -167,35 +149,47 @@ def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Functio
     return casadi.Function("f", symbols, results, list(inputs), list(outputs))
 
 
-@pytest.mark.parametrize(
-    ("controller", "message"),
-    [
-        (
-            control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), 0.0015),
-            r"unstable by itself: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
-        ),
-        (_function({"leg_lenght": 6}, {"actuator_force": 6}), "has the input 'leg_lenght'; expected one of time, pos"),
-        (_function({"leg_length": 5}, {"actuator_force": 6}), "input 'leg_length' has 5 elements; expected 6"),
-        (_function({"leg_length": 6}, {"force": 6}), "has the outputs {'force': 6}; expected {'actuator_force': 6}"),
-        (_function({"memory": 2}, {"actuator_force": 6}), "expected {'actuator_force': 6, 'memory_next': 2}"),
-        (_function({"time": 1}, {"actuator_force": 6, "memory_next": 2}), "memory_next needs an input memory"),
-    ],
-)
-def test_a_controller_that_cannot_leave_is_refused(controller: Any, message: str) -> None:
-    with pytest.raises(ExportError, match=message):
-        designed(uneven_experiment(**GRAVITY), controller)
-
-
-@pytest.mark.parametrize("kind", ["linear", "bspline"])
-def test_an_interpolant_is_refused_with_its_signals(kind: str) -> None:
-    """Expected: the signals that it depends on, and no other; the remedy is the test below."""
+def _interpolant(kind: str) -> casadi.Function:
+    """Of two signals, beside a third."""
     names = ["time", "leg_length", "reference_leg_length"]
     inputs = [casadi.MX.sym(name, size) for name, size in zip(names, (1, 6, 6), strict=True)]
     table = casadi.interpolant("gain", kind, [POINTS], VALUES)
     force = casadi.vertcat(*(table(inputs[2][k] - inputs[1][k]) for k in range(6))) + inputs[0]
-    law = casadi.Function("law", inputs, [force], names, ["actuator_force"])
-    with pytest.raises(ExportError, match=r"looks leg_length and reference_leg_length up in 'gain'.*casadi\.pw_lin\(x"):
-        designed(uneven_experiment(**GRAVITY), law)
+    return casadi.Function("law", inputs, [force], names, ["actuator_force"])
+
+
+def _erfinv() -> casadi.Function:
+    length = casadi.SX.sym("length", 6)
+    return casadi.Function("law", [length], [casadi.erfinv(length - 3)], ["leg_length"], ["actuator_force"])
+
+
+ONE = np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6))
+REFUSED: list[tuple[Any, str]] = [
+    (
+        control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), 0.0015),
+        r"unstable by itself: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
+    ),
+    (_function({"leg_lenght": 6}, {"actuator_force": 6}), "has the input 'leg_lenght'; expected one of time, pos"),
+    (_function({"leg_length": 5}, {"actuator_force": 6}), "input 'leg_length' has 5 elements; expected 6"),
+    (_function({"leg_length": 6}, {"force": 6}), "has the outputs {'force': 6}; expected {'actuator_force': 6}"),
+    (_function({"memory": 2}, {"actuator_force": 6}), "expected {'actuator_force': 6, 'memory_next': 2}"),
+    (_function({"time": 1}, {"actuator_force": 6, "memory_next": 2}), "memory_next needs an input memory"),
+    *(
+        (_interpolant(kind), r"looks leg_length and reference_leg_length up in 'gain'.*casadi\.pw_lin\(x")
+        for kind in ("linear", "bspline")
+    ),
+    (_erfinv(), "has erfinv of leg_length, which C lacks"),
+    (control.ss([[0.5]], *ONE), "continuous time; expected discrete"),
+    (control.ss([[0.5]], np.ones((1, 5)), ONE[1], np.zeros((6, 5)), 0.0015), "has 5 inputs and 6 outputs"),
+    (control.ss([[0.5]], *ONE, 0.001), "the loop's 0.0015 s"),
+    (control.ss([], [], [], np.diag([1, 2, np.nan, 3, 4, 5]), 0.0015), "D has elements that are not finite"),
+]
+
+
+@pytest.mark.parametrize(("controller", "message"), REFUSED)
+def test_a_controller_that_cannot_leave_is_refused(controller: Any, message: str) -> None:
+    with pytest.raises(GoughStewartError, match=message):
+        designed(uneven_experiment(**GRAVITY), controller)
 
 
 def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
@@ -211,13 +205,6 @@ def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_what_the_c_library_lacks_is_refused() -> None:
-    length = casadi.SX.sym("length", 6)
-    law = casadi.Function("law", [length], [casadi.erfinv(length - 3)], ["leg_length"], ["actuator_force"])
-    with pytest.raises(ExportError, match="has erfinv of leg_length, which C lacks"):
-        designed(uneven_experiment(**GRAVITY), law)
-
-
 def test_a_motion_that_branches_is_refused() -> None:
     """Expected: symbols have no truth value."""
 
@@ -226,20 +213,6 @@ def test_a_motion_that_branches_is_refused() -> None:
 
     with pytest.raises(ExportError, match=r"reference cannot be traced with CasADi .* without branches, or"):
         motion_function(motion)
-
-
-@pytest.mark.parametrize(
-    ("system", "message"),
-    [
-        (control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6))), "continuous time; expected discrete"),
-        (control.ss([[0.5]], np.ones((1, 5)), np.ones((6, 1)), np.zeros((6, 5)), 0.0015), "has 5 inputs and 6 outputs"),
-        (control.ss([[0.5]], np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), 0.001), "the loop's 0.0015 s"),
-        (control.ss([], [], [], np.diag([1, 2, np.nan, 3, 4, 5]), 0.0015), "D has elements that are not finite"),
-    ],
-)
-def test_a_system_of_another_size_or_clock_is_refused(system: Any, message: str) -> None:
-    with pytest.raises(GoughStewartError, match=message):
-        designed(uneven_experiment(**GRAVITY), system)
 
 
 def test_nothing_to_compute_is_refused() -> None:
@@ -258,33 +231,6 @@ def test_a_title_cannot_end_the_comment_that_it_is_in() -> None:
     experiment = uneven_experiment(**GRAVITY, title="nice */ int x; /* title")
     header = controller_sources(designed(experiment)).headers["controller.h"]
     assert "int x" in header[: header.index("*/")]
-
-
-COMPILERS = {
-    "zig": ZIG,
-    "Cortex-M7": (*ZIG, "-target", "thumb-linux-musleabihf", "-mcpu=cortex_m7"),
-    **({} if GCC is None else {"gcc": (GCC,)}),
-}
-
-
-@pytest.mark.parametrize("compiler", COMPILERS)
-@pytest.mark.parametrize("real", ["double", "float"])
-def test_the_sources_compile_without_a_warning_and_the_example_runs(compiler: str, real: str, tmp_path: Path) -> None:
-    """Expected: the first forces are those of the harness at its first sample, exactly on the reference."""
-    experiment = uneven_experiment(**CASES["PID in task space at its rate limit"])
-    made = designed(experiment)
-    write_sources(controller_sources(made, "hexapod_3"), tmp_path)
-    command = [*COMPILERS[compiler], *WARNINGS, "-O1", f"-DHEXAPOD_3_REAL={real}"]
-    if compiler == "Cortex-M7":
-        for name in ("hexapod_3.c", "example_main.c"):
-            compiled([*command, "-c", name], tmp_path)
-        return
-    compiled([*command, "hexapod_3.c", "example_main.c", "-o", "example", "-lm"], tmp_path)
-    done = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True)
-    first = [float(value) for value in re.findall(r"(\S+) N", done.stdout.splitlines()[0])]
-    assert len(done.stdout.splitlines()) == 5
-    expected, _ = Exported(made).start().step(made.first_measured)
-    np.testing.assert_allclose(first, expected, rtol=1e-5)
 
 
 def test_the_sources_keep_the_rules_of_plain_c() -> None:

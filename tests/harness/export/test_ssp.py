@@ -56,94 +56,64 @@ def test_version_2_says_what_version_1_does() -> None:
 
 
 def _tree(element: Any) -> Any:
-    """Local names, attributes, children."""
-    return (etree.QName(element).localname, dict(element.attrib), [_tree(child) for child in element])
+    """Names, attributes, children."""
+    return (element.tag, dict(element.attrib), [_tree(child) for child in element])
 
 
-def _parameters(*rows: tuple[str, str, str]) -> Any:
-    found: Any = [
-        ("Parameter", {"name": n}, [("Real", {"value": v, **({"unit": u} if u else {})}, [])]) for n, v, u in rows
-    ]
-    return ("Parameters", {}, found)
+SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
+SPACES = {
+    **{"ssd": f"{SPACE}Description", "ssc": f"{SPACE}Common", "ssv": f"{SPACE}ParameterValues"},
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+}
+UNIT = {
+    "N": '<ssc:Unit name="N"><ssc:BaseUnit kg="1" m="1" s="-2"/></ssc:Unit>',
+    **{name: f'<ssc:Unit name="{name}"><ssc:BaseUnit {name}="1"/></ssc:Unit>' for name in ("kg", "m", "s")},
+}
+ROWS = {
+    "plant": [("platform_mass", "12.5", ' unit="kg"'), ("leg_lower_com", "-0.3", ' unit="m"')],
+    "controller": [("sample_time", "0.002", ' unit="s"'), ("delay", "1.0", "")],
+}
 
 
-def _units(**units: dict[str, str]) -> Any:
-    return ("Units", {}, [("Unit", {"name": name}, [("BaseUnit", base, [])]) for name, base in units.items()])
+def _parameters(rows: list[tuple[str, str, str]], *units: str) -> str:
+    values = (f'<ssv:Parameter name="{n}"><ssv:Real value="{v}"{u}/></ssv:Parameter>' for n, v, u in rows)
+    return f"<ssv:Parameters>{''.join(values)}</ssv:Parameters><ssv:Units>{''.join(map(UNIT.get, units))}</ssv:Units>"  # type: ignore[arg-type]
+
+
+def _component(name: str, connectors: list[tuple[str, str, str]], *units: str) -> str:
+    places = (f'<ssd:Connector name="{n}" kind="{k}"><ssc:Real unit="{u}"/></ssd:Connector>' for n, k, u in connectors)
+    return f"""<ssd:Component name="{name}" type="application/x-fmu-sharedlibrary" source="resources/{name}.fmu"
+      implementation="CoSimulation"><ssd:Connectors>{"".join(places)}</ssd:Connectors>
+      <ssd:ParameterBindings><ssd:ParameterBinding type="application/x-ssp-parameter-set"><ssd:ParameterValues>
+      <ssv:ParameterSet version="1.0" name="{name}">{_parameters(ROWS[name], *units)}</ssv:ParameterSet>
+      </ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component>"""
 
 
 def test_the_whole_structure_is_that_of_the_standard() -> None:
-    """Expected: SSP 1.0 by hand; libcosim's annotation with the master's step."""
-    kg, m, s = ({unit: "1"} for unit in ("kg", "m", "s"))
-    newton = {"kg": "1", "m": "1", "s": "-2"}
-    plant = [("platform_mass", "12.5", "kg"), ("leg_lower_com", "-0.3", "m")]
-    controller = [("sample_time", "0.002", "s"), ("delay", "1.0", "")]
-
-    def component(name: str, connectors: Any, rows: Any, units: Any) -> Any:
-        values = ("ParameterSet", {"version": "1.0", "name": name}, [_parameters(*rows), units])
-        binding: Any = (
-            "ParameterBinding",
-            {"type": "application/x-ssp-parameter-set"},
-            [("ParameterValues", {}, [values])],
-        )
-        return (
-            "Component",
-            {
-                "name": name,
-                "type": "application/x-fmu-sharedlibrary",
-                "source": f"resources/{name}.fmu",
-                "implementation": "CoSimulation",
-            },
-            [
-                (
-                    "Connectors",
-                    {},
-                    [
-                        ("Connector", {"name": n, "kind": kind}, [("Real", {"unit": u}, [])])
-                        for n, kind, u in connectors
-                    ],
-                ),
-                ("ParameterBindings", {}, [binding]),
-            ],
-        )
-
+    """Expected: SSP 1.0 by hand; the annotations of libcosim and OMSimulator with the master's step."""
     force, length = "actuator_force", "leg_length"
-    elements = [
-        component("plant", [(force, "input", "N"), (length, "output", "m")], plant, _units(kg=kg, m=m)),
-        component("controller", [(length, "input", "m"), (force, "output", "N")], controller, _units(s=s)),
-    ]
-    ends = [("plant", "controller", length), ("controller", "plant", force)]
-    keys = ("startElement", "startConnector", "endElement", "endConnector")
-    connections: Any = [("Connection", dict(zip(keys, (a, name, b, name), strict=True)), []) for a, b, name in ends]
-    step: Any = ("Algorithm", {}, [("FixedStepAlgorithm", {"baseStepSize": "0.002"}, [])])
-    master = {"description": "oms-ma", "absoluteTolerance": "1e-4", "relativeTolerance": "1e-4", "stepSize": "0.002"}
-    information: Any = ("SimulationInformation", {}, [("FixedStepMaster", master, [])])
-    oms: Any = ("Annotation", {"type": "org.openmodelica"}, [("Annotations", {}, [information])])
-    annotation: Any = ("Annotations", {}, [("Annotation", {"type": "com.opensimulationplatform"}, [step])])
-    root = etree.fromstring(documents()[0])
-    tag, attributes, children = _tree(root)
-    assert tag == "SystemStructureDescription"
-    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", attributes.pop("generationTool"))
-    assert attributes == {"version": "1.0", "name": "loop"}
-    assert children == [
-        (
-            "System",
-            {"name": "loop"},
-            [("Elements", {}, elements), ("Connections", {}, connections), ("Annotations", {}, [oms])],
-        ),
-        _units(N=newton, m=m),
-        ("DefaultExperiment", {"startTime": "0", "stopTime": "0.7"}, [annotation]),
-    ]
-    spaces = "http://ssp-standard.org/SSP1/SystemStructure"
-    assert root.nsmap == {
-        "ssd": f"{spaces}Description",
-        "ssc": f"{spaces}Common",
-        "ssv": f"{spaces}ParameterValues",
-        "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-        "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
-    }
-    named = [(f"{c}.{n}", v, u) for c, rows in (("plant", plant), ("controller", controller)) for n, v, u in rows]
-    assert _tree(etree.fromstring(documents()[1])) == (
-        "ParameterSet",
-        {"version": "1.0", "name": "loop"},
-        [_parameters(*named), _units(kg=kg, m=m, s=s)],
+    connections = "".join(
+        f'<ssd:Connection startElement="{a}" startConnector="{name}" endElement="{b}" endConnector="{name}"/>'
+        for a, b, name in (("plant", "controller", length), ("controller", "plant", force))
     )
+    plant = _component("plant", [(force, "input", "N"), (length, "output", "m")], "kg", "m")
+    controller = _component("controller", [(length, "input", "m"), (force, "output", "N")], "s")
+    declared = " ".join(f'xmlns:{prefix}="{uri}"' for prefix, uri in SPACES.items())
+    expected = f"""<ssd:SystemStructureDescription {declared} version="1.0" name="loop"><ssd:System name="loop">
+      <ssd:Elements>{plant}{controller}</ssd:Elements><ssd:Connections>{connections}</ssd:Connections>
+      <ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:Annotations><oms:SimulationInformation>
+      <oms:FixedStepMaster description="oms-ma" absoluteTolerance="1e-4" relativeTolerance="1e-4" stepSize="0.002"/>
+      </oms:SimulationInformation></oms:Annotations></ssc:Annotation></ssd:Annotations></ssd:System>
+      <ssd:Units>{UNIT["N"]}{UNIT["m"]}</ssd:Units><ssd:DefaultExperiment startTime="0" stopTime="0.7">
+      <ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:Algorithm>
+      <osp:FixedStepAlgorithm baseStepSize="0.002"/></osp:Algorithm></ssc:Annotation></ssd:Annotations>
+      </ssd:DefaultExperiment></ssd:SystemStructureDescription>"""
+    structure, values = (etree.fromstring(document) for document in documents())
+    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", str(structure.attrib.pop("generationTool")))
+    assert _tree(structure) == _tree(etree.fromstring(expected))
+    assert structure.nsmap == SPACES
+    named = [(f"{c}.{n}", v, u) for c, rows in ROWS.items() for n, v, u in rows]
+    spaces = " ".join(f'xmlns:{prefix}="{SPACES[prefix]}"' for prefix in ("ssv", "ssc"))
+    of_values = f'<ssv:ParameterSet {spaces} version="1.0" name="loop">{_parameters(named, "kg", "m", "s")}'
+    assert _tree(values) == _tree(etree.fromstring(f"{of_values}</ssv:ParameterSet>"))

@@ -28,22 +28,14 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import notes_of
-from gough_stewart.harness.export.stability import (
-    Case,
-    Delays,
-    Host,
-    LoopStability,
-    StabilityReport,
-    _Judge,
-    _Member,
-    stability_of,
-)
+from gough_stewart.harness.export.stability import Host, LoopStability, StabilityReport, Tally, stability_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
+from tests.harness.export.test_controllers import PID
 from tests.support.exported import Exported, uneven_experiment
 from tests.support.uneven import UNEVEN
 
@@ -113,45 +105,36 @@ def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple
 def test_shipped_loops_have_the_eigenvalues_of_another_formulation(name: str, host: Host, size: float | None) -> None:
     """Expected: `radius`; and, for those that are unstable, literal figures that were measured by another program."""
     (loop, *_), prepared = found_of(name, host), prepare(experiment_of(name))
-    assert loop.nominal.delay == (0 if host == "c" else 1)
-    assert loop.nominal.size == pytest.approx(radius(prepared, loop.nominal.delay, loop.nominal.lag), abs=1e-7)
+    assert loop.nominal.loop.delay == (0 if host == "c" else 1)
+    at = loop.nominal.loop[:2]
+    assert loop.nominal.size == pytest.approx(radius(prepared, *at), abs=1e-7)
     assert loop.is_stable == (size is None)
     if size is not None:
         assert loop.nominal.size == pytest.approx(size, abs=5e-3 if size > 2 else 5e-4)
-    time = prepared.loop.timing.times
-    rows = np.unique(np.linspace(0, len(time) - 1, 25).round().astype(int))
-    assert loop.on_the_way.size == pytest.approx(
-        max(radius(prepared, loop.nominal.delay, loop.nominal.lag, row=int(row)) for row in rows), abs=1e-7
-    )
+    rows = np.unique(np.linspace(0, prepared.loop.timing.steps, 25).round().astype(int)).tolist()
+    assert loop.on_the_way.size == pytest.approx(max(radius(prepared, *at, row=row) for row in rows), abs=1e-7)
 
 
 @pytest.mark.parametrize("space", ["leg", "task"])
 @pytest.mark.parametrize("derivative_on", ["error", "measurement"])
 def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space: str, derivative_on: str) -> None:
     """Expected: `radius` of the machine with the Jacobian of the belief, with drives, for every form's own delay."""
+    machine = {"platform_mass": 7.0, "platform_com": [0.1, 0.2, -0.05], "leg_viscous_friction": 3.0}
+    machine["platform_points"] = (np.array(UNEVEN.platform_points) * 1.07).tolist()
     experiment = uneven_experiment(
         reference={"type": "sine", "position_amplitude": [0.03, -0.02, 0.04], "frequency": 4.0},
-        controller={
-            "type": "pid",
-            "space": space,
-            "proportional_gain": [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0],
-            "derivative_gain": [60.0, 45.0, 71.0, 52.0, 83.0, 66.0],
-            "integral_gain": [900.0, 0.0, 1100.0, 700.0, 1300.0, 400.0],
-            "derivative_on": derivative_on,
-        },
-        plant={
-            "parameters": {
-                "platform_mass": 7.0,
-                "platform_com": [0.1, 0.2, -0.05],
-                "leg_viscous_friction": 3.0,
-                "platform_points": (np.array(UNEVEN.platform_points) * 1.07).tolist(),
-            }
-        },
+        controller={**PID, "integral_gain": [900.0, 0.0, 1100.0, 700.0, 1300.0, 400.0], "space": space,
+                    "derivative_on": derivative_on},
+        plant={"parameters": machine},
         actuators={"lag": 0.003},
-    )
+    )  # fmt: skip
     prepared = prepare(experiment)
     found = stability_of(experiment, prepared, HOSTS, margins=False)
-    loops = [(loop.nominal.delay, loop.nominal.lag, loop.nominal.size) for host in HOSTS for loop in found[host].loops]
+    loops = [
+        (loop.nominal.loop.delay, loop.nominal.loop.lag, loop.nominal.size)
+        for host in HOSTS
+        for loop in found[host].loops
+    ]
     # a delay of two samples: the C and the FMU in the experiment's loop, the FMU alone, and the SSP without drives
     expected = [(2, 0.003), (2, 0.003), (1, 0.0), (2, 0.0)]
     assert [loop[:2] for loop in loops] == expected
@@ -236,10 +219,6 @@ def test_margins_are_those_of_the_nominal_machine_and_of_the_member_with_the_sma
     assert worst.disk.alpha == pytest.approx(min(members), rel=1e-6)
 
 
-def at_home(platform: Platform) -> tuple[Platform, NDArray[np.float64], NDArray[np.float64]]:
-    return platform, platform.home_position, platform.home_orientation
-
-
 # A start off the reference [m, rad], most of it about the axes that oscillate first.
 BESIDE = np.array([[2e-7, -1e-7, 1e-7], [1e-6, -7e-7, 1e-7]])
 
@@ -249,31 +228,25 @@ def growth(away: NDArray[np.float64]) -> float:
     return float((away[135:148].max() / away[85:98].max()) ** (1 / 50))
 
 
-def test_an_exported_loop_that_is_called_unstable_diverges_at_its_eigenvalue(tmp_path: Path) -> None:
+@pytest.mark.parametrize("bandwidth", [5, 3])
+def test_an_exported_loop_that_is_called_unstable_diverges_at_its_eigenvalue(bandwidth: float, tmp_path: Path) -> None:
     """Expected: FMPy's run of the SSP grows by |z| a sample; with a lower bandwidth, which is stable, it does not.
 
     The machine starts micrometres beside the pose that it is to hold.
     """
-    sizes = []
-    machine, position, orientation = at_home(gs.load_preset("liu2000"))
-    beside = {
-        "start.position": (position + BESIDE[0]).tolist(),
-        "start.orientation": (orientation + BESIDE[1]).tolist(),
-    }
-    hold = {"reference": {"type": "hold"}, **beside}
-    for bandwidth in (5, 3):
-        settings = {**hold, "controller.bandwidth": bandwidth, "loop.duration": 0.5}
-        (loop,) = found_of("circle", "ssp", settings)
-        (ssp,) = gs.export("circle", settings, forms="ssp", out=tmp_path, anyway=bandwidth == 5)
-        found = simulate_ssp(str(ssp), stop_time=0.15, step_size=1e-3)
-        lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
-        sizes.append(loop.nominal.size)
-        away = np.abs(lengths - leg_geometry(machine, position, orientation).length).max(axis=1)
-        if bandwidth == 5:
-            assert growth(away) == pytest.approx(loop.nominal.size, abs=1e-3)
-        else:
-            assert away[-1] < away[0]
-    assert sizes[0] > 1 > sizes[1]
+    machine = gs.load_preset("liu2000")
+    home = machine.home_position, machine.home_orientation
+    position, orientation = (np.add(place, by).tolist() for place, by in zip(home, BESIDE, strict=True))
+    start = {"start.position": position, "start.orientation": orientation, "reference": {"type": "hold"}}
+    settings = {**start, "controller.bandwidth": bandwidth, "loop.duration": 0.5}
+    (loop,) = found_of("circle", "ssp", settings)
+    (ssp,) = gs.export("circle", settings, forms="ssp", out=tmp_path, anyway=True)
+    found = simulate_ssp(str(ssp), stop_time=0.15, step_size=1e-3)
+    lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
+    away = np.abs(lengths - leg_geometry(machine, *home).length).max(axis=1)
+    assert loop.is_stable == (bandwidth == 3) == (away[-1] < away[0])
+    if bandwidth == 5:
+        assert growth(away) == pytest.approx(loop.nominal.size, abs=1e-3)
 
 
 @pytest.mark.parametrize(("delay", "is_stable"), [(0, True), (1, False)])
@@ -284,7 +257,8 @@ def test_the_compiled_c_is_stable_where_it_is_called_stable(delay: int, is_stabl
     (loop,) = found_of("circle", "c", settings)
     assert loop.is_stable == is_stable
     law = Exported(designed(experiment)).start()
-    machine, position, orientation = at_home(prepare(experiment).machine)
+    machine = prepare(experiment).machine
+    position, orientation = machine.home_position, machine.home_orientation
     lengths = leg_geometry(machine, position, orientation).length
     plant = ModelPlant(machine, State(position + BESIDE[0], orientation + BESIDE[1], np.zeros(3), np.zeros(3)))
     line = [static_leg_forces(machine, position, orientation)] * delay
@@ -301,6 +275,10 @@ def test_the_compiled_c_is_stable_where_it_is_called_stable(delay: int, is_stabl
         assert growth(np.array(away)) == pytest.approx(loop.nominal.size, abs=1e-3)
 
 
+def words_of(path: Path) -> str:
+    return " ".join(path.read_text().split())
+
+
 def test_one_unstable_form_refuses_the_whole_export(tmp_path: Path) -> None:
     """Expected: the figure, the machine and the remedies in the error, and no file; the C alone is written."""
     with pytest.raises(UnstableLoopError, match=r"in the SSP .* a delay of 1 sample: \|z\| = 1\.0505 at") as refused:
@@ -309,21 +287,15 @@ def test_one_unstable_form_refuses_the_whole_export(tmp_path: Path) -> None:
         assert part in str(refused.value)
     assert "in C" not in str(refused.value)
     assert abs(refused.value.eigenvalue) == pytest.approx(1.0505, abs=5e-4)
+    members = {"loop.delay": 1, "controller.bandwidth": 2.5, "ensemble.platform_mass": {"grid": [14.0, 10.0, 1.0]}}
+    with pytest.raises(UnstableLoopError, match=r"\|z\| = 1\.\d+ .* for member 2, .* \(1 of 3 members are unstable\)"):
+        gs.export("circle", members, forms="c", out=tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert len(gs.export("circle", forms=["c"], out=tmp_path)) == 3
-    header = (tmp_path / "circle_controller.h").read_text()
-    assert "Stability in C with no delay: stable; the nominal machine in its first pose |z| = 0.98112" in header
-    assert (
-        "Margins of the nominal machine in its first pose with no delay: all legs at once disk margin 0.276"
-        in " ".join(header.split())
-    )
-
-
-def test_a_member_that_is_unstable_refuses_the_export_and_is_named(tmp_path: Path) -> None:
-    settings = {"loop.delay": 1, "controller.bandwidth": 2.5, "ensemble.platform_mass": {"grid": [14.0, 10.0, 1.0]}}
-    with pytest.raises(UnstableLoopError, match=r"\|z\| = 1\.\d+ .* for member 2, .* \(1 of 3 members are unstable\)"):
-        gs.export("circle", settings, forms="c", out=tmp_path)
-    assert list(tmp_path.iterdir()) == []
+    header = words_of(tmp_path / "circle_controller.h")
+    first = "the nominal machine in its first pose"
+    assert f"Stability in C with no delay: stable; {first} |z| = 0.98112" in header
+    assert f"Margins of {first} with no delay: all legs at once disk margin 0.276" in header
 
 
 def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form_and_so_does_a_delay_that_it_adds(
@@ -332,39 +304,32 @@ def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form_and_so_d
     """Expected: also to the maker; the experiment has no delay, and the C adds none."""
     said: list[str] = []
     gs.export("too_slow", forms=["c", "fmu", "ssp"], out=tmp_path, anyway=True, warn=said.append, fmi=["3.0"])
-    assert [text[:33] for text in said if text.startswith("exported anyway")] == [
-        "exported anyway: with the FMU the",
-        "exported anyway: in C the closed ",
-        "exported anyway: in the SSP the c",
-    ]
+    anyway = [text for text in said if text.startswith("exported anyway: ")]
+    assert [text[17:].partition(" the closed")[0] for text in anyway] == ["with the FMU", "in C", "in the SSP"]
     late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
     assert [text for text in said if "late" in text] == [f"the FMU is {late}", f"the SSP is {late}"]
-    header = " ".join((tmp_path / "too_slow_controller.h").read_text().split())
-    assert "UNSTABLE, and exported anyway: in C the closed loop is unstable with no delay: |z| = 2.163" in header
+    unstable = "UNSTABLE, and exported anyway: "
+    header = words_of(tmp_path / "too_slow_controller.h")
+    assert f"{unstable}in C the closed loop is unstable with no delay: |z| = 2.163" in header
     with zipfile.ZipFile(tmp_path / "too_slow_controller_fmi3.fmu") as unit:
-        assert "UNSTABLE, and exported anyway: with the FMU" in unit.read("documentation/index.html").decode()
+        assert f"{unstable}with the FMU" in unit.read("documentation/index.html").decode()
     with zipfile.ZipFile(tmp_path / "too_slow.ssp") as archive:
-        for name in ("SystemStructure.ssd", "documentation/index.html"):
-            text = archive.read(name).decode()
-            assert "UNSTABLE, and exported anyway: in the SSP" in text
+        for text in (archive.read(name).decode() for name in ("SystemStructure.ssd", "documentation/index.html")):
+            assert f"{unstable}in the SSP" in text
             assert "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay" in text
 
 
 def test_a_linear_controller_from_a_python_file_is_judged(tmp_path: Path) -> None:
-    """Expected: the figure of the same gains in the experiment's own table; as the file's object and from its maker."""
+    """Expected: `radius` with the same gains; as the file's object and from its maker."""
     gains = "control.ss([], [], [], np.diag([9e4, 8e4, 9.5e4, 8.5e4, 7e4, 9.9e4]), 0.001)"
-    (tmp_path / "mine.py").write_text(
-        "import control\nimport numpy as np\n"
-        f"controller = {gains}\n\n\ndef make(platform, sample_time):\n    return {gains}\n"
-    )
+    maker = f"controller = {gains}\n\n\ndef make(platform, sample_time):\n    return {gains}\n"
+    (tmp_path / "mine.py").write_text(f"import control\nimport numpy as np\n{maker}")
     settings = {"loop.delay": 1, "reference": {"type": "hold"}}
-    for name in ("name", "factory"):
-        of_file = {"type": "python", "file": str(tmp_path / "mine.py"), name: {"name": "controller"}.get(name, "make")}
-        with pytest.raises(
-            UnstableLoopError, match="in C the closed loop is unstable with a delay of 1 sample"
-        ) as found:
+    prepared = prepare(experiment_of("circle", settings), eval(gains, {"control": control, "np": np}))
+    for key, value in (("name", "controller"), ("factory", "make")):
+        of_file = {"type": "python", "file": str(tmp_path / "mine.py"), key: value}
+        with pytest.raises(UnstableLoopError, match="in C the closed loop is unstable with a delay of 1 samp") as found:
             gs.export("circle", {**settings, "controller": of_file}, forms="c", out=tmp_path / "out")
-        prepared = prepare(experiment_of("circle", settings), eval(gains, {"control": control, "np": np}))
         assert abs(found.value.eigenvalue) == pytest.approx(radius(prepared, 1), abs=1e-7)
 
 
@@ -385,22 +350,6 @@ def test_margins_of_an_ensembles_member_have_the_geometry_that_is_believed() -> 
     assert abs(right - wrong) > 0.01 * right
 
 
-def test_what_was_not_judged_is_said() -> None:
-    """Expected: members that cannot be, by a negative mass."""
-    settings = {
-        "sensors.sample_time": 0.002,
-        "loop.jitter": 0.0005,
-        "loop.plant_step": 0.0005,
-        "ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]},
-    }
-    experiment = experiment_of("heave_step", settings)
-    found = stability_of(experiment, prepare(experiment), HOSTS, margins=False)
-    for host in HOSTS:
-        assert all((loop.members, loop.impossible) == (2, 2) for loop in found[host].loops)
-        notes = notes_of(experiment, host, found[host])
-        assert "impossible members, which are not judged: 2." in " ".join(notes.inside)
-
-
 def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_worst_delay() -> None:
     """Expected: readings up to 4 − gcd(4, 2) steps old, and one step of jitter: 1.5 ms; the margins of `gs.margins`.
 
@@ -412,22 +361,28 @@ def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_
     found = stability_of(experiment, prepared, HOSTS)
     for host in HOSTS:
         loop, *directly = found[host].loops
-        assert [other.nominal.late for other in directly] == ([0.0] if host == "fmu" else [])
+        assert [other.nominal.loop.late for other in directly] == ([0.0] if host == "fmu" else [])
         assert loop.margins is not None
-        own = {"loop.plant_step": 0.0005, "loop.delay": 1} if host == "ssp" else clocks
-        expected = gs.margins("heave_step", own)
-        assert expected.late == loop.nominal.late == (0.0 if host == "ssp" else 0.0015)
+        expected = gs.margins("heave_step", {"loop.plant_step": 0.0005, "loop.delay": 1} if host == "ssp" else clocks)
+        assert expected.late == loop.nominal.loop.late == (0.0 if host == "ssp" else 0.0015)
         assert loop.margins.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-9)
-        said = "up to 1.5 ms by the sensors' clock and jitter" in " ".join(
-            notes_of(experiment, host, found[host]).inside
-        )
-        assert said == (host != "ssp")
+        inside = " ".join(notes_of(experiment, host, found[host]).inside)
+        assert ("up to 1.5 ms by the sensors' clock and jitter" in inside) == (host != "ssp")
     carried = stability_of(experiment, prepared, ("ssp",), parts=("sensors",), margins=False)["ssp"].loops[0]
-    assert carried.nominal.late == pytest.approx(0.001)
+    assert carried.nominal.loop.late == pytest.approx(0.001)
 
 
-def test_a_loop_without_one_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
-    """A law of whole micrometres has the slope 0 or none; the same without rounding is judged as it is."""
+def test_what_is_not_judged_is_said(tmp_path: Path) -> None:
+    """Expected: members of a negative mass; a law of whole micrometres, whose slope is 0 or none; no feedback.
+
+    The same law without rounding is judged; of forces without feedback nobody is warned.
+    """
+    experiment = experiment_of("heave_step", {"ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]}})
+    (loop,) = stability_of(experiment, prepare(experiment), ("c",), margins=False)["c"].loops
+    assert (loop.members, loop.impossible) == (2, 2)
+    notes = notes_of(experiment, "c", StabilityReport((loop,)))
+    assert "impossible members, which are not judged: 2." in " ".join(notes.inside)
+
     length, velocity = (casadi.SX.sym(name, 6) for name in ("leg_length", "leg_velocity"))
     said: list[str] = []
     for counted in (casadi.floor(length * 1e6) * 1e-6, length):
@@ -436,42 +391,26 @@ def test_a_loop_without_one_linear_form_is_said_not_to_be_judged(tmp_path: Path)
         gs.export(law, forms="c", out=tmp_path / str(len(said)), warn=said.append)
     reason = "the controller's gains depend on the size or the sign of a small change"
     assert said == [f"the stability of the loop of the C is not judged: {reason}"]
-    assert f"Stability: not judged, since {reason}." in " ".join(
-        (tmp_path / "0" / "soft_controller.h").read_text().split()
-    )
+    assert f"Stability: not judged, since {reason}." in words_of(tmp_path / "0" / "soft_controller.h")
 
-
-def test_forces_without_feedback_are_not_judged_and_nobody_is_warned() -> None:
-    """Expected: the reason in the header of every form; a warning is for loops that might be unstable."""
     feedforward = {"controller": {"type": "open_loop", "feedforward": "gravity"}, "sensors.quantisation": {}}
     experiment = experiment_of("pitch_sine", feedforward)
     for host, report in stability_of(experiment, prepare(experiment), HOSTS, margins=False).items():
         assert report == StabilityReport(reason="there is no feedback")
         notes = notes_of(experiment, host, report)
         assert "Stability: not judged, since there is no feedback." in notes.inside
-        assert not any("judged" in each for each in notes.warnings)
+        assert not any("judged" in text for text in notes.warnings)
 
 
-def test_the_member_with_the_smallest_margins_is_found_by_any_sign_of_it() -> None:
-    """Expected: of made-up members, each worst by one sign, the one whose margins are made the smallest."""
-    loops: Any = SimpleNamespace(
-        margins=lambda machine, _at: SimpleNamespace(disk=SimpleNamespace(alpha=machine.alpha)),
-        case=lambda what, *_of: Case(what, 1, 0.0, 0.5 + 0j, 1.0),
-        machine=SimpleNamespace(alpha=0.7),
-        poses=[(0.0, None)],
-        loop=None,
-    )
-    around: Any = SimpleNamespace(delays=lambda *_of: Delays(1, 0.0, 0.0), has_drives=False)
-    signs = {"|z|": (0.99, 0.5, 1.0), "damping": (0.9, 0.1, 1.0), "peak": (0.9, 0.5, 9.0), "none": (0.8, 0.6, 0.5)}
-    for worst in ("|z|", "damping", "peak"):
-        for order in itertools.permutations(signs):
-            judge = _Judge(loops, experiment_of("heave_step"), around)
-            for name in order:
-                size, damping_ratio, peak = signs[name]
-                machine: Any = SimpleNamespace(alpha=0.1 if name == worst else 0.5)
-                judge.add(_Member(Case(name, 1, 0.0, complex(size), 1.0), machine, damping_ratio, peak))
-            result = judge.result(margins=True)
-            assert result.margins_of_worst is not None
-            assert result.margins_of_worst[0].what == worst
-            assert result.worst is not None
-            assert result.worst.what == "|z|"
+def test_members_that_look_the_least_robust_are_found_by_each_sign_of_it() -> None:
+    """Expected: in any order, those with the largest |z|, the least damping, and the largest peak; their numbers."""
+    signs = {"|z|": (1.01, 0.5, 1.0), "damping": (0.9, 0.1, 1.0), "peak": (0.9, 0.5, 9.0), "none": (0.8, 0.6, 0.5)}
+    for order in itertools.permutations(signs):
+        tally = Tally()
+        for name in order:
+            size, damping_ratio, peak = signs[name]
+            case = SimpleNamespace(what=name, size=size)
+            tally.add(SimpleNamespace(case=case, damping_ratio=damping_ratio, peak=peak))  # type: ignore[arg-type]
+        tally.add(None)
+        assert [member.case.what for member in tally.extremes] == ["|z|", "damping", "peak"]
+        assert (tally.members, tally.unstable, tally.impossible) == (4, 1, 1)

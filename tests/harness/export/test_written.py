@@ -1,7 +1,6 @@
 """What an export says of itself: header, notes and archive as a whole, each number against a source of its own."""
 
 import re
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +13,7 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.notes import in_short, notes_of, refusal
-from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
+from gough_stewart.harness.export.stability import Case, Delays, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model import interface
 from tests.harness.export.test_controllers import CIRCLE, PD, PID, SINE
@@ -99,13 +98,6 @@ def test_the_struct_of_parameters_has_types_units_and_meanings(space: str) -> No
         assert line.count("R(") == size
         numbers = re.sub(r"/\*.*?\*/|R\(|[){} ]", "", line).strip(",").split(",")
         np.testing.assert_allclose([float(each) for each in numbers], np.ravel(values[name]), rtol=1e-14, err_msg=name)
-
-
-def test_no_limit_is_written_as_0() -> None:
-    experiment = uneven_experiment(reference=SINE, controller=PD, actuators={"force_limit": "none"})
-    text = controller_sources(designed(experiment)).units["controller.c"]
-    for name in ("force_limit", "force_rate_limit"):
-        assert f"    R(0.0), /* {name} */" in text
 
 
 def test_the_ranges_of_inputs_are_those_of_the_documentation() -> None:
@@ -199,47 +191,25 @@ def test_a_function_and_forces_without_feedback_are_called_what_they_are() -> No
     assert "N_STATES = 24 }" in controller_sources(made("task")).headers["controller.h"]
 
 
-@pytest.mark.parametrize(
-    ("name", "of_motion"), [("PID", 2), ("task", 2), ("no feedforward", 1), ("inputs", 0), ("open loop", 1)]
-)
-def test_operations_are_counted_by_kind(name: str, of_motion: int) -> None:
-    """Expected: lines of the straight-line code, each one operation; a motion counts once per use of it in a step."""
-    controllers: dict[str, Callable[[], Designed]] = {
-        "PID": made,
-        "task": lambda: made("task"),
-        "no feedforward": lambda: designed(uneven_experiment(reference=SINE, controller=PD)),
-        "inputs": lambda: made(reference="inputs"),
-        "open loop": lambda: designed(
-            uneven_experiment(reference=SINE, controller={"type": "open_loop", "feedforward": "computed_torque"})
-        ),
-    }
-    sources = controller_sources(controllers[name]())
-    text = re.sub(
-        r"^#if CONTROLLER_SINGLE\n(static void.*?)^#else", "", sources.units["controller.c"], flags=re.M | re.S
-    )
-    text = text[: text.index("/* Motions that are no formula")]
-    bodies = re.findall(r"^static void (\w+)\([^)]*\)\n\{\n(.*?)\n\}", text, re.M | re.S)
-    divisions = others = simple = 0
-    for function, body in bodies:
-        times = 0 if function.startswith("coefficients_of_") else of_motion if function == "motion" else 1
-        for right in re.findall(r"^  \w+=(.*);$", re.sub(r"\(\(real\)(-?[\d.e+-]+)\)", r"\1", body), re.M):
-            called = re.findall(r"\b(\w+)\)?\(", right.replace("REAL(", ""))
-            if "/" in right or "sqrt" in called:
-                divisions += times
-            elif set(called) - {"fabs", "sq", "fmin", "fmax", "controller_real"}:
-                others += times
-            elif re.search(
-                r"[-+*<=?!&|]|\b(fabs|sq|fmin|fmax)\b", re.sub(r"\de[-+]\d|^-?[\d.]+(e[-+]\d+)?$", "", right)
-            ):
-                simple += times
+def test_operations_are_counted_by_kind() -> None:
+    """Expected, by hand: of six forces 2 products, 2 sums, a root, a sine; 5 quotients of a divisor, which C has once.
+
+    Besides them two bounds of each force and whether they act, and code by hand: sums and checks of six forces, of six
+    measurements and six forces of the law.
+    """
+    length = casadi.SX.sym("length", 6)
+    force = 3 * casadi.sqrt(length) + 4 * casadi.sin(length) + length / length[0]
+    law = casadi.Function("law", [length], [force], ["leg_length"], ["actuator_force"])
+    made = designed(uneven_experiment(reference=CIRCLE, controller={"type": "open_loop"}), law, reference="inputs")
+    sources = controller_sources(made)
     stated = re.search(
         r"at most (\d+) floating-point operations, of them (\d+) divisions and square roots, (\d+) other functions",
         words(sources.headers["controller.h"]),
     )
     assert stated is not None
-    assert (int(stated[2]), int(stated[3])) == (divisions, others)
-    # and code by hand: sums and checks of six forces
-    assert divisions + others + simple + 6 * 8 <= int(stated[1]) == sources.operations
+    assert (int(stated[2]), int(stated[3])) == (6 + 1, 6)
+    of_law, of_limits, by_hand = 6 * (2 + 2 + 1 + 1) + 5 + 1, 6 * 3, 6 * 8 + 2 * 12
+    assert int(stated[1]) == sources.operations == of_law + of_limits + by_hand
 
 
 # --- notes -----------------------------------------------------------------------------------------------------------
@@ -255,12 +225,12 @@ def _margins(alpha: float) -> Any:
 
 
 def _case(what: str, size: float, delay: int = 2, lag: float = 0.0, frequency: float = 12.5) -> Case:
-    return Case(what, delay, lag, complex(-0.6 * size, 0.8 * size), frequency)
+    return Case(what, Delays(delay, lag), complex(-0.6 * size, 0.8 * size), frequency)
 
 
 def _loop(where: str, size: float = 0.91, **changes: Any) -> LoopStability:
     values: dict[str, Any] = {
-        "surroundings": LoopAround(where, 0, None, has_drives=True),
+        "surroundings": LoopAround(where, 0),
         "nominal": _case("the nominal machine in its first pose", size, lag=0.003),
         "poses": 25,
         "on_the_way": _case("the nominal machine in its pose at 0.7 s", 0.93, frequency=14.0),
@@ -301,15 +271,14 @@ def test_notes_say_all_that_was_judged() -> None:
     )
 
 
-_LATER = "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has"
+LATER = "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has"
+ACTS = "forces act {} after their measurement (output_delay = {}); the experiment has"
 DELAYS: dict[tuple[Host, int], str] = {
-    ("fmu", 0): f"{_LATER} no delay; the feedforward is computed for 1 sample.",
-    ("fmu", 3): f"{_LATER} a delay of 3 samples; the feedforward is computed for 3 samples. The other 2 samples have "
+    ("fmu", 0): f"{LATER} no delay; the feedforward is computed for 1 sample.",
+    ("fmu", 3): f"{LATER} a delay of 3 samples; the feedforward is computed for 3 samples. The other 2 samples have "
     "to be around the unit.",
-    ("ssp", 0): "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay, but a "
-    "unit needs one sample.",
-    ("ssp", 3): "forces act 3 samples after their measurement (output_delay = 3); the experiment has a delay of 3 "
-    "samples.",
+    ("ssp", 0): f"{ACTS.format('1 sample', 1)} no delay, but a unit needs one sample.",
+    ("ssp", 3): f"{ACTS.format('3 samples', 3)} a delay of 3 samples.",
 }
 
 
@@ -318,11 +287,8 @@ def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
     experiment = experiment_of("heave_step", {"loop.delay": delay, "sensors.quantisation": {}})
     notes = notes_of(experiment, host, StabilityReport(reason="there is no feedback"))
     steps = " This holds for communication steps of a sample or less; longer ones add delay."
-    assert notes.inside == (
-        f"Delay: {DELAYS[host, delay]}{steps}",
-        "Stability: not judged, since there is no feedback.",
-        "Nothing of the experiment is left out.",
-    )
+    unjudged = "Stability: not judged, since there is no feedback."
+    assert notes.inside == (f"Delay: {DELAYS[host, delay]}{steps}", unjudged, "Nothing of the experiment is left out.")
     late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
     assert notes.warnings == (() if delay else (f"the {host.upper()} is {late}",))
 

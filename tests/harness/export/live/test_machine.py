@@ -8,6 +8,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.export.live.page import live_machine, reach_of
 from gough_stewart.model.kinematics import leg_geometry
+from tests.harness.export.test_controllers import often
 from tests.harness.export.test_machine import Machine, rows_of
 from tests.support.random_platforms import random_platform
 
@@ -19,7 +20,8 @@ FOLLOWED = {
 }
 
 
-@pytest.mark.parametrize("name", FOLLOWED)
+# The plan of the fastest path takes its time.
+@pytest.mark.parametrize("name", often(FOLLOWED, {*FOLLOWED} - {"fastest_path"}))
 def test_a_page_has_the_rows_of_the_run(name: str) -> None:
     """Expected: `run` to 1e-9 of SI units, for all signals of all rows."""
     experiment = gs.load_experiment(name, {"loop.duration": FOLLOWED[name], "sensors.quantisation": {}})

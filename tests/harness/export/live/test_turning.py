@@ -18,42 +18,33 @@ UNEVEN: dict[str, Any] = {
 NOTCH = {"frequency": 40.0, "damping": 0.4, "depth": 0.2}
 # An experiment, what it begins with, what is turned, and the same as settings of the file.
 TURNED: dict[str, tuple[str, dict[str, Any], dict[str, float], dict[str, Any]]] = {
-    "bandwidth and damping": (
-        *("pitch_sine", {}, {"bandwidth": 2.6, "damping_ratio": 0.9}),
-        {"controller.bandwidth": 2.6, "controller.damping_ratio": 0.9},
-    ),
+    "bandwidth and damping": ("pitch_sine", {}, {"bandwidth": 2.6, "damping_ratio": 0.9}, {}),
     "an integral with a delay": (
         *("pitch_sine", {"controller": PID}, {"bandwidth": 3.0, "integral_time": 0.7, "delay": 3, "filter_time": 4e-3}),
-        {
-            **{"controller.bandwidth": 3.0, "controller.integral_time": 0.7, "controller.derivative_filter": 4e-3},
-            "loop.delay": 3,
-        },
+        {},
     ),
     "a task-space loop with a notch": (
-        *("pitch_sine", {"controller.space": "task", "controller.notch": NOTCH}),
-        *({"bandwidth": 1.5, "delay": 1}, {"controller.bandwidth": 1.5, "loop.delay": 1}),
+        *("pitch_sine", {"controller.space": "task", "controller.notch": NOTCH}, {"bandwidth": 1.5, "delay": 1}, {}),
     ),
     "held inputs": (
-        *("pitch_sine", {"controller.discretisation": "zoh", "actuators.lag": 4e-3}, {"bandwidth": 2.5}),
-        {"controller.bandwidth": 2.5},
+        *("pitch_sine", {"controller.discretisation": "zoh", "actuators.lag": 4e-3}, {"bandwidth": 2.5}, {}),
     ),
     "a derivative of measurements": (
-        *("heave_step", {"loop.plant_step": 5e-4}, {"bandwidth": 3.0, "filter_time": 0.01}),
-        {"controller.bandwidth": 3.0, "controller.derivative_filter": 0.01},
+        *("heave_step", {"loop.plant_step": 5e-4}, {"bandwidth": 3.0, "filter_time": 0.01}, {}),
     ),
     "unequal gains": (
         *("pitch_sine", {"controller": UNEVEN}, {"proportional": 1.5, "derivative": 0.8, "integral": 2.0, "delay": 2}),
         {
-            "controller": {
-                **UNEVEN,
-                "proportional_gain": [1.5 * k for k in UNEVEN["proportional_gain"]],
-                "derivative_gain": [0.8 * k for k in UNEVEN["derivative_gain"]],
-                "integral_gain": [2.0 * k for k in UNEVEN["integral_gain"]],
-            },
-            "loop.delay": 2,
+            f"controller.{name}_gain": [factor * k for k in UNEVEN[f"{name}_gain"]]
+            for name, factor in (("proportional", 1.5), ("derivative", 0.8), ("integral", 2.0))
         },
     ),
 }
+KEYS = {"delay": "loop.delay", "filter_time": "controller.derivative_filter"}
+for row in TURNED.values():
+    values, same = row[2:]
+    named = {name: value for name, value in values.items() if f"controller.{name}_gain" not in same}
+    same |= {KEYS.get(name, f"controller.{name}"): value for name, value in named.items()}
 
 
 def machine_of(name: str, settings: dict[str, Any]) -> Machine:

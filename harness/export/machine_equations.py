@@ -1,0 +1,163 @@
+"""The equations of a machine as C of c/machine: what it plans, and what a page turns while its loop runs.
+
+All are traced from their one description in Python: `plan.h` has shipped motions and forces along them, `design.h` the
+gains of a bandwidth, laws of gains, coefficients of components.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import casadi
+import numpy as np
+
+from gough_stewart.fmu_build.codegen import in_lanes
+from gough_stewart.fmu_build.sources import defines
+from gough_stewart.harness.control.component import Stepped, with_links
+from gough_stewart.harness.control.drive import ForceLimits
+from gough_stewart.harness.control.notch import Notch
+from gough_stewart.harness.control.pid import (
+    ChannelGains,
+    channel_matrices,
+    filter_time_of,
+    gains_of_masses,
+    tracking_time_of,
+)
+from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.control.smoothing import Smoothing
+from gough_stewart.harness.control.state_space import matrices_at
+from gough_stewart.harness.export import symbols
+from gough_stewart.harness.export.machine import N_MOTION, VARIANTS, TurnableLaw, keys_of, motion_variants
+from gough_stewart.harness.export.trace import feedforward_of, motion_in, solve_by_orthogonal, vector_of
+from gough_stewart.harness.loop.libraries import traced
+from gough_stewart.harness.motion.limits.reach import legs_of
+from gough_stewart.harness.motion.motion import coordinates_of, extrapolated, motion_of
+from gough_stewart.harness.motion.references import AboutPose
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model import interface
+from gough_stewart.model.kinematics import leg_jacobian
+
+# ---- plan.h ----
+
+
+def plan_header() -> str:
+    """`plan.h`: the motions by kind, and what follows from a motion."""
+    functions = [_motion(name, choice) for name, choice in motion_variants()]
+    texts = [in_lanes(function, "static void plan_", exact=True) for function in (*functions, *_along())]
+    names = ", ".join(["0", "0", *(f"plan_{function.name()}" for function in functions)])
+    by_hand, size, _ = traced(Smoothing, "smoothing", 3)
+    return (
+        f"#define N_SMOOTHING {size}\n{by_hand}"
+        + "".join(texts)
+        + f"\nstatic void (*const MOTIONS[])(const double[], const double[], double[]) = {{{names}}};\n"
+    )
+
+
+def _motion(name: str, choice: AboutPose) -> casadi.Function:
+    keys = keys_of(type(choice), name)
+    sizes = [3 if key.startswith(("position", "orientation")) else 1 for key in keys]
+    c, time = casadi.SX.sym("coefficients", sum(sizes)), casadi.SX.sym("time")
+    values = np.split(symbols.elements(c), np.cumsum(sizes)[:-1])
+    fields: dict[str, Any] = {**dict(zip(keys, values, strict=True)), "plane": getattr(choice, "plane", None)}
+    with_symbols = type(choice).model_construct(**{"fade_in": 0.0, **fields})
+    motion = with_symbols(symbols.elements(time))
+    return casadi.Function(name, [c, time], casadi.cse([vector_of(motion)]), ["coefficients", "time"], ["motion"])
+
+
+def _along() -> Iterator[casadi.Function]:
+    """What follows from a motion (18), and a pose with its rates, and the platform's parameters."""
+    vector = casadi.SX.sym("motion", N_MOTION)
+    p = casadi.SX.sym("platform", interface.size_of(interface.PLATFORM_PARAMETERS))
+    ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
+    by_name = {v.name: p[a:b] for v, a, b in zip(interface.PLATFORM_PARAMETERS, ends, ends[1:], strict=False)}
+    parameters: Any = symbols.parameters_of(by_name)
+    at = motion_in(vector)
+
+    def function(name: str, **outputs: Any) -> casadi.Function:
+        results = casadi.cse([casadi.densify(symbols.column(array)) for array in outputs.values()])
+        return casadi.Function(name, [vector, p], results, ["motion", "platform"], [*outputs])
+
+    legs: Any = legs_of(parameters, at)
+    yield function("signals", reference=np.concatenate([*at[:4], *legs, *at[4:]], axis=-1))
+    J = leg_jacobian(parameters, at.position, at.orientation)
+    transposed = np.swapaxes(J, -1, -2)
+    rows = [solve_by_orthogonal(transposed, np.eye(6)[k : k + 1].astype(object)) for k in range(6)]
+    yield function("maps", jacobian=J, inverse=np.concatenate(rows, axis=0))
+    for kind in ("gravity", "computed_torque"):
+        yield function(kind, force=symbols.elements(feedforward_of(kind, parameters, at)))
+    ahead = casadi.SX.sym("ahead")
+    later = vector_of(extrapolated(at, symbols.row(ahead)))
+    yield casadi.Function("extrapolated", [vector, ahead], [later], ["motion", "ahead"], ["later"])
+    parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
+    coordinates = casadi.vertcat(*map(symbols.column, coordinates_of(at)))
+    yield casadi.Function("coordinates", [vector], [casadi.densify(coordinates)], ["motion"], ["coordinates"])
+    of_pose = vector_of(motion_of(*map(symbols.row, parts.values())))
+    yield casadi.Function("motion_of_pose", [*parts.values()], [of_pose], [*parts], ["motion"])
+
+
+# ---- design.h ----
+
+
+def design_header() -> str:
+    """`design.h`."""
+    laws = [law_function(f"law_{k}", variant) for k, variant in enumerate(VARIANTS)]
+    limits, sensor = _prepared(ForceLimits, "limits"), _prepared(Sensor, "sensor")
+    functions = [_gains(), _times(), limits, sensor, *laws]
+    texts = [in_lanes(function, "static void design_", exact=True) for function in functions]
+    states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
+    tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)
+    names = ", ".join(f"design_{law.name()}" for law in laws)
+    sizes = {"MOST_ELEMENTS_OF_CHANNEL": max(law.numel_out(0) for law in laws)}
+    sizes |= {f"{name}_COEFFICIENTS": f.numel_out(0) for name, f in (("SENSOR", sensor), ("LIMIT", limits))}
+    signature = "const double[], const double[], const double[], double[]"
+    return "\n".join(
+        [
+            defines(sizes),
+            *texts,
+            f"static const int TUSTIN[] = {{{tustin}}};",
+            "/* states of a channel: of its controller, then of its notch */",
+            f"static const int STATES[][2] = {{{states}}};",
+            f"static void (*const LAWS[])({signature}) = {{{names}}};\n",
+        ]
+    )
+
+
+def law_function(name: str, variant: TurnableLaw) -> casadi.Function:
+    """`values` (kp, kd, ki, Tf, Tt) of a channel, `notch` (3), `sample_time` -> [C D; A B] of it, row by row."""
+    values, notch, T = (casadi.SX.sym(key, n) for key, n in (("values", 5), ("notch", len(Notch.keys)), ("period", 1)))
+    gains = symbols.elements(values)
+    actions = [np.array([True]), np.array([variant.integrates])]
+    continuous = channel_matrices(
+        ChannelGains(*[*(gains[k : k + 1] for k in range(5)), *actions]), variant.derivative_on
+    )
+    period = symbols.elements(T)
+    channel = matrices_at(continuous, period, variant.discretisation, symbols.solve)
+    notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]
+    s = with_links(channel, notches if variant.has_notch else [], period, symbols.solve)
+    whole = np.concatenate([np.concatenate([s.C, s.D], axis=1), np.concatenate([s.A, s.B], axis=1)])
+    matrices = casadi.cse(casadi.densify(symbols.column(whole)))
+    return casadi.Function(name, [values, notch, T], [matrices], ["values", "notch", "period"], ["matrices"])
+
+
+def _gains() -> casadi.Function:
+    names = ["masses", "bandwidth", "damping", "integral_time"]
+    inputs = [casadi.SX.sym(name, size) for name, size in zip(names, (N_LEGS, 1, 1, 1), strict=True)]
+    gains = symbols.column(np.concatenate(gains_of_masses(*map(symbols.elements, inputs))))
+    return casadi.Function("gains", inputs, [gains], names, ["gains"])
+
+
+def _times() -> casadi.Function:
+    names = ["kp", "kd", "ki"]
+    inputs = [casadi.SX.sym(name, N_LEGS) for name in names]
+    kp, kd, ki = map(symbols.elements, inputs)
+    times = symbols.column(np.concatenate([filter_time_of(kp, kd), tracking_time_of(kp, kd, ki)]))
+    return casadi.Function("times", inputs, [times], names, ["times"])
+
+
+def _prepared(component: type[Stepped], name: str) -> casadi.Function:
+    """The values of a component's keys, and its period -> its coefficients."""
+    names = [*component.keys, "period"]
+    inputs = [casadi.SX.sym(key) for key in names]
+    *values, period = map(symbols.elements, inputs)
+    prepared = component.prepare(dict(zip(component.keys, values, strict=True)), period)
+    coefficients = casadi.densify(symbols.column(np.concatenate(prepared)))
+    return casadi.Function(name, inputs, [coefficients], names, ["coefficients"])
