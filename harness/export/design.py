@@ -19,7 +19,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom, carried
 from gough_stewart.harness.export.laws import (
     FunctionLaw,
-    Law,
+    LinearLaw,
     Setting,
     matrix_law,
     own_law,
@@ -121,7 +121,7 @@ class Designed:
     platform: Platform  # the nominal model
     sample_time: float  # [s]
     delay: int  # of the forces [samples]
-    law: Law | None  # None without feedback
+    law: LinearLaw | FunctionLaw | None  # None without feedback
     feedforward: Feedforward
     constant_force: FloatArray  # (6,) [N], added to the feedforward
     reference: Reference | None  # None if it is an input, or if there is none
@@ -312,7 +312,7 @@ def designed(
     return design
 
 
-def _law_of(chosen: Any, prepared: Prepared) -> Law | None:
+def _law_of(chosen: Any, prepared: Prepared) -> LinearLaw | FunctionLaw | None:
     """The law of an experiment's controller, or, if none is chosen there, of the one that replaces it."""
     if prepared.controller is None:
         return None

@@ -149,10 +149,9 @@ def pid_law(
     names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
     # one value for all, or one each
     of_channels = [np.asarray(values[name] + zeros) if name in values else zeros for name in names]
+    of_gains = channels._replace(**dict(zip(ChannelGains._fields, of_channels, strict=False)))
     T = values["sample_time"]
-    traced = matrices_at(
-        channel_matrices(ChannelGains(*of_channels, *channels[5:]), derivative_on), T, discretisation, symbols.solve
-    )
+    traced = matrices_at(channel_matrices(of_gains, derivative_on), T, discretisation, symbols.solve)
     of_links = [(type(link), {p.key: values[p.name] for p in link.parameters()}) for link in links]
     traced = with_links(traced, of_links, T, symbols.solve)
     A = matrices_at(channel_matrices(channels, derivative_on), sample_time, discretisation).A
@@ -165,7 +164,8 @@ def pid_law(
     c, places = casadi.SX.sym("coefficients", len(distinct)), {key: place for place, key in enumerate(distinct)}
     flat = np.array([float(e) if e.is_constant() else c[places[e.element_hash()]] for e in entries], dtype=object)
     parts = np.split(flat, np.cumsum([b.size for b in traced.blocks])[:-1])
-    system = StateSpace(*(part.reshape(b.shape) for part, b in zip(parts, traced.blocks, strict=True)), 1.0)
+    blocks = [part.reshape(b.shape) for part, b in zip(parts, traced.blocks, strict=True)]
+    system = StateSpace(blocks[0], blocks[1], blocks[2], blocks[3], 1.0)
     start = integrating = system.B
     if traced.nstates:
         # a mode is an integrator at 1 with what it leaves in all other states: x = A x there

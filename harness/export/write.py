@@ -22,8 +22,9 @@ from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.design import Designed, Setting
+from gough_stewart.harness.export.design import Designed
 from gough_stewart.harness.export.header import header, title_of
+from gough_stewart.harness.export.laws import Setting
 from gough_stewart.harness.export.moments import function_of_time
 from gough_stewart.harness.export.symbols import Home, home_of
 from gough_stewart.harness.export.tables import ConstantTables, add_motion, number, numbers, path_of

@@ -17,8 +17,8 @@ from gough_stewart.harness.errors import ControllerError, ExportError, UnstableL
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.choices import Part
-from gough_stewart.harness.export.design import carried, designed
+from gough_stewart.harness.export.choices import Part, carried
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import Notes, left_out, notes_of
 from gough_stewart.harness.export.stability import Host, stability_of
 from gough_stewart.harness.loop.run import Run

@@ -47,7 +47,7 @@ SINE = {
 CHIRP = {**SINE, "type": "chirp", "from_frequency": 2.0, "to_frequency": 7.0, "duration": 0.1}
 del CHIRP["frequency"], CHIRP["phase"]
 CIRCLE = {"type": "circle", "radius": 0.04, "frequency": 3.0, "plane": "xz", "fade_in": 0.06}
-HOLD = {"type": "hold", "position": [0.1, -0.07, 2.93], "orientation": [0.06, -0.09, 0.13]}
+HOLD: dict[str, Any] = {"type": "hold", "position": [0.1, -0.07, 2.93], "orientation": [0.06, -0.09, 0.13]}
 PD = {"type": "pd", "proportional_gain": KP, "derivative_gain": KD}
 PID = {"type": "pid", "proportional_gain": KP, "derivative_gain": KD, "integral_gain": KI}
 CASES: dict[str, dict[str, Any]] = {

@@ -179,7 +179,7 @@ def test_a_force_or_a_memory_that_is_no_number_is_told_from_a_bad_input() -> Non
     exported = started(function_of("leg_length", 6, lambda v: v, memory=lambda v, state: state + 1 / (v[0] - 3)))
     for first, status in ((3.5, GOOD), (3.0, NOT_FINITE)):
         exported.step([first, 3, 3, 3, 3, 3])
-        assert (exported.status, exported.remembered("states")) == (status, 2)
+        assert (exported.status, *exported.remembered("states")) == (status, 2)
 
 
 @pytest.mark.parametrize("signal", ["leg_length", "position"])

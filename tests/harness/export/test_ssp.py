@@ -110,7 +110,7 @@ def test_the_whole_structure_is_that_of_the_standard() -> None:
       <osp:FixedStepAlgorithm baseStepSize="0.002"/></osp:Algorithm></ssc:Annotation></ssd:Annotations>
       </ssd:DefaultExperiment></ssd:SystemStructureDescription>"""
     structure, values = (etree.fromstring(document) for document in documents())
-    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", structure.attrib.pop("generationTool"))
+    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", str(structure.attrib.pop("generationTool")))
     assert _tree(structure) == _tree(etree.fromstring(expected))
     assert structure.nsmap == SPACES
     named = [(f"{c}.{n}", v, u) for c, rows in ROWS.items() for n, v, u in rows]

@@ -41,9 +41,10 @@ TURNED: dict[str, tuple[str, dict[str, Any], dict[str, float], dict[str, Any]]] 
     ),
 }
 KEYS = {"delay": "loop.delay", "filter_time": "controller.derivative_filter"}
-for _, _, values, settings in TURNED.values():
-    named = {name: value for name, value in values.items() if f"controller.{name}_gain" not in settings}
-    settings |= {KEYS.get(name, f"controller.{name}"): value for name, value in named.items()}
+for row in TURNED.values():
+    values, same = row[2:]
+    named = {name: value for name, value in values.items() if f"controller.{name}_gain" not in same}
+    same |= {KEYS.get(name, f"controller.{name}"): value for name, value in named.items()}
 
 
 def machine_of(name: str, settings: dict[str, Any]) -> Machine:
