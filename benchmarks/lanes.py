@@ -19,7 +19,7 @@ from rich.table import Table
 
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import compile_library, native
-from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
+from gough_stewart.harness.plants.lanes import BatchPlant, lane_rows
 from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform import load_preset
@@ -44,7 +44,7 @@ void many(long long n, const double *x, const double *u, const double *p, double
 """
 
 
-def plant_of(members: int) -> LanesPlant:
+def plant_of(members: int) -> BatchPlant:
     """States of members, all different, in slow motion."""
     rng, nominal = np.random.default_rng(15), load_preset("motion_base")
     some = [replace(nominal, platform_mass=nominal.platform_mass * rng.uniform(0.8, 1.2)) for _ in range(64)]
@@ -53,7 +53,7 @@ def plant_of(members: int) -> LanesPlant:
         State(platform.home_position + rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.1, 0.1, (3, 3)))
         for platform in platforms
     ]
-    return LanesPlant(platforms, starts, substeps=1)
+    return BatchPlant(platforms, starts, substeps=1)
 
 
 def scalar_kernel(folder: Path) -> ctypes.CDLL:

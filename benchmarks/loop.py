@@ -25,7 +25,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import ModelPlant
 
 ROUNDS = 5
@@ -57,7 +57,7 @@ def seconds_in_machine_code(name: str) -> tuple[float, float]:
     ours = []
     for _ in range(ROUNDS):
         start = time.thread_time()
-        with LanesPlant([prepared.machine], [prepared.start], tolerance=1e-8, kernel=kernel) as plant:
+        with BatchPlant([prepared.machine], [prepared.start], tolerance=1e-8, kernel=kernel) as plant:
             simulate(plant, prepared.law, prepared.loop)
         ours.append(time.thread_time() - start)
     start = time.thread_time()
@@ -74,7 +74,7 @@ def seconds_of_many() -> tuple[float, float, float]:
     loop = replace(prepared.loop, shape=(n,))
     rounds = []
     for _ in range(ROUNDS):
-        plant = LanesPlant([prepared.machine] * n, [prepared.start] * n, substeps=1)
+        plant = BatchPlant([prepared.machine] * n, [prepared.start] * n, substeps=1)
         # row by row, as with controllers in Python
         inside = [Stopwatch(getattr(plant, name)) for name in ("set_inputs", "signals", "do_step")]
         plant.set_inputs, plant.signals, plant.do_step = inside  # type: ignore[method-assign, assignment]

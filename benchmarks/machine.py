@@ -1,6 +1,6 @@
 """Speed of platforms that stick and give, against ideal ones: `make bench`.
 
-Units of `motion_base` with friction of 100 N at fixed steps of 1 ms: rigid legs that stick, and legs of 1e8 N/m with
+Units of `motion_base` with friction of 100 N at fixed steps of 1 ms: rigid legs with stiction, and legs of 1e8 N/m with
 motors of 20 kg that stick. A C host drives each in a control loop, from rest to rated speed, through a reversal. The
 units take turns, in one process; figures are the best of many rounds. And members of an ensemble that stick and give.
 """

@@ -1,4 +1,4 @@
-/* Drives the linked FMI 2.0 unit of a platform with legs that stick and give, or of an ideal one, to time its steps. */
+/* Drives the linked FMI 2.0 unit of a platform with legs with stiction and compliance, or of an ideal one, to time its steps. */
 #include <math.h>
 #include <stdlib.h>
 #include <time.h>

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 import gough_stewart as gs
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.model.interface import N_INPUTS
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -138,7 +138,7 @@ def one(platform: Platform, folder: Path, rounds: int) -> dict[str, Measured]:
 def lanes(platforms: list[Platform], forces: Any) -> Measured:
     """All members at once, in a call for each step."""
     starts = [State(platform.home_position, platform.home_orientation, *np.zeros((2, 3))) for platform in platforms]
-    plant = LanesPlant(platforms, starts, tolerance=1e-8)
+    plant = BatchPlant(platforms, starts, tolerance=1e-8)
     inputs = np.zeros((len(platforms), N_INPUTS))
     begin = time.process_time()
     for k, force in enumerate(forces):

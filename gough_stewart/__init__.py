@@ -22,7 +22,7 @@ Geometry and forces, over any leading axes
     static_leg_forces         actuator forces that hold a pose
     mass_matrix               mass matrix of the platform with its legs, 6×6
     inverse_dynamics          actuator forces for a given acceleration
-    compliance                small motion per wrench on legs that give, 6×6
+    compliance                small motion per wrench on elastic legs, 6×6
     State                     pose and velocities
     Acceleration              linear and angular acceleration of the platform
     stack                     many platforms as one batch

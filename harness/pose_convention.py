@@ -164,7 +164,7 @@ def check_convention(
         return
     try:
         place, turning = convention.written(position[rows], orientation[rows])
-    except ValueError:  # in their order the angles cannot be told
+    except ValueError:  # in their order the angles cannot be determined
         return
     quaternions = convention.rotation_order == QUATERNION
     orders = [QUATERNION] if quaternions else _ORDERS

@@ -34,7 +34,7 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import SingularPoseError
-from gough_stewart.model.friction import Grip, bristle_decay, bristle_friction, friction_force, law_of_bristles
+from gough_stewart.model.friction import StickTerms, bristle_decay, bristle_friction, friction_force, law_of_bristles
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
@@ -329,7 +329,7 @@ def platform_side(variant: Variant, parameters: Parameters) -> Parameters:
     return Parameters(**(values | {name: 0.0 * values[name] for name in without}))
 
 
-def grip_of_legs(variant: Variant, parameters: Parameters, x: Array, solve: Solve = solve_mass_matrix) -> Grip:
+def grip_of_legs(variant: Variant, parameters: Parameters, x: Array, solve: Solve = solve_mass_matrix) -> StickTerms:
     """What the bristles do within a step.
 
     The part σ1 ż of friction accelerates the platform by −Γ ż with Γ = M⁻¹ Jᵀ diag(σ1), motors that have springs with
@@ -346,7 +346,7 @@ def grip_of_legs(variant: Variant, parameters: Parameters, x: Array, solve: Solv
         rows = [solve(M, law.damping[..., i : i + 1] * wrenches[..., i, :]) for i in range(6)]
         gain = np.stack(rows, axis=-1)
     decay = bristle_decay(law, sliding, parts["leg_bristle"])
-    return Grip(decay, gain, law.stiffness / law.damping, law.coulomb / law.stiffness, sliding)
+    return StickTerms(decay, gain, law.stiffness / law.damping, law.coulomb / law.stiffness, sliding)
 
 
 def leg_damping(parameters: Parameters) -> Array:

@@ -46,7 +46,7 @@ class Bristles(NamedTuple):
     is_lugre: Array  # 1 for LuGre, else 0
 
 
-class Grip(NamedTuple):
+class StickTerms(NamedTuple):
     """The bristles within a step: decay rates, their gain on velocities, and their deflection in fast sliding."""
 
     decay: Array  # d (..., 6) [1/s]: ż = v − d z

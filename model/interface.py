@@ -132,8 +132,8 @@ class Variant:
     @property
     def words(self) -> str:
         """What such a platform has, for messages."""
-        friction = "with friction that sticks" if self.bristles else "with smooth friction"
-        return f"{friction} and {'legs that give' if self.springs else 'rigid legs'}"
+        friction = "with stiction" if self.bristles else "with smooth friction"
+        return f"{friction} and {'elastic legs' if self.springs else 'rigid legs'}"
 
     @cached_property
     def states(self) -> tuple[Variable, ...]:

@@ -137,9 +137,9 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3
     )
     leg_bristle_stiffness: _Number_co = _bristle(
-        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0"
+        "N/m", "presliding stiffness of a leg, 0 for presliding of 10 um", ">= 0"
     )
-    leg_bristle_damping: _Number_co = _bristle("N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0")
+    leg_bristle_damping: _Number_co = _bristle("N.s/m", "presliding damping of a leg, 0 for half of critical", ">= 0")
     leg_breakaway_share: _Number_co = _bristle(
         "1", "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none", ">= 0"
     )

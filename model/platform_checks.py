@@ -145,7 +145,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
         if refused((sticks & ~(coulomb > 0)).any(axis=-1)):
             raise PlatformError(
                 "leg_coulomb_friction",
-                f"is {coulomb.min():g} N in a leg; friction that sticks needs > 0 in each: set leg_coulomb_friction, "
+                f"is {coulomb.min():g} N in a leg; stiction needs > 0 in each: set leg_coulomb_friction, "
                 "or leg_friction_model = 'smooth'",
             )
         stiffness, share = of_legs(platform, "leg_bristle_stiffness"), of_legs(platform, "leg_breakaway_share")

@@ -13,7 +13,7 @@ inputs of the interface table. p: its platform parameters. y: its outputs and lo
 | forward | x, u, p, dx, du, dp | dxdot, dy: δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy |
 | reverse | x, u, p, wxdot, wy | gx, gu, gp: the gradient of wẋ·ẋ + wy·y |
 | decays | x, p | decay (6) [1/s], of the bristles: ż = v − decay · z |
-| grip | x, p | the parts of `friction.Grip`, the gain (36) column by column |
+| grip | x, p | the parts of `friction.StickTerms`, the gain (36) column by column |
 | sliding | x, p | sliding (6) [m/s], the velocities at which friction acts |
 | legs | x, p | length (6), length_rate (6), jacobian (36), rho: for checks of poses, at a fifth of the cost |
 | posed | x, p | y, square, determinant, size, s: all that depends on the state alone |

@@ -473,7 +473,7 @@ def _outer_range(
         R = matrix_from_orientation(np.array([fixed[angle] for angle in LARGEST_ANGLES]))
         centres, radii = (platform.base_points - platform.platform_points @ R.T)[:, k], np.full(6, longest)
     low, high = float((centres - radii).max()), float((centres + radii).min())
-    # no pose fits all legs: use a range to display anyway
+    # no pose fits all legs: use a range to display nonetheless
     return (low, high) if low < high else (home - size, home + size)
 
 

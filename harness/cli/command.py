@@ -113,7 +113,7 @@ def clear_errors() -> Iterator[Command]:
 
 
 def _notes(error: BaseException) -> list[str]:
-    """Notes that were added to the error, such as which files were written anyway."""
+    """Notes that were added to the error, such as which files were written nonetheless."""
     return getattr(error, "__notes__", [])
 
 

@@ -100,7 +100,7 @@ def margins_command(
     The model is linearised at the first pose of the reference, and sampled and delayed as in the experiment. Writes
     **margins.json**; with `--figures` also **bode** and **step**.
 
-    Exit code 3 if a requirement is not met, 4 if that cannot be told.
+    Exit code 3 if a requirement is not met, 4 if that is inconclusive.
 
     Examples
     --------
@@ -210,8 +210,8 @@ def ensemble_command(
 
     A requirement is on every member, or with "for 95 % of members" on that share of all machines: exit code 3 if it is
     not met, 4 if there are too few members to tell; the report says how many would. Exit code 3 also if no member
-    completes its run with a loop that does not grow by itself. Members whose loops grow or oscillate are counted in a
-    warning.
+    completes its run with a loop that does not grow without input. Members whose loops grow or oscillate are counted in
+    a warning.
 
     With `--compare`, a requirement is on the second experiment; "first.PATH" is on the first, "difference.PATH" on the
     second minus the first.

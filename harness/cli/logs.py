@@ -174,7 +174,7 @@ def identify_command(
     side: Annotated[
         Side | None,
         choice(
-            "Of legs that give, where leg_length was measured. Records of `run` say so themselves; columns "
+            "Of elastic legs, where leg_length was measured. Records of `run` say so themselves; columns "
             "motor_position[1..6] are the motors'.",
             Side,
             show_default="leg",

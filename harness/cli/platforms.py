@@ -102,7 +102,7 @@ def workspace_command(
 
     For each pose of a grid: whether it can be reached, and if not, which limit is exceeded; the condition number of the
     leg Jacobian; the largest payload, and the largest force in any direction, that the actuators can hold at rest. Of
-    legs that give, also stiffness and the first mode.
+    elastic legs, also stiffness and the first mode.
 
     Numbers are in m and rad unless they have a unit: `20mm`, `5deg`. Limits that the platform does not state are not
     checked.

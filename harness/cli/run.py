@@ -45,9 +45,13 @@ def run_command(
             "fmu2|fmu3|FILE.fmu",
         ),
     ] = None,
-    anyway: Annotated[
+    allow_unstable: Annotated[
         bool,
-        option("Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", None, "--anyway"),
+        option(
+            "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.",
+            None,
+            *("--allow-unstable", "--anyway"),  # the latter is its former name
+        ),
     ] = False,
     member: Annotated[
         int | None,
@@ -67,9 +71,9 @@ def run_command(
     **record.parquet** and **metadata.json** (all variables, references, errors, controller states, flags) and
     **metrics.json**; with `--figures` also **errors**, **pose**, **actuators** and **legs**.
 
-    Exit code 3 if a requirement is not met, or the loop diverged or grows by itself, or was stopped by a limit, by its
-    controller or by the FMU; 4 if a requirement cannot be told; 130 after Ctrl-C. The rows up to that time are still
-    written. A loop that oscillates by itself gets a warning.
+    Exit code 3 if a requirement is not met, or the loop diverged or grows without input, or was stopped by a limit, by
+    its controller or by the FMU; 4 if a requirement is inconclusive; 130 after Ctrl-C. The rows up to that time are
+    still written. A loop that oscillates without input gets a warning.
 
     Examples
     --------
@@ -105,7 +109,7 @@ def run_command(
     running.expect([metric.path for metric in known])
     requirements = running.require(loaded.requirements, known)
     running.step(total=loaded.loop.duration)
-    with _unit_of(controller, loaded, running, anyway=anyway) as unit:
+    with _unit_of(controller, loaded, running, allow_unstable=allow_unstable) as unit:
         record = run(
             loaded,
             plant=plant,
@@ -152,7 +156,7 @@ def run_command(
 
 
 def _unit_of(
-    controller: str | None, experiment: "Experiment", running: Running, *, anyway: bool
+    controller: str | None, experiment: "Experiment", running: Running, *, allow_unstable: bool
 ) -> AbstractContextManager[Any]:
     """The controller that replaces the experiment's; None for its own."""
     if controller is None:
@@ -162,7 +166,8 @@ def _unit_of(
         return nullcontext(opt.path(controller))
     from gough_stewart.harness.export.fmu import exported_controller
 
-    return exported_controller(experiment, FMI_VERSIONS[controller], running.step, anyway=anyway, warn=warn)
+    version = FMI_VERSIONS[controller]
+    return exported_controller(experiment, version, running.step, allow_unstable=allow_unstable, warn=warn)
 
 
 def live_command(

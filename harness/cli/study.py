@@ -59,7 +59,7 @@ class ReportOptions:
         list[str] | None,
         option(
             "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be "
-            "repeated. Exit code 3 if it is not met, 4 if that cannot be told.",
+            "repeated. Exit code 3 if it is not met, 4 if that is inconclusive.",
             "CONDITION",
         ),
     ] = None
@@ -198,7 +198,7 @@ class Running:
 
         self.step("files and report", total=None)
         if self.required:
-            # numbers that it might have had, such as a settling time without a step, cannot be told
+            # numbers that it might have had, such as a settling time without a step, are inconclusive
             paths = {*self.known} - {number.path for number in report.numbers}
             absent = {requirement.path for requirement in self.required if requirement.path in paths}
             added = (Number(path, path, None, self.known[path].quantity) for path in absent)
@@ -299,7 +299,7 @@ def study(
                 function(running, **values)
                 # each requirement that failed is said, and decides how the command ends
                 outcomes = running.report.requirements if running.report is not None else ()
-                labels = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
+                labels = {"missed": ("missed: ", "bold red"), "open": ("inconclusive: ", "bold yellow")}
                 failed = [outcome for outcome in outcomes if outcome.status in labels]
                 for outcome in failed:
                     errors.say(labels[outcome.status], outcome.text)

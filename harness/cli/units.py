@@ -137,8 +137,13 @@ def export_command(
             "N,LENGTH",
         ),
     ] = None,
-    anyway: Annotated[
-        bool, option("Export a loop that is unstable in one of the forms; they say so.", None, "--anyway")
+    allow_unstable: Annotated[
+        bool,
+        option(
+            "Export a loop that is unstable in one of the forms; they say so.",
+            None,
+            *("--allow-unstable", "--anyway"),  # the latter is its former name
+        ),
     ] = False,
     parts: Annotated[
         str | None,
@@ -213,7 +218,7 @@ def export_command(
         ssp=ssp,
         parts=inside,
         frozen=held,
-        anyway=anyway,
+        allow_unstable=allow_unstable,
         progress=lambda stage: running.step(stage, advance=1),
         judging=lambda k, of: running.progress.update(judging, completed=k, total=of, visible=k < of),
         warn=warnings.append,

@@ -140,7 +140,7 @@ def linearise(
     coulomb_friction
         Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
         It acts as a large damper that the moving platform does not have, so it is left out by default. With friction
-        that sticks: legs that stick, each on a spring of leg_bristle_stiffness; by default legs slide.
+        with stiction: legs that stand, each on a spring of leg_bristle_stiffness; by default legs slide.
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """The loop of an experiment as a linear system: the transfer from the actuators around the loop and back.
 
-And the structural modes of a platform on legs that give: what they do to the bandwidth of a loop.
+And the structural modes of a platform on elastic legs: what they do to the bandwidth of a loop.
 """
 
 import math
@@ -42,7 +42,7 @@ def loop_transfer(
     orientation: Array | None = None,
     coulomb_friction: bool = False,  # keep its slope at rest; see `linearise`
     believed: Platform | None = None,  # whose legs' Jacobian a controller in task space uses; by default the same
-    side: signals.Side = "leg",  # of legs that give, where their lengths and velocities are measured
+    side: signals.Side = "leg",  # of elastic legs, where their lengths and velocities are measured
 ) -> StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
@@ -53,7 +53,7 @@ def loop_transfer(
     samples = math.floor(late / sample_time + _ROUNDING)
     rest = late - samples * sample_time
     rest, delay = rest if rest > _ROUNDING * sample_time else 0.0, delay + samples
-    # those of legs that give, or of an ideal platform; sliding legs have no bristles
+    # those of elastic legs, or of an ideal platform; sliding legs have no bristles
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
     under_way = delay + (1 if rest else 0)
     states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + controller.system.nstates

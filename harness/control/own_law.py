@@ -129,7 +129,7 @@ class LinearForm(NamedTuple):
 
     controller: LinearController
     is_numerical: bool = False  # by differences, of a controller that is no linear system
-    doubt: str = ""  # what these leave out, so that a requirement on margins cannot be told
+    doubt: str = ""  # what these leave out, so that a requirement on margins is inconclusive
 
 
 def linearised(  # noqa: PLR0915 - one road, in sections

@@ -50,7 +50,7 @@ class SensorChoice(Section):
     quantisation: Annotated[PerSignal, Field(description="quantisation step")] = Field(default_factory=dict)
     # by default the controller's
     sample_time: Annotated[PositiveTime | None, Field(description="time between readings")] = None
-    # of legs that give: where their length and velocity are read; the same of rigid ones
+    # of elastic legs: where their length and velocity are read; the same of rigid ones
     side: Annotated[Side, Field(description="side of a leg that its encoder reads")] = "leg"
     seed: Annotated[int, Field(ge=0)] = 0  # of noise and jitter
 

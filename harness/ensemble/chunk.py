@@ -194,7 +194,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
             continue
         try:
             loop = None if form.doubt else judged(member, member.machine, form.controller)
-            if loop is None or loop.doubt:  # a number that cannot be told is none
+            if loop is None or loop.doubt:  # a number that cannot be determined is none
                 causes[k] = f"no margins: {form.doubt if loop is None else loop.doubt}"
             else:
                 stable[k], disk[k] = 1.0, loop.margins.disk.alpha
@@ -266,7 +266,7 @@ def _rows(
 def oscillations(
     batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors, threads: int = 1
 ) -> list[Oscillation | None]:
-    """The motion by itself of each member that completed; None for a sound loop.
+    """The self-excited motion of each member that completed; None for a sound loop.
 
     Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
     """

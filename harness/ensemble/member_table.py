@@ -6,8 +6,8 @@
 - `varied.KEY`, every number that varies, KEY as in the experiment, elements as in `varied.base_points[1,2]`;
 - `outcome`: `completed`, `diverged`, `stopped`, or `impossible` if it could not run; `ended`, its time [s]; `cause`, a
   text, null if there is none; of a member that completed, why its margins cannot be computed;
-- `oscillation`, how the loop of a member that completed moves by itself at the end: `oscillating`, `growing`, null if
-  it comes to rest or follows its reference; `oscillation.amplitude` [m] of the leg with the largest,
+- `oscillation`, how the loop of a member that completed moves without input at its end: `oscillating`, `growing`, null
+  if it comes to rest or follows its reference; `oscillation.amplitude` [m] of the leg with the largest,
   `oscillation.frequency` [Hz], null if it has none, or if only some of its rows were kept;
 - `integration_error`, the largest estimated error of a plant step;
 - `internal_steps`, how many steps of the integration it took;

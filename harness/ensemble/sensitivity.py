@@ -91,7 +91,7 @@ class Sensitivity:
             parts.append(f"left out: {self.left_out} {why}")
         parts.append("± and whiskers are 95 % confidence")
         if self.alike:
-            parts.append(f"which of the first {len(self.alike) + 1} matters more cannot be told")
+            parts.append(f"which of the first {len(self.alike) + 1} matters more cannot be determined")
         if self.without:
             parts.append(f"not numbers, or the same for all of these members: {', '.join(self.without)}")
         if not self.explains:

@@ -29,7 +29,7 @@ from gough_stewart.harness.loop.folds import AT, error_between
 from gough_stewart.harness.loop.libraries import loop_kernel
 from gough_stewart.harness.loop.loop import LENGTHS, members_last
 from gough_stewart.harness.loop.python_host import SensorReadings
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.plant import BoolArray, seen
 from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES
 from gough_stewart.model import interface
@@ -147,7 +147,7 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._loop, self._timing, self._platform = batch.loop, batch.timing, batch.setups[0].platform
         self._every, self._steps = self._timing.steps_a_sample, self._timing.steps
         fixed = experiment.plant.fixed_step_size
-        self._plant = LanesPlant(
+        self._plant = BatchPlant(
             batch.machines,
             [setup.start for setup in batch.setups],
             substeps=max(1, round(self._timing.plant_step / fixed)) if fixed else None,

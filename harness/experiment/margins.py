@@ -141,7 +141,7 @@ class LoopMargins(Margins):
     late: float = 0.0
     """What the sensors' own clock and jitter add to the delay at worst, as modelled in these margins [s]."""
     doubt: str = ""
-    """What these margins leave out, so that a requirement on them cannot be told."""
+    """What these margins leave out, so that a requirement on them is inconclusive."""
     believed: Margins | None = None
     """Of the loop with the believed platform as machine, where that differs and is stable."""
     warnings: tuple[str, ...] = ()
@@ -198,7 +198,7 @@ class LoopMargins(Margins):
         text = sentence(
             [
                 f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
-                f"each leg by itself may change by {alone} or {at_least(ANGLE, disk.phase)}",
+                f"each leg independently may change by {alone} or {at_least(ANGLE, disk.phase)}",
                 f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
                 self.doubt,
             ]
@@ -354,7 +354,7 @@ class Judged(NamedTuple):
 
     transfer: StateSpace
     margins: Margins
-    doubt: str = ""  # what the margins leave out, so that a requirement on them cannot be told
+    doubt: str = ""  # what the margins leave out, so that a requirement on them is inconclusive
     warning: str = ""  # that, and why
 
 

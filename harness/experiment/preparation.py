@@ -41,7 +41,7 @@ from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping
+from gough_stewart.harness.plants.lanes import BatchPlant, CompiledLanes, Stepping
 from gough_stewart.harness.plants.members import PerMember, of_legs, stacked
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.dynamics import static_leg_forces
@@ -143,7 +143,7 @@ class Prepared(Setup):
 class InParallel(NamedTuple):
     """One plant and one loop for members, followed by copies of the last one up to a whole number of vectors."""
 
-    plant: LanesPlant
+    plant: BatchPlant
     law_from: LawFrom | None
     loop: Loop
     size: int  # including the copies
@@ -234,7 +234,7 @@ class Batch:
         copies = 0 if in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         starts, kernel = [setup.start for setup in filled.setups], loop_kernel(Variant.of(self.machines[0]))
-        plant, law_from = LanesPlant(filled.machines, starts, **stepping._asdict(), kernel=kernel), None
+        plant, law_from = BatchPlant(filled.machines, starts, **stepping._asdict(), kernel=kernel), None
         if closed := [controller for controller in controllers if controller is not None]:
             # one view of each array, by which members that share it are known
             views = {id(setup.jacobians): setup.jacobians.reshape(-1, 36) for setup in filled.setups}

@@ -29,7 +29,7 @@ from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import as_numbers
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.kinds import PlantKind
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -169,7 +169,7 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
         # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
         is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
         if is_whole and (kernel := prepared.kernel) is not None:
-            opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
+            opening = BatchPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
         else:
             opening = open_plant(
                 kind,

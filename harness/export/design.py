@@ -262,7 +262,7 @@ def designed(
     Raises
     ------
     ExportError
-        A controller that is unstable by itself or cannot be traced, or nothing to compute or to watch.
+        An unstable controller, one that cannot be traced, or nothing to compute or to watch.
     ExperimentError, ReachError
         The experiment cannot run as written.
     """

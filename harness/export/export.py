@@ -53,12 +53,13 @@ def export(  # noqa: PLR0912 - one road, in sections
     safe_force: SafeForce = "feedforward",
     frozen: tuple[int, float] | None = None,
     parts: Iterable[Part] | Part = (),
-    anyway: bool = False,
+    allow_unstable: bool = False,
     progress: StepProgress | None = None,
     judging: MemberProgress | None = None,
     warn: Callable[[str], None] | None = None,
     verdict: Callable[[str], None] | None = None,
     stability: Callable[[Sequence[LoopStability]], None] | None = None,
+    anyway: bool = False,  # the former name of `allow_unstable`
 ) -> list[Path]:
     """Write the controller of an experiment as C, as FMU, or with its plant as SSP; after an error, no file is written.
 
@@ -99,7 +100,7 @@ def export(  # noqa: PLR0912 - one road, in sections
         become parameters. The step function, and the unit, then run at the `plant_step` where drives or readings do.
         "manual": it can be switched off and on without a bump, by `enabled`; while it is off, its force follows
         `manual_force`, which is the force that acts.
-    anyway
+    allow_unstable
         Export a loop that is unstable in one of the forms; its documentation says so.
     progress
         Called with the present action.
@@ -107,7 +108,7 @@ def export(  # noqa: PLR0912 - one road, in sections
         Called with the number of members of the `[ensemble]` whose loops are judged, and of all.
     warn
         Called with what a form leaves out of the experiment, with a delay that it adds, with a loop whose stability
-        cannot be judged, and with an unstable loop that is exported anyway. The forms' documentation says the same.
+        cannot be judged, and with an unstable loop that is exported on request. The forms' documentation says the same.
     verdict
         Called with the largest |z| and the margins of each form's loop, the least robust first.
     stability
@@ -124,7 +125,7 @@ def export(  # noqa: PLR0912 - one road, in sections
         The closed loop is unstable in one of the forms, with the delay that it has there, for the experiment's machine
         or a member of its `[ensemble]`.
     ControllerError
-        A controller that cannot be exported, is unstable by itself, or has the wrong size.
+        A controller that cannot be exported, is itself unstable, or has the wrong size.
     ExportError
         An unknown form, part, safe force or version of SSP, nothing to watch for, or an SSP with external reference.
     ExperimentError, ReachError, BuildError, OutputError
@@ -168,7 +169,7 @@ def export(  # noqa: PLR0912 - one road, in sections
     law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared, inside)
     judged = stability_of(chosen, prepared, hosts, parts=inside, progress=judging)
     refused = refusal(chosen, judged.items())
-    if refused is not None and not anyway:
+    if refused is not None and not (allow_unstable or anyway):
         raise refused
     notes = {host: notes_of(chosen, host, judged[host], law.carried) for host in hosts}
     duration, late = chosen.loop.duration, output_delay_of(chosen)

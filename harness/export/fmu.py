@@ -64,14 +64,14 @@ def exported_controller(
     fmi_version: str,
     progress: StepProgress | None = None,
     *,
-    anyway: bool = False,
+    allow_unstable: bool = False,
     warn: Callable[[str], None] | None = None,
 ) -> Iterator[UnitController]:
     """The exported controller of an experiment as an FMU of FMI "2.0" or "3.0", while the context is open.
 
     Parameters
     ----------
-    anyway
+    allow_unstable
         Do not refuse a loop that is unstable with the unit.
     warn
         Called with an unstable loop that is not refused, and with one that cannot be judged.
@@ -94,7 +94,7 @@ def exported_controller(
     alone = experiment.model_copy(update={"ensemble": None})
     stability = stability_of(alone, prepared, ("run",), margins=False)
     refused = refusal(experiment, stability.items())
-    if refused is not None and not anyway:
+    if refused is not None and not allow_unstable:
         raise refused
     if warn is not None:
         for text in notes_of(experiment, "run", stability["run"]).warnings:

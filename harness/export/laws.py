@@ -193,14 +193,14 @@ def matrix_law(controller: LinearController) -> LinearLaw:
     Raises
     ------
     ExportError
-        It is unstable by itself.
+        It is itself unstable.
     """
     A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(controller.system).blocks)
     poles = np.linalg.eigvals(A)
     worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
     if abs(worst) > 1 + _ROUNDING:
         raise ExportError(
-            f"the controller is unstable by itself: it has an eigenvalue z = {worst:.6g} with |z| = "
+            f"the controller itself is unstable: it has an eigenvalue z = {worst:.6g} with |z| = "
             f"{abs(worst):.6g}; expected none outside the unit circle, since its state would grow for any "
             "measurement; redesign it with more damping or less gain"
         )

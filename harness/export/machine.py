@@ -38,7 +38,7 @@ from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
+from gough_stewart.harness.plants.lanes import BATCH_FIELDS, BatchPlant
 from gough_stewart.harness.plants.plant import seen
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
@@ -57,7 +57,7 @@ _POINTS = 900
 # Samples of delay for which there is room.
 MOST_DELAY = 12
 # What may be turned, in the order of C.
-WANTED = (
+REQUESTED = (
     *("bandwidth", "damping_ratio", "integral_time", "filter_time", "proportional", "derivative", "integral"),
     *("delay", "force_limit", "noise", "quantisation"),
 )
@@ -212,13 +212,13 @@ def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, **opt
     """A run of an experiment as a block, with its plan; options as of `machine_block`."""
     planned = _planned(experiment, prepared, kept)
     tolerance = experiment.plant.tolerance
-    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
+    plant = BatchPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
     with plant, prepared.law_in_a_run() as law_from:
         return machine_block(plant, law_from, prepared.loop, planned, kept, **options)
 
 
 def machine_block(
-    plant: LanesPlant,  # at its start, of one member
+    plant: BatchPlant,  # at its start, of one member
     law_from: LawFrom | None,
     loop: Loop,
     planned: Mapping[str, Any] | None = None,  # what it follows, which C computes row by row; else there are tables
@@ -344,7 +344,7 @@ def _beyond(loop: Loop, kept: int) -> dict[str, Any]:
     }
 
 
-def _changes(plant: LanesPlant, loop: Loop) -> dict[str, NDArray[Any]]:
+def _changes(plant: BatchPlant, loop: Loop) -> dict[str, NDArray[Any]]:
     """Rows of the start and of each change, and parameters, inputs (n, 12) and faults from there on.
 
     The plant has those of the start again. Without faults in the loop there are none (n, 0), and those of a hand stay.
@@ -500,12 +500,12 @@ def turning(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         **dict.fromkeys(("proportional", "derivative", "integral"), 1.0),
         "delay": actuators.delay,
         "force_limit": math.inf if limit is None else limit,
-        **{name: sizes.get(_ENCODERS, 0.0) for name, sizes in zip(WANTED[-2:], encoders, strict=True)},
+        **{name: sizes.get(_ENCODERS, 0.0) for name, sizes in zip(REQUESTED[-2:], encoders, strict=True)},
     }
     values = {
         "variant": -1,
         "sample_time": timing.sample_time,
-        "wanted": np.array([float(wanted[name]) for name in WANTED]),
+        "wanted": np.array([float(wanted[name]) for name in REQUESTED]),
     }
 
     # gains of channels, if all have the same actions

@@ -115,7 +115,7 @@ def notes_of(  # noqa: PLR0912 - a note after the other
         )
     if judged.reason and judged.reason != NO_FEEDBACK:
         warnings.append(f"the stability of the loop of the {name} is not judged: {judged.reason}")
-    warnings += [f"{'run' if host == 'run' else 'exported'} anyway: {complaint(loop)}" for loop in judged.unstable]
+    warnings += [f"{'run' if host == 'run' else 'exported'} on request: {complaint(loop)}" for loop in judged.unstable]
     return Notes(tuple(inside), tuple(warnings))
 
 
@@ -126,8 +126,10 @@ def refusal(experiment: Experiment, judged: Iterable[tuple[Host, StabilityReport
         return None
     texts = [complaint(loop) for _, loop in loops]
     remedies = [loop.remedy for _, loop in loops if loop.remedy]
-    anyway = "--anyway runs it" if loops[0][0] == "run" else "--anyway (anyway=True) exports it, with a note inside"
-    parts = [*dict.fromkeys(texts), *dict.fromkeys(remedies), anyway]
+    on_request = "--allow-unstable (allow_unstable=True) exports it, with a note inside"
+    if loops[0][0] == "run":
+        on_request = "--allow-unstable runs it"
+    parts = [*dict.fromkeys(texts), *dict.fromkeys(remedies), on_request]
     return UnstableLoopError(f"{experiment.where}: {'; '.join(parts)}", loops[0][1].worst_of_all.eigenvalue)
 
 
@@ -157,7 +159,7 @@ def _verdict(loop: LoopStability) -> str:
     def size(case: Case) -> str:
         return f"|z| = {case.size:.5g} ({case.frequency:.3g} Hz)"
 
-    verdict = "stable" if loop.is_stable else f"UNSTABLE, and exported anyway: {complaint(loop)}"
+    verdict = "stable" if loop.is_stable else f"UNSTABLE, and exported on request: {complaint(loop)}"
     parts = [f"{loop.nominal.what} {size(loop.nominal)}"]
     if loop.poses > 1:
         parts.append(f"along the motion at most {size(loop.on_the_way)} ({loop.poses} poses)")

@@ -49,7 +49,7 @@ def loop_archive(
     ssp_version
         "2.0" says what "1.0" does, for importers that expect it.
     side
-        Of legs that give, where encoders read.
+        Of elastic legs, where encoders read.
     """
     targets, notes = tuple(targets), tuple(notes)
     components = {PLANT: replace(plant, has_scalars_only=True), CONTROLLER: replace(controller, has_scalars_only=True)}
@@ -80,7 +80,7 @@ def system_structure(
 ) -> bytes:
     """SystemStructure.ssd of a plant and a controller, each output connected to the input of the same name.
 
-    Encoders at the motors' side of legs that give read that.
+    Encoders at the motors' side of elastic legs read that.
     """
     at_motors = side == "motor" and AT_MOTORS["leg_length"] in components[PLANT].layout.by_name
     connections, connectors = list[dict[str, str]](), dict[str, list[tuple[str, str, str]]]()

@@ -302,7 +302,7 @@ def estimate_of(
     )
 
 
-def with_all(
+def expand_to_requested(
     estimate: Estimate,
     names: tuple[str, ...],
     nominal: FloatArray,

@@ -386,7 +386,7 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
     well = condition <= LARGEST
     text = sentence(
         [
-            f"a log of this motion {'separates' if well else 'hardly separates'} {counted(len(names), 'parameter')}",
+            f"a log of this motion {'separates' if well else 'poorly separates'} {counted(len(names), 'parameter')}",
             f"condition number {condition:.3g}; up to {LARGEST:g} is good",
         ]
     )

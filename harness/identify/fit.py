@@ -86,7 +86,7 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     bent = [k for k, name in enumerate(names) if name.partition("[")[0] in of_law]
     friction = StickingFriction(platform, tuple(names[k] for k in bent)) if sticks(platform) else None
     nominal = nominal_values(names, resolved(platform))
-    # without friction that sticks, which is not linear, and with the legs' stretch in the lengths of both sides
+    # without stiction, which is not linear, and with the legs' stretch in the lengths of both sides
     smooth = ideal_of(platform)
     linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
     linear_names = tuple(names[k] for k in linear)
@@ -249,7 +249,7 @@ def _best_fit(
 def _start_of_friction(
     regression: Regression, platform: Platform, names: Sequence[str], linear: FloatArray, used: FloatArray
 ) -> FloatArray:
-    """Values (q,) of these elements of friction that sticks near the best fit, by least squares on a grid.
+    """Values (q,) of these elements of stiction near the best fit, by least squares on a grid.
 
     In F_c b + (F_s − F_c) b exp(−(v/v_s)²), with b the friction for unit Coulomb friction, two forces are linear. The
     Stribeck velocity v_s is that of the grid if it is estimated. `linear` (n, 6, p) are the columns of all else.

@@ -1,4 +1,4 @@
-"""Friction that sticks in the rows of a log: the bristles follow from the legs' measured motion.
+"""Stiction in the rows of a log: the bristles follow from the legs' measured motion.
 
 A bristle's deflection z depends on the sliding velocity of its own leg and on the law alone, ż = v − d(v, z) z. So the
 lengths of a log give it without a simulation of the platform, and inverse dynamics stays a regression,
@@ -44,7 +44,7 @@ def sticks(platform: Platform) -> bool:
 
 
 def ideal_of(platform: Platform) -> Platform:
-    """The platform with rigid legs, and without friction that sticks: the equations that are linear in parameters."""
+    """The platform with rigid legs, and without stiction: the equations that are linear in parameters."""
     rigid = platform.with_parameters(RIGID) if Variant.of(platform).springs else platform
     return rigid.with_parameters(SLIDING) if sticks(platform) else rigid
 

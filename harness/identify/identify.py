@@ -10,7 +10,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
 from gough_stewart.harness.identify.blas import one_blas_thread
-from gough_stewart.harness.identify.estimate import Estimate, nominal_values, with_all
+from gough_stewart.harness.identify.estimate import Estimate, expand_to_requested, nominal_values
 from gough_stewart.harness.identify.fit import identify_linear, scales
 from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
@@ -26,9 +26,7 @@ from gough_stewart.model.platform import Platform
 
 AnyLog = Log | Record | Path | str
 Method = Literal["linear", "geometry"]
-_PRESLIDING = (
-    "presliding is set in the platform; of friction that sticks, " + ", ".join((COULOMB, *STICTION)) + " are estimated"
-)
+_PRESLIDING = "presliding is set in the platform; of stiction, " + ", ".join((COULOMB, *STICTION)) + " are estimated"
 # Parameters of the platform that a log of forces does not determine, and what serves instead.
 _ELSEWHERE = {
     "gravity": "it is set in the platform; of a base that is out of level, estimate base_tilt",
@@ -201,7 +199,7 @@ def _check_names(platform: Platform, names: Sequence[str]) -> None:
     springs = [name for name in names if name in SPRINGS]
     if springs and not platform.leg_armature > 0 and "leg_armature" not in names:
         raise IdentificationError(
-            f"{springs[0]}: leg_armature is 0, and legs that give need the mass of their motors; set it, or "
+            f"{springs[0]}: leg_armature is 0, and elastic legs need the mass of their motors; set it, or "
             "estimate it, too",
             springs,
         )
@@ -218,7 +216,7 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     scale = scales(platform, names, rows.force, rows.velocity) if rows else scales(platform, names, 1.0, 1.0)
     if rows is None:
         fit, hidden = _fit_of_shown(usable, platform, names)
-        return _with_note(with_all(fit, names, nominal, scale, hidden), hidden)
+        return _with_note(expand_to_requested(fit, names, nominal, scale, hidden), hidden)
 
     # what of the platform's masses the motion does not excite, estimated or not
     others = [name for name in expanded(MASSES, platform) if name not in names]
@@ -258,7 +256,7 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     lacking = [name for name in names if name in unknown]
     if len(lacking) + len(hidden) == len(names):
         raise none_excited()
-    fit = _with_note(with_all(fit, names, nominal, scale, (*lacking, *hidden), bias), hidden)
+    fit = _with_note(expand_to_requested(fit, names, nominal, scale, (*lacking, *hidden), bias), hidden)
     if not lacking:
         return fit
     note = (

@@ -72,7 +72,7 @@ class Log:
     # whether a force acts from its row to the next, as with a sampled controller; else it is instantaneous
     holds_force: bool = False
     where: str = "log"
-    # of legs that give: where `leg_length` was measured; if at both sides, the motors' in `motor_position` (n, 6) [m]
+    # of elastic legs: where `leg_length` was measured; if at both sides, the motors' in `motor_position` (n, 6) [m]
     side: Side = "leg"
     motor_position: FloatArray | None = None
     convention: PoseConvention = OURS  # in which the file had the poses
@@ -152,7 +152,7 @@ def read_log(
         Whether each force acts from its row to the next, as commands of a sampled controller do, or is a reading at
         the time of its row; by default, forces of records are held, and others are not.
     side
-        Of legs that give, where `leg_length` was measured, "leg" or "motor"; by default that of a record's sensors,
+        Of elastic legs, where `leg_length` was measured, "leg" or "motor"; by default that of a record's sensors,
         else the leg's. Columns `motor_position[1..6]` are the motors', alone or beside `leg_length`.
     columns
         Columns of the file by these names, where its header has other ones: {"leg_length[1]": "S1 [mm]"}.

@@ -4,7 +4,7 @@
 
 with gains g, offsets o, delay and tilt of the instruments, which are not the platform's: its file does not have them. W
 is affine in gravity, which in the axes of a base out of level is Rᵀ g with R = R_y(β) R_x(α) and base_tilt = (α, β). f
-is friction that sticks, which is not linear in its parameters; other friction is in φ.
+is stiction, which is not linear in its parameters; other friction is in φ.
 """
 
 import math
@@ -293,7 +293,7 @@ class RowModel:
         return self.smooth_force(values) + (0.0 if self.friction is None else self._sticking(values)[:, :, 0])
 
     def smooth_force(self, values: FloatArray) -> FloatArray:
-        """The forces without friction that sticks (m, 6) [N]."""
+        """The forces without stiction (m, 6) [N]."""
         return np.asarray(self._regressor(values) @ linear_parameters(self._elements(values)))
 
     def rate(self, values: FloatArray) -> FloatArray:
@@ -330,7 +330,7 @@ class RowModel:
         return result
 
     def _sticking(self, values: FloatArray, derivative: int = 0) -> FloatArray:
-        """Friction that sticks, and its derivatives by its parameters (m, 6, 1 + q); or their rates."""
+        """Stiction, and its derivatives by its parameters (m, 6, 1 + q); or their rates."""
         assert self.friction is not None
         friction, law = self.friction, values[self.bent]
         key = law.tobytes() + bytes([derivative])

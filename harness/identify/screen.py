@@ -253,7 +253,7 @@ def check_units(log: Log, platform: Platform) -> None:
 def cutoff_within_noise(log: Log, platform: Platform) -> float:
     """A cut-off of a log whose friction steps [Hz]: `cutoff_of`, or less where noise of the lengths would hide it.
 
-    Accelerations of a leg that sticks have no highest frequency. White noise σ of the lengths becomes a force of about
+    Accelerations of legs with stiction have no highest frequency. White noise σ of lengths becomes a force of about
     m (2π f)² σ √(2 f h/5) in rows with the cut-off f, m the mass that a leg moves; it may be a share of the forces'.
     """
     check_units(log, platform)

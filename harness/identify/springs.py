@@ -20,9 +20,9 @@ from gough_stewart.harness.identify.estimate import (
     Channels,
     Estimate,
     estimate_of,
+    expand_to_requested,
     nominal_values,
     on_one_axis,
-    with_all,
 )
 from gough_stewart.harness.identify.friction import resolved
 from gough_stewart.harness.identify.log import Part
@@ -128,11 +128,13 @@ def with_springs(
     at = [names.index(name) for name in wanted]
     if masses is None:
         springs, _ = _springs_of(parts, platform, wanted, nominal[at], cutoff)
-        whole = with_all(springs, names, nominal, nominal, [name for name in wanted if name not in springs.names])
+        whole = expand_to_requested(
+            springs, names, nominal, nominal, [name for name in wanted if name not in springs.names]
+        )
     else:
         sizes = dict(zip(masses.names, masses.scale.tolist(), strict=True))
         scale = np.array([sizes.get(name, 1.0) for name in names])
-        whole = with_all(masses, names, nominal, scale, (*masses.not_excited, *wanted))
+        whole = expand_to_requested(masses, names, nominal, scale, (*masses.not_excited, *wanted))
         try:
             springs, by_masses = _springs_of(parts, platform, wanted, nominal[at], cutoff, masses)
         except IdentificationError as error:

@@ -27,7 +27,7 @@ from gough_stewart.harness.loop.loop import Actuators, Loop, LoopSettings, Sched
 from gough_stewart.harness.loop.python_host import by_element, streams_of
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor, Status
 from gough_stewart.harness.plants import members, signals
-from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
+from gough_stewart.harness.plants.lanes import BatchPlant, lane_rows
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
@@ -110,7 +110,7 @@ class CompiledHost:
     """
 
     def __init__(  # noqa: PLR0912, PLR0915 - `loop` of c/loop/loop.h, part by part
-        self, plant: LanesPlant, law: LinearLaw | CompiledLaw | None, loop: Loop, reading: FloatArray
+        self, plant: BatchPlant, law: LinearLaw | CompiledLaw | None, loop: Loop, reading: FloatArray
     ) -> None:
         self._plant, self._loop, self._law = plant, loop, law
         (n,), blocks, timing, sensors = plant.shape, plant.batch.blocks, loop.timing, loop.sensors

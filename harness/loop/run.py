@@ -16,7 +16,7 @@ from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
 from gough_stewart.harness.loop.python_host import SensorReadings, run_in_python
 from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.process.progress import TimeProgress
@@ -71,7 +71,7 @@ def observe(
                     monitor.rows.keep_samples_of(law)
 
             # in machine code if they and the plant can, else in Python
-            lanes = several if isinstance(several, LanesPlant) and several.loop_run is not None else None
+            lanes = several if isinstance(several, BatchPlant) and several.loop_run is not None else None
             form = None if lanes is None or law is None else compiled_form(law)
             if lanes is not None and (law is None or form is not None):
                 for member, error in ({} if law is None else law.failures).items():

@@ -126,7 +126,7 @@ class Stepping(NamedTuple):
     substeps: int | None = None
 
 
-class LanesPlant(Plant):
+class BatchPlant(Plant):
     """N platforms as a `Plant` of shape (N,), each in its own start state at time 0.
 
     Attributes

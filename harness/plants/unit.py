@@ -194,12 +194,12 @@ class FmuInstance:
             if self.is_fmi2:
                 # keep references, since the instance calls them during its lifetime
                 self.callbacks = fmi2CallbackFunctions()
-                self.callbacks.logger = fmi2CallbackLoggerTYPE(self._hear)
+                self.callbacks.logger = fmi2CallbackLoggerTYPE(self._on_log)
                 self.callbacks.allocateMemory = type(self.callbacks.allocateMemory)(calloc)
                 self.callbacks.freeMemory = type(self.callbacks.freeMemory)(free)
                 self.fmu.instantiate(callbacks=self.callbacks, loggingOn=True)
             else:
-                self.fmu.instantiate(loggingOn=True, logMessage=self._hear)
+                self.fmu.instantiate(loggingOn=True, logMessage=self._on_log)
         except Exception as error:  # FMPy raises the base class
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
@@ -276,7 +276,7 @@ class FmuInstance:
     def __exit__(self, *_: object) -> None:
         self.free()
 
-    def _hear(self, *arguments: Any) -> None:
+    def _on_log(self, *arguments: Any) -> None:
         # the environment, in FMI 2.0 the instance's name, then these
         status, _category, text = arguments[-3:]
         self.messages.append(_ends_of(text))

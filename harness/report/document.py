@@ -38,7 +38,7 @@ class Number(Data):
     members: Vector | None = None
     small_is_worse: bool = False
     block: int = 1  # so many members share their numbers; only blocks are independent
-    doubt: str = ""  # why a requirement on it cannot be told, if so
+    doubt: str = ""  # why a requirement on it is inconclusive, if so
 
     @property
     def text(self) -> str:

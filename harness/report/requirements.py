@@ -30,7 +30,7 @@ _REQUIREMENT = re.compile(
 )
 _EXPECTED = "expected PATH <= NUMBER UNIT, as in 'tracking.position.norm_peak <= 1 mm' or '… for 95 % of members'"
 # How each came out, in words.
-OUTCOMES: dict[Verdicts, str] = {"met": "met", "missed": "missed", "open": "cannot be told"}
+OUTCOMES: dict[Verdicts, str] = {"met": "met", "missed": "missed", "open": "inconclusive"}
 _WORST_FIRST: tuple[Verdicts, ...] = ("missed", "open", "met")
 # So many members are not proposed to anyone.
 _MOST = 10_000_000
@@ -122,7 +122,7 @@ def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> Non
 def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
     """The report with requirements and how they came out, which its verdict says first.
 
-    It is bad if one is missed, and marginal at best if one cannot be told. A RequirementError is as of `required`, for
+    It is bad if one is missed, and marginal at best if one is inconclusive. A RequirementError is as of `required`, for
     an unknown number, a unit of another kind, or a share of members of a single run.
     """
     requirements = [required(text) if isinstance(text, str) else text for text in texts]

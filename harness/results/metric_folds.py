@@ -150,7 +150,7 @@ class Tracking(TermFold):
 class DriveLoads(TermFold):
     """Forces F, power F·ṡ and work F Δs of the drives, and how much of the platform's limits they use.
 
-    Drives move the motors' side s of legs that give; of rigid legs that is their length.
+    Drives move the motors' side s of elastic legs; of rigid legs that is their length.
 
     A force is held over its row. So the power is the larger of those at both ends of the row, with the velocity of the
     next row at its end; and the last row, which lasts for no time, does not count in the RMS and does no work.

@@ -46,7 +46,7 @@ def metrics(record: RecordData) -> Metrics:
 
     Rows from the first one with values of the plant that are not finite are left out.
 
-    - `outcome` from the metadata, with the `oscillation` or growth of a loop by itself, None if it comes to rest:
+    - `outcome` from the metadata, with the `oscillation` or growth of a loop without input, None if it comes to rest:
       `is_growing`, `leg`, `amplitude` and `earlier` [m], `frequency` [Hz], `since` [s].
     - `rows` and `duration` [s] that the metrics below cover.
     - `tracking`: `rms` and `peak` of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] by axis or
@@ -59,7 +59,7 @@ def metrics(record: RecordData) -> Metrics:
       `overshoot_percent`, `rise_time` from 10 to 90 % [s], `settling_time` to 2 % [s], `final_error` [m, rad];
       None if it did not rise or settle within the record. Times are those of rows, not interpolated.
     - `force`: `peak` and `rms` of F by leg [N]. `power`: `peak` of |F·ṡ| by leg, with ṡ at both ends of each row,
-      and `mean` [W]; s is the leg's length, of legs that give `motor_position`.
+      and `mean` [W]; s is the leg's length, of elastic legs `motor_position`.
     - `energy`, by leg and in total: `net` = ∑ F_k (s_{k+1} − s_k), which is ∫ F·ṡ dt, and `absolute` =
       ∑ |F_k (s_{k+1} − s_k)|, which is ∫ |F·ṡ| dt unless a leg reverses within a row [J].
     - `saturation`: shares of the rows with `force_limited` and `rate_limited`, by leg and for `any` leg. The last row

@@ -1,4 +1,4 @@
-"""How a run ended, and whether its loop grows or oscillates by itself: found in the rows of a run that completed.
+"""How a run ended, and whether its loop grows or oscillates without input: found in the rows of a run that completed.
 
 A loop is judged where its own behaviour can be told from what acts on it: at the end of the run, after the last row at
 which reference, external wrench, injection or parameters change, or something fails; there a sound loop comes to rest.
@@ -46,7 +46,7 @@ _REMEDY = "Lower the bandwidth or the delay; `gough-stewart margins` shows what 
 
 
 class Oscillation(NamedTuple):
-    """The motion of a loop by itself."""
+    """The self-excited motion of a loop."""
 
     is_growing: bool
     leg: int  # with the largest amplitude, from 1
@@ -62,8 +62,9 @@ class Oscillation(NamedTuple):
         rate = "" if self.frequency is None else f" at {self.frequency:.3g} Hz"
         if self.is_growing:
             grown = f"from {length.range_text(self.earlier or 0.0, self.amplitude)}"
-            return f"leg {self.leg}: by itself, the error grows{rate} {grown} after {self.since:.4g} s. {_REMEDY}"
-        return f"leg {self.leg} oscillates at {self.frequency:.3g} Hz by itself, with an amplitude of {size}. {_REMEDY}"
+            return f"leg {self.leg}: without input, the error grows{rate} {grown} after {self.since:.4g} s. {_REMEDY}"
+        at = f"oscillates at {self.frequency:.3g} Hz without input"
+        return f"leg {self.leg} {at}, with an amplitude of {size}. {_REMEDY}"
 
 
 def oscillation(record: RecordData) -> Oscillation | None:
@@ -304,7 +305,7 @@ def _without(values: FloatArray, basis: FloatArray) -> FloatArray:
 
 
 def outcome_of(record: RecordData) -> dict[str, Any]:
-    """The outcome in the metadata, with the `oscillation` or growth of a loop by itself, None if it comes to rest."""
+    """The outcome in the metadata, with the `oscillation` or growth of a loop without input, None if it rests."""
     motion = oscillation(record)
     return {**record.metadata["outcome"], "oscillation": None if motion is None else motion._asdict()}
 
@@ -315,7 +316,7 @@ def is_sound(outcome: dict[str, Any]) -> bool:
 
 
 def outcome_text(outcome: dict[str, Any]) -> str:
-    """How a run ended, in one line: status, time and, if there is one, cause; and what its loop does by itself."""
+    """How a run ended, in one line: status, time and, if there is one, cause; and what its loop does without input."""
     cause = f": {outcome['cause']}" if outcome.get("cause") else ""
     motion = f"; {Oscillation(**outcome['oscillation']).text()}" if outcome.get("oscillation") else ""
     return f"{outcome['status']} at {outcome['time']:.6g} s{cause}{motion}"

@@ -51,11 +51,11 @@ class Robustness(NamedTuple):
     alpha: float
     frequency: float  # [Hz]
     gain: tuple[float, float]  # factors
-    doubt: str = ""  # what it leaves out, so that a requirement on it cannot be told
+    doubt: str = ""  # what it leaves out, so that a requirement on it is inconclusive
 
     @property
     def decibels(self) -> float:
-        """By how much all gains may rise or fall, each by itself [dB]."""
+        """By how much all gains may rise or fall, each independently [dB]."""
         return 20 * math.log10(self.gain[1]) if math.isfinite(self.gain[1]) and self.gain[1] > 0 else math.inf
 
 

@@ -240,7 +240,7 @@ def side_by_side(
     """The metrics of the runs, one column each.
 
     The best values of a row are marked if all runs have the same reference and duration, all completed, and no loop
-    oscillates or grows by itself.
+    oscillates or grows without input.
     """
     flat = [flattened(run) for run in measured]
     marks = has_same_task(records) and all(is_sound(run["outcome"]) for run in measured)

@@ -32,7 +32,7 @@ def test_the_unit_gives_the_forces_of_the_harness_at_every_sample(name: str, ver
     settings = ({} if chosen.loop.delay else {"loop.delay": 1}) | STABLE.get(name, {}) | {"injection": None}
     record, loop = gs.run(name, settings), prepare(experiment_of(name, settings)).loop
     # one of them is there to be unstable
-    (path,) = gs.export(name, settings, fmi=version, out=tmp_path, anyway=name == "too_slow")
+    (path,) = gs.export(name, settings, fmi=version, out=tmp_path, allow_unstable=name == "too_slow")
     T, limit = loop.timing.sample_time, loop.actuators.force_limit or np.inf
     rows = [row for row in loop.timing.rows_of_samples if row < len(record["time"]) - 1]
     expected = np.clip(record["controller.force"][rows], -limit, limit)

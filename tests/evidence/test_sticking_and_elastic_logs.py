@@ -1,4 +1,4 @@
-"""Slow evidence: friction that sticks from the log of a closed loop of the plant itself.
+"""Slow evidence: stiction from the log of a closed loop of the plant itself.
 
 The plant is `SteppingModel`, a closed loop moves it, and the noise of the log is drawn here: nothing of it is what an
 identification inverts. The machine's legs differ, and its payload is not in the middle; a designer knows the payload.

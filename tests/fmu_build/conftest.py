@@ -36,7 +36,7 @@ def fmu(request: pytest.FixtureRequest, fmus: dict[str, Fmu]) -> Fmu:
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
-    """By FMI version, of the uneven platform with friction that sticks and legs that give."""
+    """By FMI version, of the uneven platform with stiction and elastic legs."""
     platform = real_platform("lugre", springs=True)
     folder = shared_folder(tmp_path_factory, "whole", lambda folder: gs.build(folder, platform=platform))
     return {unit.version: unit for unit in map(Fmu, sorted(folder.glob("*.fmu")))}
@@ -44,7 +44,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
 
 @pytest.fixture(scope="session")
 def sticking(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
-    """FMI 3.0, of the uneven platform with friction that sticks and rigid legs."""
+    """FMI 3.0, of the uneven platform with stiction and rigid legs."""
     return Fmu(gs.build(tmp_path_factory.mktemp("sticking"), platform=real_platform("lugre"), fmi=["3.0"])[0])
 
 

@@ -31,7 +31,7 @@ def loop(delay: int) -> gs.Experiment:
 @pytest.fixture(scope="module")
 def prompt(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
     """By FMI version: units whose forces come out a sample later."""
-    paths = gs.export(loop(1), forms="fmu", out=tmp_path_factory.mktemp("prompt"), anyway=True)
+    paths = gs.export(loop(1), forms="fmu", out=tmp_path_factory.mktemp("prompt"), allow_unstable=True)
     return {unit.version: unit for unit in map(Fmu, paths)}
 
 
@@ -39,7 +39,7 @@ def prompt(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
 def late(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """Of a system whose loop has a delay of 15 samples; described in scalars, for importers without arrays."""
     folder = tmp_path_factory.mktemp("late")
-    (path,) = gs.export(loop(15), forms="ssp", ssp_fmi="3.0", out=folder, anyway=True)
+    (path,) = gs.export(loop(15), forms="ssp", ssp_fmi="3.0", out=folder, allow_unstable=True)
     with zipfile.ZipFile(path) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith("controller.fmu"))
         return Fmu(Path(archive.extract(name, folder)))

@@ -24,7 +24,7 @@ def at_home(platform: gs.Platform) -> dict[str, Any]:
     return home | ({"motor_position": platform.home_motor_position} if platform.leg_stiffness else {})
 
 
-# --- legs that stick or give -----------------------------------------------------------------------------------------
+# --- legs with stiction or compliance --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("friction", "version"), [("elasto_plastic", "2.0"), ("lugre", "3.0")])
@@ -121,7 +121,7 @@ def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kin
     assert np.abs(found["position"] - exact["position"]).max() < 3e-6
     long = gs.run("heave_step", {**settings, "loop.sample_time": "2 ms", "plant.fixed_step_size": "2 ms"})
     assert len(long["position"]) == 1
-    assert re.search(r"0\.002 .*too large for legs that stick.*at most 0\.001 s", long.metadata["outcome"]["cause"])
+    assert re.search(r"0\.002 .*too large for legs with stiction.*at most 0\.001 s", long.metadata["outcome"]["cause"])
 
 
 def test_a_saved_state_has_the_bristles_and_motors(whole: dict[str, Fmu], sticking: Fmu) -> None:

@@ -319,7 +319,7 @@ def test_too_many_fixed_steps_are_discarded_with_the_limit(fmu: Fmu) -> None:
 def in_a_system(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """The plant in an SSP, whose experiment asks for a tolerance of 1e-9."""
     folder = tmp_path_factory.mktemp("system")
-    (path,) = gs.export(experiment_of("pid", plant={"tolerance": 1e-9}), forms="ssp", out=folder, anyway=True)
+    (path,) = gs.export(experiment_of("pid", plant={"tolerance": 1e-9}), forms="ssp", out=folder, allow_unstable=True)
     with zipfile.ZipFile(path) as archive:
         return Fmu(Path(archive.extract("resources/plant.fmu", folder)))
 

@@ -1,4 +1,4 @@
-"""Friction that sticks and legs that give. Expected: Newton and Euler, and the laws as papers print them."""
+"""Stiction and elastic legs. Expected: Newton and Euler, and the laws as papers print them."""
 
 import re
 from dataclasses import replace

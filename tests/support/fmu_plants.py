@@ -107,17 +107,17 @@ class Plant:
         try:
             if self.is_fmi2:
                 self.callbacks = fmi2CallbackFunctions()  # used as long as the instance lives
-                self.callbacks.logger = fmi2CallbackLoggerTYPE(self._hear)
+                self.callbacks.logger = fmi2CallbackLoggerTYPE(self._on_log)
                 self.callbacks.allocateMemory = type(self.callbacks.allocateMemory)(calloc)
                 self.callbacks.freeMemory = type(self.callbacks.freeMemory)(free)
                 self.fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
             else:
-                self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
+                self.fmu.instantiate(loggingOn=logging, logMessage=self._on_log, **options)
         except Exception as error:  # FMPy raises the base class
             self.fmu.freeLibrary()
             raise NotInstantiatedError(self.take_messages()) from error
 
-    def _hear(self, *arguments: Any) -> None:
+    def _on_log(self, *arguments: Any) -> None:
         status, category, text = arguments[-3:]
         instance = arguments[1].decode() if self.is_fmi2 else None
         self.messages.append(Message(status, category.decode(), text.decode(), instance))

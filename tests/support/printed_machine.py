@@ -18,12 +18,12 @@ from tests.support.uneven import UNEVEN
 def motion_by_radau(
     platform: Platform, start: FloatArray, force: FloatArray, end: float, tolerance: float
 ) -> FloatArray:
-    """State at a time [s]: pose, its rates, bristles, and of legs that give positions and velocities of motors.
+    """State at a time [s]: pose, its rates, bristles, and of elastic legs positions and velocities of motors.
 
     Parameters
     ----------
     platform
-        UNEVEN with friction that sticks; legs that give have a stiffness and a damping.
+        UNEVEN with stiction; elastic legs have a stiffness and a damping.
     start
         The same at time 0.
     force

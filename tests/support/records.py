@@ -90,7 +90,7 @@ def oscillating(record: gs.Record, leg: int = 5, frequency: float = 40.0, amplit
 def says_it_oscillates(text: str, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> bool:
     """Whether a text on an outcome after 0.5 s names what `oscillating` made, to 1 % and what to do."""
     said = re.fullmatch(
-        r"completed at 0\.5 s; leg (\d) oscillates at (\S+) Hz by itself, with an amplitude of (\S+) mm\. Lower .*",
+        r"completed at 0\.5 s; leg (\d) oscillates at (\S+) Hz without input, with an amplitude of (\S+) mm\. Lower .*",
         text,
     )
     if said is None:

@@ -98,7 +98,7 @@ void client_step(const double *measured, const double *reference, double *force,
         values[k] = (@V@)(measured[k]@HOME@);
     for (k = 0; k < @P@_N_REFERENCE; ++k)
         wanted[k] = (@V@)(reference[k]@HOME_POSE@);
-    @p@_step(&parameters, &coefficients, &memory, values, @WANTED@found, limited);
+    @p@_step(&parameters, &coefficients, &memory, values, @REQUESTED@found, limited);
     for (k = 0; k < 6; ++k)
         force[k] = (double)found[k];
     input[0] = (double)memory.input_status;
@@ -121,7 +121,7 @@ def run_source(source: Path, measured: FloatArray, reference: FloatArray | None,
         "HOME_POSE": f" - (k < 6 ? (double){name.upper()}_HOME_POSE[k] : 0)"
         if single and reference is not None
         else "",
-        "WANTED": "" if reference is None else "wanted, ",
+        "REQUESTED": "" if reference is None else "wanted, ",
     }
     text = _CLIENT
     for key, value in places.items():

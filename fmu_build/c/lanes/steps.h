@@ -42,7 +42,7 @@ static inline void rk4_step(lanes h, const lanes x[], lanes rate[][N_STATES], fi
 }
 
 #if HAS_BRISTLES
-/* ---- legs that stick ------------------------------------------------------------------------------------------------
+/* ---- legs with stiction ------------------------------------------------------------------------------------------------
 
    Bristles forget fast: dz/dt = v - d z with rates d of up to 1e5/s. Of them a step takes the linear part -d z exactly,
    with d as it is at its begin: ETDRK4 of S. M. Cox, P. C. Matthews, "Exponential Time Differencing for Stiff Systems", J.

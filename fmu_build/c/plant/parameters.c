@@ -121,7 +121,7 @@ static int check_friction(const double p[N_PARAMETERS], char message[MESSAGE_SIZ
         double stiffness = p[P_LEG_BRISTLE_STIFFNESS] * p[P_LEG_BRISTLE_STIFFNESS_FACTOR + i];
         double share = p[P_LEG_BREAKAWAY_SHARE] * p[P_LEG_BREAKAWAY_SHARE_FACTOR + i];
         if (!(coulomb > 0))
-            write_message(message, "leg_coulomb_friction is %g N in leg %d; friction that sticks needs > 0 in each",
+            write_message(message, "leg_coulomb_friction is %g N in leg %d; stiction needs > 0 in each",
                           coulomb, i + 1);
         else if (fixed > 0 && fixed < coulomb)
             write_message(message, "leg_static_friction is %g N, below leg_coulomb_friction = %g N; expected at least "

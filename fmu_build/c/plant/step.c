@@ -55,10 +55,10 @@ static void find_stage_rates(const void *of_span, double share, const double x[N
     find_rates(s->step, s->t + share * s->h, x, rate);
 }
 
-/* ---- legs that stick --------------------------------------------------------------------------------------------- */
+/* ---- legs with stiction --------------------------------------------------------------------------------------------- */
 
 #if HAS_BRISTLES
-/* Fixed steps of legs that stick: by steps.h, with w = nu + gain (z - z0) in place of the velocities nu that friction
+/* Fixed steps of legs with stiction: by steps.h, with w = nu + gain (z - z0) in place of the velocities nu that friction
    brakes, divided where they do not resolve a bristle.
 
    Friction has the part sigma1 dz/dt, which falls within 1/d, a hundredth of a step of 1 ms at speed. Its sum over the
@@ -435,7 +435,7 @@ static void explain_failure(const communication_step *step, integration how, dou
         refuse_step(c, "internal steps", MOST_INTERNAL_STEPS, "", "too many internal steps for one step to time %.12g s "
                     "at tolerance %g; %s", end, c->s.tolerance, cause);
     else if (how == TOO_FAST)
-        refuse_step(c, "fixed_step_size", fixed, " s", "no division resolves legs that stick in such a step; expected at "
+        refuse_step(c, "fixed_step_size", fixed, " s", "no division resolves legs with stiction in such a step; expected at "
                     "most %.2g s, or 0 for error control", step->size);
     else if (how == NOT_FINITE)
         refuse_step(c, "fixed_step_size", fixed, " s", "the motion is not finite; the step is too large, or %s", cause);
@@ -461,7 +461,7 @@ static outcome check_fixed_step(component *c, double time, double step)
     double largest = c->s.largest_step > 0 ? c->s.largest_step : stable_step(c->s.x, c->s.inputs, c->s.p);
     /* the difference of two rounded times may be larger than the size that was set */
     if (!(h <= largest * (1 + 1e-9)))
-        return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs that stick or give "
+        return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs with stiction or compliance "
                            "like these; expected at most %.3g s, or 0 for error control", h, largest);
     c->s.largest_step = isfinite(largest) ? largest : 0; /* a saved state is finite */
 #endif

@@ -23,7 +23,7 @@ from gough_stewart.harness.export.machine import (
     FAILURES,
     MOST_DELAY,
     POLES,
-    WANTED,
+    REQUESTED,
     Block,
     endless_machine,
     fields,
@@ -189,7 +189,7 @@ def live_machine(experiment: Experiment) -> Live:
         # what may be tuned, and where poles and margins are among the results
         "turn": {
             "wanted": [float(value) if np.isfinite(value) else None for value in turned["wanted"]],
-            "names": WANTED,
+            "names": REQUESTED,
             "gains": has_gains,
             "integral": has_gains and bool(turned["gains"][12] > 0),
             "margins": "results" in turned,

@@ -160,17 +160,18 @@ CASES: list[tuple[str, int, str | None, list[str]]] = [
     ("ensemble heave_tolerances --require 'margins.disk>=0.1'", 2, None, [r"no number 'margins\.disk'"]),
     (f"ensemble heave_tolerances {FEW} --set ensemble.worst=0 --require 'step_response.x.rise_time<=1s for 9% of "
      "members'", 4, "members.parquet bands.parquet samples.parquet ensemble.json report.json",
-     ["^Cannot be told: step_response.x.rise_time<=1s for 9% of members .not defined in this study."]),
+     ["^Inconclusive: step_response.x.rise_time<=1s for 9% of members .not defined in this study."]),
     ("export heave_step --as 'c, fmu,ssp' --fmi 2.0", 0,
      f"{FORMS} heave_step.ssp heave_step_controller_fmi2.fmu report.json",
      [*(f"the {form} is without sensors.quantisation: it " for form in ("FMU", "C", "SSP")),
       *(f"{where} │ +stable │ +1 │ +0.99098 │ the nominal machine in its first pose │ +1.161"
         for where in ("in C", "with the FMU", "in the SSP"))]),
     ("export circle --as c,ssp", 1, None, [f"in the SSP {UNSTABLE}"]),
-    ("export circle --as c,ssp --anyway", 0, "circle.ssp circle_controller.c circle_controller.h example_main.c "
-     "report.json", ["warning: exported anyway: in the SSP the closed loop is unstable", "UNSTABLE in the SSP with a"]),
-    (UNIT, 1, None, [f"with the unit in the run {UNSTABLE}", "--anyway runs it"]),
-    (f"{UNIT} --anyway", 0, RUN, ["warning: run anyway: with the unit in the run"]),
+    ("export circle --as c,ssp --allow-unstable", 0,
+     "circle.ssp circle_controller.c circle_controller.h example_main.c report.json",
+     ["warning: exported on request: in the SSP the closed loop is unstable", "UNSTABLE in the SSP with a"]),
+    (UNIT, 1, None, [f"with the unit in the run {UNSTABLE}", "--allow-unstable runs it"]),
+    (f"{UNIT} --allow-unstable", 0, RUN, ["warning: run on request: with the unit in the run"]),
 ]  # fmt: skip
 
 

@@ -159,21 +159,21 @@ def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_pat
     wide, narrow = f"{path} <= 1 m for 95 % of members", f"{path} < 0.1 mm for 95 % of members"
     done = invoke(*few, "--require", wide, "--require", f"{path} <= 1 m")
     assert done.exit_code == 4
-    assert done.stdout.startswith(f"Cannot be told: {wide} (")
+    assert done.stdout.startswith(f"Inconclusive: {wide} (")
     # no page, no figures: they were not asked for
     assert {each.name for each in out.iterdir()} == TABLES | {"report.json", "worst"}
     (kept, *_) = (out / "worst").iterdir()
     assert not (out / "worst" / "report.html").exists()
     assert {each.name for each in kept.iterdir()} == {"record.parquet", "metadata.json"}
     assert "72 members would tell, if all of them hold it" in " ".join(done.stdout.split())
-    assert done.stderr.endswith(f"cannot be told: {wide}\n")
+    assert done.stderr.endswith(f"inconclusive: {wide}\n")
     members = polars.read_parquet(out / "members.parquet")[path]
     holding = (members < 1e-4).sum()
     (out / "bands.svg").write_bytes(b"of an older result")
     done = invoke(*few, "--require", narrow, "--json", "--report")
     assert done.exit_code == (3 if holding < 12 else 4)
     assert not (out / "bands.svg").exists()
-    assert f"<b>{'missed' if holding < 12 else 'cannot be told'}</b>" in (out / "report.html").read_text()
+    assert f"<b>{'missed' if holding < 12 else 'inconclusive'}</b>" in (out / "report.html").read_text()
     told = json.loads(done.stdout)["verdict"]
     assert f"{holding} of 16 members hold it" in told["text"]
     assert told["status"] == ("bad" if holding < 12 else "marginal")

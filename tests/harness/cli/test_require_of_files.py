@@ -43,7 +43,7 @@ def _left_out(done: Result) -> set[str]:
 
 
 def test_a_run_judges_its_metrics_and_its_disk_margin() -> None:
-    """Expected: without a step in x its settling time cannot be told; one that is missed decides: exit code 3."""
+    """Expected: without a step in x its settling time is inconclusive; one that is missed decides: exit code 3."""
     done = _invoke("run", "mine.toml", "--out", "run", "--json")
     states = {"tracking.position.norm_peak": "met", "step_response.x.settling_time": "open", "margins.disk": "missed"}
     assert (done.exit_code, _states(done)) == (3, states)

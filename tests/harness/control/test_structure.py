@@ -1,4 +1,4 @@
-"""Legs that give or stick: linear models, structural modes, and what they do to margins.
+"""Elastic legs and stiction: linear models, structural modes, and what they do to margins.
 
 Expected: another program's printed frequencies, closed forms as k (J M⁻¹ Jᵀ + 1/m_a), and margins at other bandwidths.
 """

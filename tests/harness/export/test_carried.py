@@ -177,7 +177,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Experiment, list[
     """The units of a loop with everything, and the warnings."""
     experiment, said = made({}), list[str]()
     files = gs.export(experiment, forms=["fmu"], parts=["drives", "sensors"], out=tmp_path_factory.mktemp("units"),
-                      warn=said.append, anyway=True)  # fmt: skip
+                      warn=said.append, allow_unstable=True)  # fmt: skip
     return experiment, files, said
 
 

@@ -17,7 +17,7 @@ def test_a_casadi_function_leaves_by_itself(tmp_path: Path) -> None:
     """Expected: files by its name, at the sample time of the settings."""
     length = casadi.SX.sym("leg_length", 6)
     law = casadi.Function("Soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
-    files = gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path, anyway=True)
+    files = gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path, allow_unstable=True)
     assert [file.name for file in files] == ["soft_controller.c", "soft_controller.h", "example_main.c"]
     assert "R(0.0025), /* sample_time */" in files[0].read_text()
 

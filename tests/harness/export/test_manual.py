@@ -97,7 +97,7 @@ def test_without_a_switch_nothing_is_added() -> None:
 def test_a_unit_is_switched_by_its_inputs(version: str, tmp_path: Path) -> None:
     """Expected: the C at the same samples, one sample later; on by default."""
     experiment = uneven_experiment(reference=HOLD, controller=CASES["PID"], actuators={"force_limit": 60.0})
-    (path,) = gs.export(experiment, forms="fmu", fmi=[version], parts="manual", out=tmp_path, anyway=True)
+    (path,) = gs.export(experiment, forms="fmu", fmi=[version], parts="manual", out=tmp_path, allow_unstable=True)
     late = Exported(designed(experiment.model_copy(), parts=("manual",))).start()
     measured = late.designed.first_measured - ERROR
     inputs, expected = [], []

@@ -227,7 +227,7 @@ def _written(row: dict[str, Any], folder: Path) -> tuple[list[Path], list[str]]:
         controller=instead,
         safe_force=row["safe_force"],
         frozen=row["frozen"],
-        anyway=True,
+        allow_unstable=True,
         warn=said.append,
     )
     return files, said

@@ -240,7 +240,7 @@ def test_an_exported_loop_that_is_called_unstable_diverges_at_its_eigenvalue(ban
     start = {"start.position": position, "start.orientation": orientation, "reference": {"type": "hold"}}
     settings = {**start, "controller.bandwidth": bandwidth, "loop.duration": 0.5}
     (loop,) = found_of("circle", "ssp", settings)
-    (ssp,) = gs.export("circle", settings, forms="ssp", out=tmp_path, anyway=True)
+    (ssp,) = gs.export("circle", settings, forms="ssp", out=tmp_path, allow_unstable=True)
     found = simulate_ssp(str(ssp), stop_time=0.15, step_size=1e-3)
     lengths = np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
     away = np.abs(lengths - leg_geometry(machine, *home).length).max(axis=1)
@@ -283,7 +283,7 @@ def test_one_unstable_form_refuses_the_whole_export(tmp_path: Path) -> None:
     """Expected: the figure, the machine and the remedies in the error, and no file; the C alone is written."""
     with pytest.raises(UnstableLoopError, match=r"in the SSP .* a delay of 1 sample: \|z\| = 1\.0505 at") as refused:
         gs.export("circle", forms=["c", "ssp"], out=tmp_path)
-    for part in ("the nominal machine in its first pose", "it is stable without delay", "--anyway", "× 0.5"):
+    for part in ("the nominal machine in its first pose", "it is stable without delay", "--allow-unstable", "× 0.5"):
         assert part in str(refused.value)
     assert "in C" not in str(refused.value)
     assert abs(refused.value.eigenvalue) == pytest.approx(1.0505, abs=5e-4)
@@ -303,12 +303,12 @@ def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form_and_so_d
 ) -> None:
     """Expected: also to the maker; the experiment has no delay, and the C adds none."""
     said: list[str] = []
-    gs.export("too_slow", forms=["c", "fmu", "ssp"], out=tmp_path, anyway=True, warn=said.append, fmi=["3.0"])
-    anyway = [text for text in said if text.startswith("exported anyway: ")]
-    assert [text[17:].partition(" the closed")[0] for text in anyway] == ["with the FMU", "in C", "in the SSP"]
+    gs.export("too_slow", forms=["c", "fmu", "ssp"], out=tmp_path, allow_unstable=True, warn=said.append, fmi=["3.0"])
+    allow_unstable = [text for text in said if text.startswith("exported on request: ")]
+    assert [text[17:].partition(" the closed")[0] for text in allow_unstable] == ["with the FMU", "in C", "in the SSP"]
     late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
     assert [text for text in said if "late" in text] == [f"the FMU is {late}", f"the SSP is {late}"]
-    unstable = "UNSTABLE, and exported anyway: "
+    unstable = "UNSTABLE, and exported on request: "
     header = words_of(tmp_path / "too_slow_controller.h")
     assert f"{unstable}in C the closed loop is unstable with no delay: |z| = 2.163" in header
     with zipfile.ZipFile(tmp_path / "too_slow_controller_fmi3.fmu") as unit:

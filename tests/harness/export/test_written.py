@@ -312,19 +312,24 @@ def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
         "experiment 'heave_step': in C the closed loop is unstable with a delay of 2 samples and a lag of 3 ms: |z| "
         "= 1.25 at 12.5 Hz for the nominal machine in its first pose, expected below 1 (2 of 40 members are unstable); "
         "in the SSP the closed loop is unstable with a delay of 2 samples: |z| = 1.5 at 21 Hz for member 8, expected "
-        "below 1 (1 of 40 members are unstable); halve the gains; --anyway (anyway=True) exports it, with a note inside"
+        "below 1 (1 of 40 members are unstable); halve the gains; "
+        "--allow-unstable (allow_unstable=True) exports it, with a note inside"
     )
     assert error.eigenvalue == pytest.approx(complex(-0.75, 1.0))
     in_a_run = refusal(experiment, [("run", StabilityReport((first,)))])
-    assert str(in_a_run).endswith("; halve the gains; --anyway runs it")
+    assert str(in_a_run).endswith("; halve the gains; --allow-unstable runs it")
     assert refusal(experiment, [("c", StabilityReport((third,)))]) is None
     notes = notes_of(experiment, "ssp", StabilityReport((second,)))
     assert notes.inside[1].startswith(
-        "Stability in the SSP with a delay of 2 samples and a lag of 3 ms: UNSTABLE, and exported anyway: in the SSP "
-        "the"
+        "Stability in the SSP with a delay of 2 samples and a lag of 3 ms: UNSTABLE, and exported on request: in the "
+        "SSP the"
     )
-    assert notes.warnings[-1].startswith("exported anyway: in the SSP the closed loop is unstable with")
+    assert notes.warnings[-1].startswith("exported on request: in the SSP the closed loop is unstable with")
     assert in_short(second).startswith(
         "UNSTABLE in the SSP with a delay of 2 samples: |z| = 1.5 (member 8), disk margin 0.5"
     )
-    assert notes_of(experiment, "run", StabilityReport((first,))).warnings[-1].startswith("run anyway: in C the closed")
+    assert (
+        notes_of(experiment, "run", StabilityReport((first,)))
+        .warnings[-1]
+        .startswith("run on request: in C the closed")
+    )

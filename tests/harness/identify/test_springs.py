@@ -1,4 +1,4 @@
-"""Legs that give, from logs of one side or of both: forces of a Lagrangian, stretch in closed form."""
+"""Elastic legs, from logs of one side or of both: forces of a Lagrangian, stretch in closed form."""
 
 from dataclasses import replace
 from functools import cache

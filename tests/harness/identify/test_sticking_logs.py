@@ -1,4 +1,4 @@
-"""Friction that sticks from logs: forces of a Lagrangian, bristles of the published law, legs that differ."""
+"""Stiction from logs: forces of a Lagrangian, bristles of the published law, legs that differ."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -28,7 +28,7 @@ from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop import compiled_host, libraries
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import Run, observe, simulate
-from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
+from gough_stewart.harness.plants.lanes import BatchPlant, Stepping
 from gough_stewart.harness.plants.signals import positions
 from gough_stewart.model.process import installed
 from tests.support.uneven_loops import experiment_of as uneven_experiment
@@ -97,7 +97,7 @@ def batch_of(name: str, tables: dict[str, Any], varied: dict[str, Any], members:
 def in_numpy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Loops run row by row, with the same machine code for the plants."""
     with monkeypatch.context() as patched:
-        patched.setattr(LanesPlant, "loop_run", property(lambda _: None))
+        patched.setattr(BatchPlant, "loop_run", property(lambda _: None))
         yield
 
 
@@ -235,7 +235,7 @@ def test_an_interrupt_keeps_the_rows_that_all_members_have_done(monkeypatch: pyt
         assert run is not None
         return run(*arguments)
 
-    monkeypatch.setattr(LanesPlant, "loop_run", property(lambda _: interrupted))
+    monkeypatch.setattr(BatchPlant, "loop_run", property(lambda _: interrupted))
     part = simulate(running.plant, running.law_from, running.loop)
     n = len(part.time)
     assert 20 < n < 60
@@ -260,7 +260,7 @@ def test_threads_do_not_change_a_bit_and_an_interrupt_stops_them_all(monkeypatch
         assert run is not None
         return run(*arguments)
 
-    monkeypatch.setattr(LanesPlant, "loop_run", property(lambda _: interrupted))
+    monkeypatch.setattr(BatchPlant, "loop_run", property(lambda _: interrupted))
     outcomes = observe(running.plant, running.law_from, running.loop, Signals(), threads=3)
     assert {each.status for each in outcomes} == {"interrupted"}
     n = len(calls)

@@ -12,7 +12,7 @@ import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.results.record import machine_of
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.interface import IDEAL
@@ -33,7 +33,7 @@ AROUND: dict[str, Any] = {
 def host(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Both loops."""
     if request.param == "NumPy":
-        monkeypatch.setattr(LanesPlant, "loop_run", property(lambda _: None))
+        monkeypatch.setattr(BatchPlant, "loop_run", property(lambda _: None))
     return str(request.param)
 
 

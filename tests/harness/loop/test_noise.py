@@ -19,7 +19,7 @@ from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Seed, Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.kinds import PlantKind
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.loops import constant, loop_of, run_with
 from tests.support.uneven import UNEVEN
@@ -145,7 +145,7 @@ def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation
         Actuators(delay=1),
         shape=(N,),
     )
-    plant = LanesPlant([platform] * N, [gs.State(position, orientation, still, still)] * N, substeps=1)
+    plant = BatchPlant([platform] * N, [gs.State(position, orientation, still, still)] * N, substeps=1)
     last = Last()
     outcomes = observe(plant, laws_of([LinearController(K)] * N, T, np.zeros((0, 6, 6))), loop, last)
     assert {outcome.status for outcome in outcomes} == {"completed"}

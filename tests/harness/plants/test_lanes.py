@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
 from tests.support.random_platforms import random_inputs, random_platform
@@ -69,7 +69,7 @@ def members(n: int, seed: int = 7) -> tuple[list[gs.Platform], list[gs.State], F
     return platforms, starts, np.array(inputs)
 
 
-def run(plant: LanesPlant, inputs: FloatArray, steps: int = 20, first: int = 0) -> FloatArray:
+def run(plant: BatchPlant, inputs: FloatArray, steps: int = 20, first: int = 0) -> FloatArray:
     """Forces that change in every step; all results at the end."""
     for k in range(first, first + steps):
         plant.set_inputs((1 + 0.1 * np.sin(k)) * inputs)
@@ -77,9 +77,9 @@ def run(plant: LanesPlant, inputs: FloatArray, steps: int = 20, first: int = 0) 
     return plant.results().copy()
 
 
-def one_step(platform: gs.Platform, start: gs.State, u: FloatArray, size: float, **options: Any) -> LanesPlant:
+def one_step(platform: gs.Platform, start: gs.State, u: FloatArray, size: float, **options: Any) -> BatchPlant:
     """A plant of one platform after one step."""
-    plant = LanesPlant([platform], [start], **options)
+    plant = BatchPlant([platform], [start], **options)
     plant.set_inputs(u[None])
     plant.do_step(0.0, size)
     return plant
@@ -89,7 +89,7 @@ def exact_end(platform: gs.Platform, start: gs.State, u: FloatArray, size: float
     return np.asarray(trajectory(platform, np.concatenate(list(start)), lambda _t: u, np.array([0.0, size]), 1e-13)[-1])
 
 
-def failures_of(plant: LanesPlant, time: float, step: float) -> dict[int, gs.StepError]:
+def failures_of(plant: BatchPlant, time: float, step: float) -> dict[int, gs.StepError]:
     with pytest.raises(GoughStewartError) as caught:
         plant.do_step(time, step)
     return dict(vars(caught.value)["failures"])
@@ -105,7 +105,7 @@ def distance(found: FloatArray, exact: FloatArray) -> float:
 def test_members_move_as_the_lagrangian_says_with_changes_for_those_that_are_meant() -> None:
     """Expected: within 1e-8, of platforms that change their payload and gravity on the way, together or not."""
     platforms, starts, inputs = members(N)
-    plant = LanesPlant(platforms, starts, substeps=16)
+    plant = BatchPlant(platforms, starts, substeps=16)
     some, masses = np.arange(N) % 2 == 0, np.array([1.5 * p.platform_mass for p in platforms])
     coms = np.array([[0.0, 0.01 * k, 0.02] for k in range(N)])
     expected = [np.concatenate(list(start)) for start in starts]
@@ -151,7 +151,7 @@ def test_the_largest_error_of_any_step_of_a_run_is_kept() -> None:
     n, size = 2, 8e-3
     platforms, starts, inputs = members(n)
     platforms = [replace(each, leg_coulomb_friction=3.0, leg_friction_velocity=2e-2) for each in platforms]
-    plant, largest, before = LanesPlant(platforms, starts, substeps=1), np.zeros(n), np.zeros(n)
+    plant, largest, before = BatchPlant(platforms, starts, substeps=1), np.zeros(n), np.zeros(n)
     for k in range(12):
         forces = inputs.copy()
         forces[:, :6] *= 1 + 0.3 * np.sin(1.7 * k + np.arange(6)) * (k % 7 == 5)
@@ -182,7 +182,7 @@ def test_controlled_steps_hold_their_tolerance_over_a_long_step(tolerance: float
 def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
     """Expected: after 10,000 internal steps of one plant step: the cause in words; the others as without it."""
     hopeless = replace(UNEVEN, leg_coulomb_friction=5e3, leg_friction_velocity=1e-7)
-    plant, free = (LanesPlant(each, [STATE] * len(each), tolerance=1e-12) for each in ([UNEVEN, hopeless], [UNEVEN]))
+    plant, free = (BatchPlant(each, [STATE] * len(each), tolerance=1e-12) for each in ([UNEVEN, hopeless], [UNEVEN]))
     plant.set_inputs(np.stack([HELD + U] * 2))
     free.set_inputs((HELD + U)[None])
     ((k, error),) = failures_of(plant, 0.0, STEP).items()
@@ -228,7 +228,7 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, 
     starts[5], inputs[5] = bad(kind)
     begin = np.concatenate(list(starts[5]))
     others = np.arange(N) != 5
-    plant, again = (LanesPlant(platforms, starts, **steps) for _ in range(2))
+    plant, again = (BatchPlant(platforms, starts, **steps) for _ in range(2))
     again.freeze(~others)
     plant.set_inputs(inputs)
     ((k, error),) = failures_of(plant, 0.0, STEP).items()
@@ -264,18 +264,18 @@ def test_poses_are_refused_from_the_limits_on() -> None:
     numbers = np.array([np.linalg.norm(J) * np.linalg.norm(np.linalg.inv(J)) for J in map(jacobian, yaws)])
     clear = np.abs(np.log10(numbers / 1e8)) > 0.01  # rounding decides at the limit itself
     starts = [at_rest(UNEVEN, orientation=[0.0, 0.0, yaw]) for yaw in yaws]
-    failures = failures_of(LanesPlant([UNEVEN] * len(yaws), starts, substeps=1), 0.0, 1e-9)
+    failures = failures_of(BatchPlant([UNEVEN] * len(yaws), starts, substeps=1), 0.0, 1e-9)
     refused = np.isin(np.arange(len(yaws)), [k for k, error in failures.items() if error.time == 0])
     np.testing.assert_array_equal(refused[clear], (numbers >= 1e8)[clear])
     assert 5 < refused.sum() < 60
     far = np.pi / 2 - 1e-3
     pitches = [far - 1e-6, -far + 1e-6, far + 1e-6, -far - 1e-6]
     starts = [at_rest(UNEVEN, orientation=[0.0, pitch, 0.0]) for pitch in pitches]
-    failures = failures_of(LanesPlant([UNEVEN] * 4, starts, substeps=1), 0.0, 1e-9)
+    failures = failures_of(BatchPlant([UNEVEN] * 4, starts, substeps=1), 0.0, 1e-9)
     assert {k: (error.value, error.time) for k, error in failures.items()} == {k: (pitches[k], 0.0) for k in (2, 3)}
     joints = UNEVEN.base_points - UNEVEN.platform_points + np.array([3e-4, 0.0, 4e-4])
     starts = [at_rest(UNEVEN), *(at_rest(UNEVEN, joint, REST) for joint in joints)]
-    failures = failures_of(LanesPlant([UNEVEN] * 7, starts, substeps=1), 0.0, 1e-6)
+    failures = failures_of(BatchPlant([UNEVEN] * 7, starts, substeps=1), 0.0, 1e-6)
     assert {k: error.quantity for k, error in failures.items()} == {k: f"leg_length[{k}]" for k in range(1, 7)}
     assert [error.value for error in failures.values()] == pytest.approx([5e-4] * 6, rel=1e-9)
 
@@ -288,7 +288,7 @@ def test_short_legs_are_told_of_members_that_start_only() -> None:
     parts: list[dict[str, Any]] = [{lower: 1.01 * shortest}, {}, {upper: 2.1}, {lower: 2.0}]
     parts += [{name: 0.99 * shortest} for name in (lower, upper)]
     platforms = [replace(UNEVEN, **part) for part in parts]
-    plant = LanesPlant(platforms, [low, at_rest(UNEVEN), low, low, low, low], substeps=1)
+    plant = BatchPlant(platforms, [low, at_rest(UNEVEN), low, low, low, low], substeps=1)
     plant.freeze(np.arange(6) == 3)
     failures = failures_of(plant, 0.0, 1e-6)
     found = {k: (error.quantity, error.value, error.time) for k, error in failures.items()}
@@ -341,7 +341,7 @@ SKEWED = FLAT + 1e-7 * np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0]])
 def test_impossible_parameters_are_refused_and_change_nothing(values: dict[str, object], message: str) -> None:
     """Expected: what is wrong and whose it is, and the run of a plant that was not asked."""
     platforms, starts, inputs = members(3)
-    plant, untouched = (LanesPlant(platforms, starts, substeps=2) for _ in range(2))
+    plant, untouched = (BatchPlant(platforms, starts, substeps=2) for _ in range(2))
     with pytest.raises(gs.GoughStewartError, match=message):
         plant.set_parameters({"leg_friction_velocity": 3.0, **values})
     with pytest.raises(gs.GoughStewartError, match=r"leg_stati|cannot be set"):
@@ -391,7 +391,7 @@ def test_machines_move_as_the_stepping_model_does(friction: str, springs: bool) 
         model.set_many(start._asdict())
         inputs.append(breaking_loose(platform))
         expected.append(stepped(model, inputs[-1]))
-    plant = LanesPlant(platforms, starts, tolerance=1e-8)
+    plant = BatchPlant(platforms, starts, tolerance=1e-8)
     gap = np.abs(stepped(plant, np.stack(inputs, axis=1)) - np.stack(expected, axis=1))
     largest = dict(zip(plant.columns, (gap / (1 + np.abs(expected).max(axis=(0, 1)))).max(axis=(0, 1)), strict=True))
     kinds: dict[str, list[float]] = {}
@@ -414,7 +414,7 @@ WRONG: list[tuple[list[gs.Platform], int, dict[str, Any], str]] = [
     ([UNEVEN], 1, {"tolerance": 0}, "^tolerance is 0; expected 1e-13 to"),
     ([UNEVEN, UNEVEN, STICKING], 3, {}, "leg_friction_model: gives platform 2 other states: it has friction that st"),
     ([STICKING, STICKING, GIVING], 3, {}, "leg_stiffness: gives platform 2 other states: it has friction that stick"),
-    ([STICKING], 1, {"substeps": 8}, "with friction that sticks and rigid legs has no steps of a fixed"),
+    ([STICKING], 1, {"substeps": 8}, "with stiction and rigid legs has no steps of a fixed"),
 ]
 
 
@@ -423,11 +423,11 @@ def test_platforms_that_do_not_fit_together_are_refused(
     platforms: list[gs.Platform], starts: int, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(gs.GoughStewartError, match=message):
-        LanesPlant(platforms, [STATE] * starts, **options)
+        BatchPlant(platforms, [STATE] * starts, **options)
 
 
 def test_steps_and_inputs_that_make_no_sense_change_nothing() -> None:
-    plant = LanesPlant([UNEVEN], [STATE], substeps=1)
+    plant = BatchPlant([UNEVEN], [STATE], substeps=1)
     before = plant.results().copy()
     assert before.shape == (1, 50)
     np.testing.assert_array_equal(plant.signals()[0, STATES], np.concatenate(list(STATE)))
@@ -442,7 +442,7 @@ def test_steps_and_inputs_that_make_no_sense_change_nothing() -> None:
 def test_motors_follow_a_payload_at_the_start_and_stay_later() -> None:
     """Closed form: where the springs carry it, F/k by the platform's statics."""
     platform, heavy = real_platform("elasto_plastic", True), real_platform("elasto_plastic", True, platform_mass=30.0)
-    plant = LanesPlant([platform] * 2, [at_rest(platform)] * 2)
+    plant = BatchPlant([platform] * 2, [at_rest(platform)] * 2)
     plant.set_parameters_of(np.array([True, False]), {"platform_mass": 30.0})
     first = plant.columns.index("motor_position[1]")
     motors = slice(first, first + 6)

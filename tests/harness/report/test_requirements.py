@@ -85,7 +85,7 @@ def test_a_wrong_requirement_is_refused_with_what_was_expected(text: str, messag
 
 
 def test_a_verdict_is_no_better_than_its_requirements_which_are_added_in_their_order() -> None:
-    """Expected: bad with one missed, marginal with one that cannot be told, never better than it was."""
+    """Expected: bad with one missed, marginal with one that is inconclusive, never better than it was."""
     numbers = (Number("a", "the a", 3.0), Number("none", "no number", None))
     for before, texts, after in (
         ("good", ["a <= 4"], "good"), ("good", ["a <= 4", "a <= 2"], "bad"), ("good", ["none <= 2"], "marginal"),
@@ -104,13 +104,13 @@ def test_a_verdict_is_no_better_than_its_requirements_which_are_added_in_their_o
     ("texts", "first"),
     [
         (["a <= 1 mm"], "Met: a <= 1 mm (0.8 mm, 0.2 mm left). Done"),
-        (["b < 2 N"], "Cannot be told: b < 2 N (not defined in this study). Done"),
+        (["b < 2 N"], "Inconclusive: b < 2 N (not defined in this study). Done"),
         (["a < 0.5 mm"], "Missed: a < 0.5 mm (0.8 mm, 0.3 mm beyond). Done"),
         (["a <= 1 mm", "a > 0 mm"], "All 2 requirements met. Done"),
         (
             ["b < 2 N", "a <= 1 mm", "a < 0.5 mm", "a < 0.6 mm"],
             "Missed: a < 0.5 mm (0.8 mm, 0.3 mm beyond), a < 0.6 mm (0.8 mm, 0.2 mm beyond); "
-            "cannot be told: b < 2 N (not defined in this study). Done",
+            "inconclusive: b < 2 N (not defined in this study). Done",
         ),
         ([], "Done"),
     ],

@@ -135,7 +135,7 @@ def test_the_leg_that_moves_most_is_told_in_words() -> None:
     assert found is not None
     assert (found["leg"], found["since"]) == (4, pytest.approx(7.7))
     words = (
-        f"leg 4 oscillates at 38 Hz by itself, with an amplitude of {found['amplitude'] * 1e3:.3g} mm. Lower the "
+        f"leg 4 oscillates at 38 Hz without input, with an amplitude of {found['amplitude'] * 1e3:.3g} mm. Lower the "
         "bandwidth or the delay; `gough-stewart margins` shows what the loop allows"
     )
     assert " ".join(str(gs.metrics(record)).split()).startswith(f"completed at 1.999 s; {words}")
@@ -144,11 +144,11 @@ def test_the_leg_that_moves_most_is_told_in_words() -> None:
     growing = gs.metrics(record_of(np.outer(cycle(12, 1e-3, 0.8), shares)))
     loop = growing["outcome"]["oscillation"]
     sizes = f"from {1e3 * loop['earlier']:.3g} to {1e3 * loop['amplitude']:.3g} mm after 0 s"
-    assert f"leg 4: by itself, the error grows at {loop['frequency']:.3g} Hz {sizes}. Lower the" in " ".join(
+    assert f"leg 4: without input, the error grows at {loop['frequency']:.3g} Hz {sizes}. Lower the" in " ".join(
         str(growing).split()
     )
     sound = gs.metrics(record_of(0 * TIME))
-    assert "by itself" not in str(sound) + sound._repr_html_()
+    assert "without input" not in str(sound) + sound._repr_html_()
 
 
 def _white(random: np.random.Generator) -> Floats:
@@ -311,4 +311,4 @@ def test_a_run_says_how_its_loop_ends(arguments: tuple[str, ...], code: int, say
     done = invoke("run", *arguments, "--out", str(tmp_path))
     assert done.exit_code == code
     assert re.search(says, done.stderr)
-    assert ("by itself" in done.stderr) == bool(says)
+    assert ("without input" in done.stderr) == bool(says)

@@ -122,7 +122,7 @@ def test_limits_that_act_are_told_with_their_share_of_the_time() -> None:
 
 
 def test_how_a_run_ends_comes_first() -> None:
-    """Expected: when and why it ended; what its loop does by itself; how far an open loop goes."""
+    """Expected: when and why it ended; what its loop does without input; how far an open loop goes."""
     made = waving_record(PLATFORM)
     for status in ("diverged", "interrupted"):
         ended = verdict(made, outcome={"status": status, "time": 0.25, "cause": "the cause"})

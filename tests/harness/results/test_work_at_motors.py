@@ -1,4 +1,4 @@
-"""What drives do on legs that give, against sums over the motors' columns and the balance of energy, on every host."""
+"""What drives do on elastic legs, against sums over the motors' columns and the balance of energy, on every host."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.lanes import BatchPlant
 
 # Soft springs and a loop that is too fast for them, so that the two sides of a leg differ much.
 SPEED, POWER = 0.6, 500.0
@@ -67,7 +67,7 @@ def test_members_do_the_work_of_their_own_runs(host: str, kernels: bool, monkeyp
     settings = {**SOFT, "ensemble": {"members": 3, "platform_mass": {"uniform": [1200, 1500]}}}
     records = [gs.run("heave_step", settings, member=k) for k in range(3)]
     if host == "NumPy":
-        monkeypatch.setattr(LanesPlant, "loop_run", None)
+        monkeypatch.setattr(BatchPlant, "loop_run", None)
     if not kernels:
         monkeypatch.setattr("gough_stewart.harness.ensemble.chunk.metric_kernels", lambda: None)
     members = gs.ensemble("heave_step", settings, workers=1).members

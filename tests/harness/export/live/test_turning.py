@@ -7,7 +7,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.export.live.page import live_machine
-from gough_stewart.harness.export.machine import POLES, WANTED
+from gough_stewart.harness.export.machine import POLES, REQUESTED
 from tests.harness.export.test_machine import Machine, rows_of
 
 PID = {"type": "pid", "bandwidth": 2.0, "integral_time": 1.0, "feedforward": "gravity"}
@@ -54,9 +54,9 @@ def machine_of(name: str, settings: dict[str, Any]) -> Machine:
 
 def turn(machine: Machine, values: dict[str, float]) -> int:
     """Turn some settings."""
-    wanted = machine.field("turn_wanted", len(WANTED))
+    wanted = machine.field("turn_wanted", len(REQUESTED))
     for name, value in values.items():
-        wanted[WANTED.index(name)] = value
+        wanted[REQUESTED.index(name)] = value
     return int(machine("turn"))
 
 
@@ -125,7 +125,7 @@ def test_encoders_are_as_they_are_told(key: str, size: float) -> None:
 def test_what_is_beyond_its_bounds_changes_nothing(name: str, value: float) -> None:
     """Expected: the position of what is refused, and the rows of a machine that was left alone."""
     ours, other = machine_of("pitch_sine", {}), machine_of("pitch_sine", {})
-    assert turn(ours, {name: value}) == 1 + WANTED.index(name)
+    assert turn(ours, {name: value}) == 1 + REQUESTED.index(name)
     assert np.array_equal(ours.run(200)["row_signals"], other.run(200)["row_signals"])
 
 
