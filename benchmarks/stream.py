@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.export.stream import Stream, Tally
+from gough_stewart.harness.export.stream import PacketTally, Stream
 
 RATES, DURATION = (50.0, 100.0, 250.0), 20.0
 POSE = [0.0, 0.0, 2.05, 0.0, 0.0, 0.0]
@@ -34,7 +34,7 @@ def ask(port: int, duration: float) -> None:
                 return
 
 
-def measured(rate: float, duration: float) -> Tally:
+def measured(rate: float, duration: float) -> PacketTally:
     """A stream of its duration."""
     stream = Stream(load_experiment("heave_step"), ("127.0.0.1", 0), rate)
     with subprocess.Popen([sys.executable, __file__, str(stream.port), str(duration)]):

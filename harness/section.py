@@ -23,7 +23,7 @@ class _NamesFile:
 FileName = Annotated[str, _NamesFile()]
 
 
-class Section(BaseModel):
+class TableSection(BaseModel):
     """A table: unknown keys are errors, and instances are immutable.
 
     Raises
@@ -60,7 +60,7 @@ class Section(BaseModel):
         return ExperimentError("", "", message) if cls.error is None else cls.error(message)
 
 
-class Kind(Section):
+class Kind(TableSection):
     """A table whose key `type` selects a subclass of a base; that key is always written."""
 
     type: str
@@ -70,7 +70,7 @@ class Kind(Section):
         self.model_fields_set.add("type")
 
 
-def file_names(table: Section) -> dict[tuple[str, ...], str]:
+def file_names(table: TableSection) -> dict[tuple[str, ...], str]:
     """The files that a table and the tables in it name, by the path of the key; elements of lists count from 1."""
     files = dict[tuple[str, ...], str]()
     for name, field in type(table).model_fields.items():
@@ -79,7 +79,7 @@ def file_names(table: Section) -> dict[tuple[str, ...], str]:
             files[name,] = value
         elements = enumerate(value, 1) if isinstance(value, list) else [(None, value)]
         for k, element in elements:
-            if isinstance(element, Section):
+            if isinstance(element, TableSection):
                 place = (name,) if k is None else (name, str(k))
                 files |= {(*place, *path): file for path, file in file_names(element).items()}
     return files
@@ -99,9 +99,9 @@ class ByType:
         return tagged_union_schema(schemas, discriminator="type")
 
 
-def kinds(base: type[Section]) -> dict[str, type[Section]]:
+def kinds(base: type[TableSection]) -> dict[str, type[TableSection]]:
     """The subclasses of a base by their `type`; defining a subclass registers it."""
-    by_type = dict[str, type[Section]]()
+    by_type = dict[str, type[TableSection]]()
     for kind in base.__subclasses__():
         field = kind.model_fields.get("type")
         by_type |= ({} if field is None or field.is_required() else {str(field.default): kind}) | kinds(kind)
@@ -115,7 +115,7 @@ _WORDS = {
 }
 
 
-def complaints(error: ValidationError, section: type[Section], values: Mapping[str, Any]) -> str:
+def complaints(error: ValidationError, section: type[TableSection], values: Mapping[str, Any]) -> str:
     """What is wrong with the values of a table, once per key: key, value found, value expected, remedy."""
     lines = []
     for detail in error.errors():
@@ -149,7 +149,7 @@ def complaints(error: ValidationError, section: type[Section], values: Mapping[s
     return "; ".join(dict.fromkeys(lines))
 
 
-def _sections_in(annotation: Any) -> list[type[Section]]:
-    if isinstance(annotation, type) and issubclass(annotation, Section):
+def _sections_in(annotation: Any) -> list[type[TableSection]]:
+    if isinstance(annotation, type) and issubclass(annotation, TableSection):
         return [annotation]
     return [section for part in getattr(annotation, "__args__", ()) for section in _sections_in(part)]

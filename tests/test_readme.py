@@ -14,7 +14,7 @@ import pytest
 from gough_stewart.harness.control import controllers
 from gough_stewart.harness.experiment import schema as experiment
 from gough_stewart.harness.motion import references
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from tests.support.demo import Demo
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
@@ -55,7 +55,7 @@ def test_the_pages_name_every_key_of_an_experiment() -> None:
     page = "".join((ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file"))
     modules = (experiment, controllers, references)
     sections = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
-    models = [each for each in sections if issubclass(each, Section) and each is not Section]
+    models = [each for each in sections if issubclass(each, TableSection) and each is not TableSection]
     keys = {key for model in models for key in model.model_fields} - {"platform", "reference", "controller", "start"}
     assert [key for key in sorted(keys) if not re.search(rf"[`\[.]{key}[`\].]", page)] == []
 

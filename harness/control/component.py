@@ -22,7 +22,7 @@ import numpy as np
 
 from gough_stewart.harness.control.state_space import Solve, StateSpace, series
 from gough_stewart.harness.quantities import quantity_in
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.parameters import Bound
 
 Signals = tuple[Any, ...]
@@ -45,7 +45,7 @@ class Component:
     """What all components declare."""
 
     name: ClassVar[str]  # beginning of its parameters' names
-    table: ClassVar[type[Section]]  # of an experiment, with its keys
+    table: ClassVar[type[TableSection]]  # of an experiment, with its keys
     keys: ClassVar[tuple[str, ...]]  # those that are parameters of exported code
     conditions: ClassVar[Mapping[str, str]] = {}  # of keys, see `Parameter.condition`
     absent: ClassVar[Mapping[str, float]] = {}  # of keys that need not be given, see `Parameter.none`
@@ -94,7 +94,7 @@ class Stepped(Component):
         """The next states, and the outputs until the next step; an output of None is one that nothing affects."""
 
 
-class Link(Section, Component):
+class Link(TableSection, Component):
     """A linear component between the controller of six channels and its force or wrench, each channel alike.
 
     Hosts join it to the controller, whose step x⁺ = A x + B u they have; so it has matrices in place of a step.

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from gough_stewart.harness.control.component import Signals, Stepped
 from gough_stewart.harness.quantities import PositiveForceRate, Time, Unit, positive_or_word
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.operations import clip, greater, less, minimum, not_equal, sign, where
 
 ForceLimit = Annotated[
@@ -18,7 +18,7 @@ ForceLimit = Annotated[
 ]
 
 
-class ActuatorChoice(Section):
+class ActuatorChoice(TableSection):
     """`[actuators]`: limits, and the time constant of a lag; the platform's force limit by default."""
 
     force_limit: ForceLimit = "platform"
@@ -42,7 +42,7 @@ class ForceLimits(Stepped):
     """
 
     name: ClassVar[str] = "force"
-    table: ClassVar[type[Section]] = ActuatorChoice
+    table: ClassVar[type[TableSection]] = ActuatorChoice
     keys: ClassVar[tuple[str, ...]] = ("force_limit", "rate_limit")
     absent: ClassVar[Mapping[str, float]] = {"force_limit": np.inf, "rate_limit": np.inf}
     inputs: ClassVar[tuple[str, ...]] = ("command",)
@@ -101,7 +101,7 @@ class Drive(Stepped):
     """
 
     name: ClassVar[str] = "force"
-    table: ClassVar[type[Section]] = ActuatorChoice
+    table: ClassVar[type[TableSection]] = ActuatorChoice
     keys: ClassVar[tuple[str, ...]] = ("rate_limit", "lag")
     absent: ClassVar[Mapping[str, float]] = {"rate_limit": np.inf, "lag": 0.0}
     inputs: ClassVar[tuple[str, ...]] = ("target",)

@@ -11,7 +11,7 @@ from gough_stewart.harness.control.sensor import by_signal
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS, VARIABLES
 from gough_stewart.harness.quantities import PositiveTime, Time
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.operations import greater, where
 from gough_stewart.model.vectors import FloatArray
 
@@ -39,7 +39,7 @@ def _elements(value: dict[str, list[int]]) -> dict[str, list[int]]:
     return value
 
 
-class FaultChoice(Section):
+class FaultChoice(TableSection):
     """`[[fault]]`: legs that have no force, and readings that stay, for a time or to the end of the run."""
 
     at: Time
@@ -73,7 +73,7 @@ class _Fault(Stepped):
     """What a fault does; whether it acts is an input, since faults come and go by the host's clock."""
 
     name: ClassVar[str] = "fault"
-    table: ClassVar[type[Section]] = FaultChoice
+    table: ClassVar[type[TableSection]] = FaultChoice
     keys: ClassVar[tuple[str, ...]] = ()
 
     @staticmethod

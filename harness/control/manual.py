@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from gough_stewart.harness.control.component import Signals, Stepped
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.operations import greater, where
 
 # In which a force fades that was taken over from manual operation [s].
@@ -21,7 +21,7 @@ class Takeover(Stepped):
     """Off, the command is the manual force; on, it begins there, and what the controller's own lacks of it fades."""
 
     name: ClassVar[str] = "takeover"
-    table: ClassVar[type[Section]] = Section
+    table: ClassVar[type[TableSection]] = TableSection
     keys: ClassVar[tuple[str, ...]] = ()
     inputs: ClassVar[tuple[str, ...]] = ("wanted", "manual_force", "off")
     outputs: ClassVar[tuple[str, ...]] = ("command",)

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 from gough_stewart.harness.control.component import Parameter, Signals, Stepped
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES, Side
 from gough_stewart.harness.quantities import PositiveTime
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.operations import greater, rounded, where
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.units import number
@@ -43,7 +43,7 @@ def _sizes(value: Any) -> dict[str, float]:
 PerSignal = Annotated[dict[str, float], BeforeValidator(_sizes)]
 
 
-class SensorChoice(Section):
+class SensorChoice(TableSection):
     """`[sensors]`: standard deviation of noise and quantisation step by signal, and their sample time."""
 
     noise: Annotated[PerSignal, Field(description="standard deviation of white noise")] = Field(default_factory=dict)
@@ -69,7 +69,7 @@ class Sensor(Stepped):
     """
 
     name: ClassVar[str] = "sensor"
-    table: ClassVar[type[Section]] = SensorChoice
+    table: ClassVar[type[TableSection]] = SensorChoice
     keys: ClassVar[tuple[str, ...]] = ("quantisation",)
     absent: ClassVar[Mapping[str, float]] = {"quantisation": 0.0}
     inputs: ClassVar[tuple[str, ...]] = ("true", "noise")

@@ -7,11 +7,11 @@ import numpy as np
 
 from gough_stewart.harness.control.component import Signals, Stepped
 from gough_stewart.harness.quantities import Frequency, PositiveNumber
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.operations import clip
 
 
-class SmoothingChoice(Section):
+class SmoothingChoice(TableSection):
     """Of one kind of channels: positions in m, or angles in rad."""
 
     bandwidth: Frequency = 1.0
@@ -39,7 +39,7 @@ class Smoothing(Stepped):
     """
 
     name: ClassVar[str] = "smoothing"
-    table: ClassVar[type[Section]] = SmoothingChoice
+    table: ClassVar[type[TableSection]] = SmoothingChoice
     keys: ClassVar[tuple[str, ...]] = ("bandwidth", "largest_rate", "largest_acceleration")
     inputs: ClassVar[tuple[str, ...]] = ("target",)
     outputs: ClassVar[tuple[str, ...]] = ()

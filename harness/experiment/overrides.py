@@ -22,7 +22,7 @@ from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.sampling.variation import VariedValue
-from gough_stewart.harness.section import Section, complaints
+from gough_stewart.harness.section import TableSection, complaints
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
@@ -134,7 +134,7 @@ def table_with(experiment: Experiment, name: str, values: Values) -> Any:
         parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
         return table.model_copy(update={"parameters": parameters})
 
-    def validated(name: str, table: Section, values: Values) -> Section:
+    def validated(name: str, table: TableSection, values: Values) -> TableSection:
         plain = table.model_dump(exclude_unset=True)
         for path, value in values.items():
             set_key(plain, experiment.where, ".".join(path), value)
@@ -190,13 +190,13 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
                 )
             above, table = f"{above}.{name}", table[int(name) - 1]
             continue
-        if not isinstance(table, Section):
+        if not isinstance(table, TableSection):
             raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - the key is wrong, not a type
         field = type(table).model_fields.get(name)
         if field is None:
             raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
         value = getattr(table, name)
-        may_be = [isinstance(kind, type) and issubclass(kind, Section) for kind in get_args(field.annotation)]
+        may_be = [isinstance(kind, type) and issubclass(kind, TableSection) for kind in get_args(field.annotation)]
         if isinstance(value, Mapping):
             if isinstance(table, ControllerChoice) and name != "parameters":
                 raise ValueError("is common to all members")
@@ -212,7 +212,7 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
             return Place(
                 path, VariedValue(column, quantity.unit, shape, None if isinstance(value, str) else _array(value))
             )
-        if not (isinstance(value, Section) or (value is None and any(may_be))):
+        if not (isinstance(value, TableSection) or (value is None and any(may_be))):
             raise ValueError(f"{above}.{name} is not a table")
         above, table = f"{above}.{name}", value
 
@@ -256,7 +256,7 @@ def unit_of(key: str) -> str:
     if _GAINS.fullmatch(key):
         return ""
     names = re.sub(r"\[[\d,]+\]", "", key).split(".")
-    sections: list[type[Section]] = [Experiment]
+    sections: list[type[TableSection]] = [Experiment]
     units: set[str] = set()
     for name in names:
         fields = [section.model_fields[name] for section in sections if name in section.model_fields]
@@ -269,9 +269,9 @@ def unit_of(key: str) -> str:
     return next(iter(units)) if len(units) == 1 else ""
 
 
-def _sections(annotations: Iterable[Any]) -> Iterator[type[Section]]:
+def _sections(annotations: Iterable[Any]) -> Iterator[type[TableSection]]:
     for annotation in annotations:
-        if isclass(annotation) and issubclass(annotation, Section):
+        if isclass(annotation) and issubclass(annotation, TableSection):
             # of a base, its keys are those of the kinds that `type` selects
             yield annotation
             yield from _sections(annotation.__subclasses__())

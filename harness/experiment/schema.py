@@ -37,7 +37,7 @@ from gough_stewart.harness.quantities import (
 )
 from gough_stewart.harness.report.requirements import required
 from gough_stewart.harness.sampling.choice import EnsembleChoice
-from gough_stewart.harness.section import ByType, FileName, Section
+from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
@@ -60,7 +60,7 @@ def _by_parameter(value: Any) -> Any:
 PlatformParameters = Annotated[dict[str, Any], BeforeValidator(_by_parameter)]
 
 
-class PlatformChoice(Section):
+class PlatformChoice(TableSection):
     """`[platform]`: the nominal model; a preset, or a file; joints on two circles; single parameters may be changed."""
 
     preset: str | None = None
@@ -86,7 +86,7 @@ class PlatformChoice(Section):
         return self.preset or PAPER_PRESET
 
 
-class PlantChoice(Section):
+class PlantChoice(TableSection):
     """`[plant]`: the machine, where it differs from the nominal model, and how it is simulated."""
 
     kind: PlantKind = "model"
@@ -102,7 +102,7 @@ class PlantChoice(Section):
         return self.fmu if fmu is None and kind in (None, self.kind) else None
 
 
-class Start(Section):
+class Start(TableSection):
     """`[start]`: the state at time 0; missing keys are those of the reference."""
 
     position: Position | None = None
@@ -114,7 +114,7 @@ class Start(Section):
 Delay = Annotated[int, Field(ge=0, le=1000)]
 
 
-class LoopChoice(Section):
+class LoopChoice(TableSection):
     """`[loop]`: sample times, and the delay of the forces in samples."""
 
     duration: PositiveTime
@@ -124,7 +124,7 @@ class LoopChoice(Section):
     jitter: Time = 0.0
 
 
-class LimitChoice(Section):
+class LimitChoice(TableSection):
     """`[limits]`: conditions that refuse a reference or end a run."""
 
     stroke: Literal["ignore", "warn", "stop"] = "warn"
@@ -134,7 +134,7 @@ class LimitChoice(Section):
     condition_number: Annotated[Number, Field(gt=1)] = WORST_CONDITION_NUMBER
 
 
-class ChangeChoice(Section):
+class ChangeChoice(TableSection):
     """`[[change]]`: from a time on other parameters of the machine, other settings of the loop, or no controller.
 
     `controller` is a whole table of the same type and structure as `[controller]`; the others are keys of `[loop]`,
@@ -178,7 +178,7 @@ class ChangeChoice(Section):
         return self
 
 
-class DisturbanceChoice(Section):
+class DisturbanceChoice(TableSection):
     """`[[disturbance]]`: an external wrench at Op for a time, in world components."""
 
     at: Time
@@ -224,7 +224,7 @@ def _writable(text: str) -> str:
 Text = Annotated[str, AfterValidator(_writable)]
 
 
-class Experiment(Section):
+class Experiment(TableSection):
     """A whole experiment, validated: the tables of its file by name, from `load_experiment`.
 
     Examples

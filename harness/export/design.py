@@ -18,9 +18,9 @@ from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom, carried
 from gough_stewart.harness.export.laws import (
+    ExportedLaw,
+    ExportSetting,
     FunctionLaw,
-    LinearLaw,
-    Setting,
     matrix_law,
     own_law,
     pid_law,
@@ -121,7 +121,7 @@ class Designed:
     platform: Platform  # the nominal model
     sample_time: float  # [s]
     delay: int  # of the forces [samples]
-    law: LinearLaw | FunctionLaw | None  # None without feedback
+    law: ExportedLaw | FunctionLaw | None  # None without feedback
     feedforward: Feedforward
     constant_force: FloatArray  # (6,) [N], added to the feedforward
     reference: Reference | None  # None if it is an input, or if there is none
@@ -177,7 +177,7 @@ class Designed:
         return self.feedforward != "none" or of_legs or (law is not None and law.space == "task")
 
     @cached_property
-    def settings(self) -> tuple[Setting, ...]:
+    def settings(self) -> tuple[ExportSetting, ...]:
         """Its parameters, in C the fields of its struct, in this order."""
         sampled: tuple[str, ...] = ()
         if self.law is not None and self.law.fixes_sample_time:
@@ -312,7 +312,7 @@ def designed(
     return design
 
 
-def _law_of(chosen: Any, prepared: Prepared) -> LinearLaw | FunctionLaw | None:
+def _law_of(chosen: Any, prepared: Prepared) -> ExportedLaw | FunctionLaw | None:
     """The law of an experiment's controller, or, if none is chosen there, of the one that replaces it."""
     if prepared.controller is None:
         return None

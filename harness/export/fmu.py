@@ -15,7 +15,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.harness.export.laws import Setting
+from gough_stewart.harness.export.laws import ExportSetting
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import stability_of
 from gough_stewart.harness.export.write import controller_sources
@@ -46,7 +46,7 @@ def component_of(
     return controller_component(controller, name)
 
 
-def _parameter(setting: Setting, designed: Designed) -> ControllerParameter:
+def _parameter(setting: ExportSetting, designed: Designed) -> ControllerParameter:
     """With what is expected in the user's terms: `anti_windup_time[1] >= sample_time`."""
     texts = []
     for condition in setting.conditions:

@@ -34,7 +34,7 @@ from gough_stewart.model.vectors import Array, FloatArray
 _ROUNDING = 1e-6
 
 
-class Setting(NamedTuple):
+class ExportSetting(NamedTuple):
     """A parameter of the exported controller, with its designed value: in C a field of a struct."""
 
     variable: Variable
@@ -56,14 +56,14 @@ def setting(
     variability: Variability = "tunable",
     conditions: Iterable[str] = (),
     **more: Any,
-) -> Setting:
+) -> ExportSetting:
     """A setting with the shape of its value; `more` are other fields."""
     value = np.asarray(value, dtype=float)
     variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
-    return Setting(variable, value, tuple(conditions), **more)
+    return ExportSetting(variable, value, tuple(conditions), **more)
 
 
-def setting_of(parameter: Parameter, value: ArrayLike, more: str = "") -> Setting:
+def setting_of(parameter: Parameter, value: ArrayLike, more: str = "") -> ExportSetting:
     """The setting of a component's parameter, with more words in its description."""
     name, unit = parameter.name, parameter.unit
     is_limit = parameter.none is not None and math.isinf(parameter.none)
@@ -86,12 +86,12 @@ class Law:
     name: str  # for display
     signals: tuple[str, ...]  # that it uses
     space: Space = "leg"  # of its output forces
-    settings: tuple[Setting, ...] = ()
+    settings: tuple[ExportSetting, ...] = ()
     fixes_sample_time: bool = False  # whether its numbers are valid for one sample time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinearLaw(Law):
+class ExportedLaw(Law):
     """x⁺ = A x + B u, w = C x + D u, as numbers and as symbols of coefficients."""
 
     system: StateSpace
@@ -109,7 +109,7 @@ def pid_law(
     space: Space,
     sample_time: float,
     links: tuple[Link, ...] = (),
-) -> LinearLaw:
+) -> ExportedLaw:
     """PD or PID: its gains stay tunable; which channels have derivative and integral action is fixed."""
     channels = channels_of(gains)
     differentiates, integrates = channels.differentiates, channels.integrates
@@ -117,7 +117,7 @@ def pid_law(
     channel = "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
 
     # gains, and the related times
-    def gain(name: str, unit: str, bound: Bound, value: Any, acts: NDArray[np.bool_]) -> Setting:
+    def gain(name: str, unit: str, bound: Bound, value: Any, acts: NDArray[np.bool_]) -> ExportSetting:
         """Of six channels, of which those that do not act have none."""
         none = [f"!(parameters->{name}_gain[{k}] > 0)" for k in np.flatnonzero(~acts)]
         return setting(f"{name}_gain", unit, bound, f"{name} gain {channel}", value, conditions=none)
@@ -173,7 +173,7 @@ def pid_law(
         integrating = symbols.solve(np.eye(traced.nstates) - system.A + unit, unit)
         start = rest(system.A, unit, system.B, symbols.solve)
     name = f"{'PID' if integrates.any() else 'PD'} in {space} space"
-    return LinearLaw(
+    return ExportedLaw(
         " with ".join([name, *(f"a {link.name}" for link in links)]),
         ("leg_length",),
         space,
@@ -187,7 +187,7 @@ def pid_law(
     )
 
 
-def matrix_law(controller: LinearController) -> LinearLaw:
+def matrix_law(controller: LinearController) -> ExportedLaw:
     """A discrete linear system with constant matrices.
 
     Raises
@@ -205,7 +205,7 @@ def matrix_law(controller: LinearController) -> LinearLaw:
             "measurement; redesign it with more damping or less gain"
         )
     integrating = integrating_modes(A) if len(A) else A
-    return LinearLaw(
+    return ExportedLaw(
         f"a discrete linear system in {controller.space} space",
         controller.signals,
         controller.space,

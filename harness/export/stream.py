@@ -64,7 +64,7 @@ class NativeMachine:
 
 
 @dataclass
-class Tally:
+class PacketTally:
     """What a stream did: counts, the time of its last row [s], and why the loop ended."""
 
     rows: int = 0  # sent
@@ -112,7 +112,7 @@ class Stream:
         self._next, self._is_taken = 0, False
         self._listeners = dict[Any, float]()  # when they were heard
         self._asked_at = math.inf  # when the sender's last reference came, or there is none
-        self.tally = Tally()
+        self.tally = PacketTally()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind(address)
@@ -122,7 +122,7 @@ class Stream:
         self._socket.setblocking(False)
         self.port: int = self._socket.getsockname()[1]
 
-    def run(self, duration: float = math.inf) -> Tally:
+    def run(self, duration: float = math.inf) -> PacketTally:
         """Serve for a time [s] of the clock, until the loop ends, or Ctrl-C; then the socket is closed."""
         tally, start, period = self.tally, time.monotonic(), 0
         try:

@@ -19,7 +19,7 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed
-from gough_stewart.harness.export.laws import FunctionLaw, LinearLaw
+from gough_stewart.harness.export.laws import ExportedLaw, FunctionLaw
 from gough_stewart.harness.export.symbols import Home, change_of_lengths
 from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
@@ -292,7 +292,7 @@ def _law(designed: Designed, home: Home | None) -> tuple[casadi.Function | None,
             following = following - inputs["states"]
         outputs = {"force": force, **({"next": following} if law.n_states else {})}
         return None, symbols.function("law", inputs, outputs)
-    assert isinstance(law, LinearLaw)
+    assert isinstance(law, ExportedLaw)
     references = dict(zip(law.signals, _references(inputs, law.signals, home), strict=True))
     if "orientation" in law.signals:  # in the turns of the reference
         angles = by_name["orientation"], references["orientation"]
@@ -304,7 +304,7 @@ def _law(designed: Designed, home: Home | None) -> tuple[casadi.Function | None,
     return _linear(law, inputs, r, y, home)
 
 
-def _depends_on_differences(law: LinearLaw, n: int) -> bool:
+def _depends_on_differences(law: ExportedLaw, n: int) -> bool:
     """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
     if law.coefficients is not None or law.space == "task":
         return True
@@ -315,7 +315,7 @@ def _depends_on_differences(law: LinearLaw, n: int) -> bool:
 
 
 def _linear(
-    law: LinearLaw, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
+    law: ExportedLaw, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
 ) -> tuple[casadi.Function | None, casadi.Function]:
     """x⁺ = A x + B u and the forces; in task space, the displacement and the lengths of the last sample are states."""
     n = law.system.nstates

@@ -24,7 +24,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed
 from gough_stewart.harness.export.header import header, title_of
-from gough_stewart.harness.export.laws import Setting
+from gough_stewart.harness.export.laws import ExportSetting
 from gough_stewart.harness.export.moments import function_of_time
 from gough_stewart.harness.export.symbols import Home, home_of
 from gough_stewart.harness.export.tables import ConstantTables, add_motion, number, numbers, path_of
@@ -215,7 +215,7 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
     return tables
 
 
-def _check(setting: Setting, place: int) -> list[str]:
+def _check(setting: ExportSetting, place: int) -> list[str]:
     """Checks of a parameter; if one fails, the function returns its number."""
     v = setting.variable
     largest = "LARGEST" if setting.largest == LARGEST_NUMBER else number(setting.largest)

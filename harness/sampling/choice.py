@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 from gough_stewart.harness.quantities import Number
 from gough_stewart.harness.sampling.design import CorrelatedInputs, Sampling
 from gough_stewart.harness.sampling.variation import Variation
-from gough_stewart.harness.section import Section, complaints
+from gough_stewart.harness.section import TableSection, complaints
 from gough_stewart.model.interface import TOLERANCES
 
 MEMBERS = 1000
@@ -17,7 +17,7 @@ MOST_MEMBERS = 10_000_000
 TOLERANCE = 1e-10
 
 
-class EnsembleChoice(Section):
+class EnsembleChoice(TableSection):
     """`[ensemble]`: keys other than these fields name what varies.
 
     A bare name is a parameter of the machine (`platform_mass`); other keys go by table: `controller.bandwidth`,

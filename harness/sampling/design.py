@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.vectors import FloatArray, real_array
 
@@ -152,7 +152,7 @@ _POSITIVE = 1e-12
 _ROUNDS = 20
 
 
-class CorrelatedInputs(Section):
+class CorrelatedInputs(TableSection):
     """`[[ensemble.correlation]]` and `[[ensemble.covariance]]`: inputs and their matrix, in SI units.
 
     A vector stands for its elements in order.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 from gough_stewart.model.units import PLAIN, number, plain_number
 from gough_stewart.model.vectors import FloatArray
 
@@ -43,7 +43,7 @@ class Spread:
     factor: Callable[[FloatArray], FloatArray] | None = None
 
 
-class Variation(Section):
+class Variation(TableSection):
     """One distribution: of values, of a `factor` on the present value, or of an `offset` to it.
 
     `normal = [mean, deviation]`, `uniform = [low, high]`, `truncated_normal = [mean, deviation, low, high]`,

@@ -8,10 +8,10 @@ import pytest
 from pydantic import Field
 
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.section import FileName, Kind, Section, file_names, kinds
+from gough_stewart.harness.section import FileName, Kind, TableSection, file_names, kinds
 
 
-class Loud(Section):
+class Loud(TableSection):
     """A table during whose building a signal arrives."""
 
     size: int
@@ -37,11 +37,11 @@ def test_an_interrupt_while_a_validator_is_built_comes_after_it() -> None:
 def test_files_are_found_in_every_table_by_their_keys() -> None:
     """Expected: keys that name files, also in elements of lists, which count from 1."""
 
-    class Named(Section):
+    class Named(TableSection):
         file: FileName | None = None
         other: str = "no.csv"
 
-    class Whole(Section):
+    class Whole(TableSection):
         first: Named = Named()
         several: list[Named] = Field(default_factory=list)
         fmu: FileName = "a.fmu"

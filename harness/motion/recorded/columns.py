@@ -10,7 +10,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.units import UNITS
 
 
-class Column(NamedTuple):
+class LogColumn(NamedTuple):
     """A column by its name in the file, and its unit in SI units."""
 
     name: str
@@ -74,7 +74,7 @@ def columns_of(
     *,
     timed: bool = True,
     timestamps: Collection[str] = (),
-) -> dict[str, Column]:
+) -> dict[str, LogColumn]:
     """The columns for time, position, and one of orientation, quaternion, rotation_vector; or for time and leg lengths.
 
     Leg lengths are read if they are chosen, or if the file has no position.
@@ -124,7 +124,7 @@ def columns_of(
     return _in_units(found, timestamps)
 
 
-def leg_columns(header: Sequence[str]) -> dict[str, Column]:
+def leg_columns(header: Sequence[str]) -> dict[str, LogColumn]:
     """The columns for six leg lengths.
 
     Raises
@@ -218,22 +218,22 @@ def _kind_of_turning(headings: Mapping[str, Heading | None], chosen: Mapping[str
     return max(_TURNING, key=lambda kind: sum(headings[name] is not None for name in _TURNING[kind]))
 
 
-def _in_units(headings: Mapping[str, Heading], timestamps: Collection[str]) -> dict[str, Column]:
+def _in_units(headings: Mapping[str, Heading], timestamps: Collection[str]) -> dict[str, LogColumn]:
     is_ours = all(
         _OWN_PREFIX.sub("", heading.name) == quantity
         for quantity, heading in headings.items()
         if heading.column not in timestamps
     )
-    columns, without = dict[str, Column](), dict[str, Heading]()
+    columns, without = dict[str, LogColumn](), dict[str, Heading]()
     for quantity, heading in headings.items():
         kind = quantity.partition("[")[0]
         if quantity == "time" and heading.column in timestamps:
-            columns[quantity] = Column(heading.column, 1.0)
+            columns[quantity] = LogColumn(heading.column, 1.0)
             continue
         if heading.unit is None and not is_ours and kind != "quaternion":
             without[quantity] = heading
         try:
-            columns[quantity] = Column(heading.column, heading.factor(_UNITS[kind]))
+            columns[quantity] = LogColumn(heading.column, heading.factor(_UNITS[kind]))
         except ValueError as error:
             raise MotionError(str(error)) from None
     if without:

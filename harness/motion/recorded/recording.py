@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import MotionError, TableError
-from gough_stewart.harness.motion.recorded.columns import LEGS, Column, columns_of, leg_columns
+from gough_stewart.harness.motion.recorded.columns import LEGS, LogColumn, columns_of, leg_columns
 from gough_stewart.harness.motion.recorded.table import FromTable, check_increasing
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, check_convention
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of, timestamps_of, without_repeated_rows
@@ -133,7 +133,7 @@ def read_poses(
         raise MotionError(f"{path}: {error}") from error
 
 
-def _values(table: "polars.DataFrame", columns: Mapping[str, Column]) -> dict[str, FloatArray]:
+def _values(table: "polars.DataFrame", columns: Mapping[str, LogColumn]) -> dict[str, FloatArray]:
     return {name: column.factor * numbers_of(table, column.name) for name, column in columns.items() if name != "time"}
 
 

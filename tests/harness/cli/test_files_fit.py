@@ -23,7 +23,7 @@ from gough_stewart.harness.cli.app import app
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.experiment.schema import PlantChoice, PlatformChoice
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.section import Section, kinds, names_file
+from gough_stewart.harness.section import TableSection, kinds, names_file
 
 EXPERIMENT, PLATFORM, RECORD, LOG, POSES = "experiment", "platform", "record", "log", "poses"
 PLANT, CONTROLLER, ENSEMBLE, OTHER = "plant FMU", "controller FMU", "ensemble", "for people and other programs"
@@ -206,7 +206,7 @@ def test_no_command_and_no_key_is_forgotten() -> None:
     assert {line.split()[0] for line in PRODUCERS} == set(commands)
     taken = {(use.line.split()[0], name) for use in CONSUMERS for name in use.takes if "." not in name}
     assert taken == declared() - TAKEN_ABOVE
-    tables: dict[str, type[Section]] = {"platform": PlatformChoice, "plant": PlantChoice}
+    tables: dict[str, type[TableSection]] = {"platform": PlatformChoice, "plant": PlantChoice}
     tables |= {**kinds(ControllerChoice), **kinds(ReferenceChoice)}
     keys = {
         f"{kind}.{name}"

@@ -13,7 +13,7 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.schema import ChangeChoice, Experiment
 from gough_stewart.harness.export.notes import _HAS, left_out
 from gough_stewart.harness.export.stability import Host
-from gough_stewart.harness.section import Section
+from gough_stewart.harness.section import TableSection
 
 AROUND: dict[str, Any] = {
     "sensors.noise.leg_velocity": 1e-3,
@@ -64,7 +64,7 @@ def test_an_experiment_that_is_complete_in_its_forms_lacks_nothing() -> None:
 def test_an_option_that_nobody_has_thought_of_is_named() -> None:
     """Expected: a new key of a table, a new table and a new list, each as soon as it is set."""
 
-    class Backlash(Section):
+    class Backlash(TableSection):
         width: float = 0.0
 
     class WornActuators(ActuatorChoice):

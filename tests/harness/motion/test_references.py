@@ -23,7 +23,7 @@ from gough_stewart.harness.motion.references import (
     Step,
 )
 from gough_stewart.harness.quantities import Velocity
-from gough_stewart.harness.section import ByType, Section
+from gough_stewart.harness.section import ByType, TableSection
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -409,7 +409,7 @@ def test_a_further_motion_takes_one_class() -> None:
                 velocity=np.tile(np.asarray(self.velocity), (len(time), 1))
             )
 
-    class Trial(Section):
+    class Trial(TableSection):
         reference: Annotated[ReferenceChoice, ByType()]
 
     trial = Trial.model_validate({"reference": {"type": "ramp", "velocity": ["1 mm/s", 0, 2]}})
