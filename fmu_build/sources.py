@@ -103,7 +103,7 @@ def model_header(component: UnitComponent) -> str:
     n_inputs, n_states = len(values["START_INPUTS"]), len(values["START_STATES"])
     n_results = size(layout.of_role(Role.STATE, Role.RESULT))
     parameters = layout.of_role(*PARAMETER_ROLES)
-    later = [row.first for row in parameters if row.first > time.first]
+    later = [row.first for row in parameters if row.first > time.first and row.variable.name not in component.settings]
     sizes = {
         "N_INPUTS": n_inputs,
         "N_STATES": n_states,

@@ -226,7 +226,8 @@ class Platform(PlatformFields):
         Parameters
         ----------
         parameters
-            Values by name, those of single legs as for a platform: six of a parameter that has a factor.
+            Values by name, those of single legs as for a platform: six of a parameter that has a factor, or of a limit
+            of the legs.
 
         Returns
         -------
@@ -515,7 +516,7 @@ def _frozen(row: Variable, value: object) -> FloatArray | float:
     name, shape, words = row.name, row.shape, row.words
     if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, a shortcut
         return value
-    if row.is_by_leg and isinstance(value, list | tuple | np.ndarray) and len(np.shape(value)) == 1:
+    if row.is_by_leg and isinstance(value, list | tuple | np.ndarray) and all(np.ndim(part) == 0 for part in value):
         shape = (6,)
     if words and isinstance(value, str):
         if value not in words:

@@ -105,6 +105,7 @@ PlainExperimentArgument = Annotated[
 NoPythonOption = Annotated[
     bool, option("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python")
 ]
+FormerNameOption = Annotated[bool, option("The former name of --allow-unstable.", None, "--anyway", hidden=True)]
 RotationOrderOption = Annotated[
     str,
     option(

@@ -48,11 +48,10 @@ def run_command(
     allow_unstable: Annotated[
         bool,
         option(
-            "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.",
-            None,
-            *("--allow-unstable", "--anyway"),  # the latter is its former name
+            "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", None, "--allow-unstable"
         ),
     ] = False,
+    anyway: opt.FormerNameOption = False,
     member: Annotated[
         int | None,
         option(
@@ -109,7 +108,7 @@ def run_command(
     running.expect([metric.path for metric in known])
     requirements = running.require(loaded.requirements, known)
     running.step(total=loaded.loop.duration)
-    with _unit_of(controller, loaded, running, allow_unstable=allow_unstable) as unit:
+    with _unit_of(controller, loaded, running, allow_unstable=allow_unstable or anyway) as unit:
         record = run(
             loaded,
             plant=plant,

@@ -139,12 +139,9 @@ def export_command(
     ] = None,
     allow_unstable: Annotated[
         bool,
-        option(
-            "Export a loop that is unstable in one of the forms; they say so.",
-            None,
-            *("--allow-unstable", "--anyway"),  # the latter is its former name
-        ),
+        option("Export a loop that is unstable in one of the forms; they say so.", None, "--allow-unstable"),
     ] = False,
+    anyway: opt.FormerNameOption = False,
     parts: Annotated[
         str | None,
         option(
@@ -218,7 +215,7 @@ def export_command(
         ssp=ssp,
         parts=inside,
         frozen=held,
-        allow_unstable=allow_unstable,
+        allow_unstable=allow_unstable or anyway,
         progress=lambda stage: running.step(stage, advance=1),
         judging=lambda k, of: running.progress.update(judging, completed=k, total=of, visible=k < of),
         warn=warnings.append,

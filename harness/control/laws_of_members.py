@@ -188,13 +188,26 @@ class CalledLaw:
         return force.astype(float)
 
     def asked(self, *arguments: Any) -> FloatArray:
-        """What `force` would give; the memory stays as it is."""
-        kept = self.function, self.command
+        """What `force` would give; the memory stays as it is, in an object or in what a function encloses."""
+        function, command = self.function, self.command
+        cells = getattr(function, "__closure__", None) or ()
+        contents = [cell.cell_contents for cell in cells]
         try:
-            self.function = copied(self.function).original
+            copies = [copied(content).original for content in contents]
+            self.function = copied(function).original
+        except ControllerError as error:
+            raise ControllerError(
+                f"{name_of(function)} cannot be asked while it is off, which needs a copy of it: {error.__cause__}; "
+                "expected a controller without locks and open files, or no change with enabled = false"
+            ) from error
+        try:
+            for cell, content in zip(cells, copies, strict=True):
+                cell.cell_contents = content
             return self.force(*arguments)
         finally:
-            self.function, self.command = kept
+            self.function, self.command = function, command
+            for cell, content in zip(cells, contents, strict=True):
+                cell.cell_contents = content
 
 
 class SeparateLaws:

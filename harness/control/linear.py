@@ -59,7 +59,7 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     Returns
     -------
     control.NonlinearIOSystem
-        12 states, the pose and the twist, then those of a platform whose friction sticks or whose legs give; 12 inputs,
+        12 states, the pose and the twist, then those of a platform with stiction or elastic legs; 12 inputs,
         the actuator forces and the external wrench; the outputs asked for.
 
     Raises
@@ -145,7 +145,7 @@ def linearise(
     Returns
     -------
     control.StateSpace
-        12 states, the pose and the twist, then those of a platform whose friction sticks or whose legs give; 12 inputs,
+        12 states, the pose and the twist, then those of a platform with stiction or elastic legs; 12 inputs,
         the actuator forces and the external wrench; the outputs asked for. All in SI units, as deviations from rest.
 
     Raises

@@ -269,7 +269,7 @@ def quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:
     counts = members["outcome"].value_counts().sort("outcome").iter_rows()
     ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
     motions = [f"{len(which)} {kind}" for kind, which in ensemble.oscillating.items() if which]
-    ended += f" ({' and '.join(motions)} by themselves)" if motions else ""
+    ended += f" ({' and '.join(motions)} without input)" if motions else ""
     return Table(f"{count(members.height, 'member')}: {ended}", columns, tuple(rows), note=" ".join(remarks))
 
 

@@ -167,7 +167,9 @@ class MemberTable:
         experiment = self.metadata.get("experiment") or {}
         by = (experiment.get("ensemble") or {}).get("worst_by")
         if by is not None:
-            return str(SHORT.get(by, by))
+            metric = str(SHORT.get(by, by))
+            self.values(metric)  # refuses one that these members lack
+            return metric
         first = [FINAL] if (experiment.get("reference") or {}).get("type") == "step" else []
         return next(name for name in (*first, PEAK, _OTHERWISE, *self.metrics) if name in self.metrics)
 
@@ -204,7 +206,7 @@ class MemberTable:
 
     @property
     def oscillating(self) -> dict[str, list[int]]:
-        """Members that completed while their loops oscillated or grew by themselves; the largest amplitude first."""
+        """Members that completed while their loops oscillated or grew without input; the largest amplitude first."""
         if "oscillation" not in self.members.columns:  # a result of an older version
             return {"oscillating": [], "growing": []}
         rows = self.members.sort("oscillation.amplitude", descending=True, nulls_last=True)
@@ -215,7 +217,7 @@ class MemberTable:
 
     @property
     def oscillation_warning(self) -> str:
-        """A warning if loops of some members oscillate or grow by themselves; "" if not."""
+        """A warning if loops of some members oscillate or grow without input; "" if not."""
         parts = []
         for kind, members in self.oscillating.items():
             if members:
@@ -224,7 +226,7 @@ class MemberTable:
                 rate = "" if frequency is None else f" at {frequency:.3g} Hz"
                 parts.append(
                     f"the loops of {len(members)} of {self.members.height} members "
-                    f"{'oscillate' if kind == 'oscillating' else 'grow'} by themselves; member {members[0]} has the "
+                    f"{'oscillate' if kind == 'oscillating' else 'grow'} without input; member {members[0]} has the "
                     f"largest amplitude, {exactly(LENGTH, amplitude, 3)}{rate}"
                 )
         return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""

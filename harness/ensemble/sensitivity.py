@@ -7,8 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.member_table import MemberTable
+from gough_stewart.harness.ensemble.member_table import SHORT, MemberTable
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["sobol", "regression", "ranks"]
@@ -106,6 +107,8 @@ def sensitivity(ensemble: MemberTable, metric: str) -> Sensitivity:
     table 2, total by (f). Confidence intervals come from resampled members. `RecordError` if the metric is unknown,
     nothing varies, or too few members have a value.
     """
+    if SHORT.get(metric, metric) not in ensemble.metrics:
+        raise RecordError(f"no metric '{metric}'{nearest(metric, ensemble.metrics)}")
     merit = np.where(ensemble.is_complete, ensemble.values(metric), np.nan)
     if ensemble.block > 1:
         return _sobol(metric, merit, ensemble.metadata["groups"])

@@ -274,6 +274,8 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
     limited = float(record["flag.force_limited"].any(axis=1).mean())
     if limited:
         notes.append(f"forces were limited for {limited:.0%} of the time, so the loop is not linear; inject less")
+    if "flag.manual" in record and record["flag.manual"].any():
+        notes.append("the controller was off for a part of the run, so the loop was open; leave [[change]] enabled out")
     if metadata["outcome"]["status"] != "completed":
         notes.append(f"the run ended early: {metadata['outcome']['cause']}")
     if chosen.loop.jitter:

@@ -30,6 +30,7 @@ from gough_stewart.harness.loop.libraries import loop_kernel
 from gough_stewart.harness.loop.loop import LENGTHS, members_last
 from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.plants.lanes import BatchPlant
+from gough_stewart.harness.plants.members import of_legs
 from gough_stewart.harness.plants.plant import BoolArray, seen
 from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES
 from gough_stewart.model import interface
@@ -116,7 +117,7 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
         # the least and largest actions: force limits [N], or home ± half the stroke [m], angles as far [rad]
         limit, platform = self._loop.actuators.force_limit, self._platform
-        bound = np.full(N_LEGS, np.inf if limit is None else np.max(limit))
+        bound = np.full(N_LEGS, np.inf) if limit is None else np.broadcast_to(of_legs(limit).max(axis=1), N_LEGS)
         low, high = -bound, bound
         if self._follows_poses:
             stroke, legs = platform.stroke, leg_geometry(platform, platform.home_position, platform.home_orientation)

@@ -136,8 +136,8 @@ class LoopMargins(Margins):
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
     structure: LoopStructure | None = None
-    """Of a machine whose legs give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and
-    `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
+    """Of a machine with elastic legs: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency`
+    and `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
     late: float = 0.0
     """What the sensors' own clock and jitter add to the delay at worst, as modelled in these margins [s]."""
     doubt: str = ""

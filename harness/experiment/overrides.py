@@ -240,7 +240,8 @@ def _named(column: str, kind: str, name: str, value: Any) -> VariedValue:
 def _parameter(column: str, name: str, value: Any) -> VariedValue:
     row = TABLE[name]
     unit, is_symmetric = PLAIN if row.unit == "1" else row.unit, name == "platform_inertia"
-    return VariedValue(column, unit, row.shape, _array(value), is_symmetric)
+    nominal = _array(value)  # limits of legs that differ are six
+    return VariedValue(column, unit, row.shape if nominal is None else nominal.shape, nominal, is_symmetric)
 
 
 def _array(value: Any) -> Any:

@@ -198,7 +198,7 @@ def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block
             raise ExportError(f"{name} {text}")
     prepared = prepare(experiment)
     try:
-        turned = turning(experiment, prepared)
+        turned = turning(experiment, prepared, host)
         block = machine_of(experiment, prepared, kept, forever=True, turned=turned)
     except ControllerError as error:
         kind = getattr(experiment.controller, "type", "")
@@ -482,14 +482,14 @@ def _channels_of(host: CompiledHost, law: TurnableLaw) -> NDArray[np.int64]:
     return np.stack([np.where(rows < N_LEGS, rows, channel), place], axis=1)
 
 
-def turning(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
+def turning(experiment: Experiment, prepared: Prepared, host: str = "a page") -> dict[str, Any]:
     """The fields of what may be turned while an experiment's loop runs, and of its linear loop: see machine.h."""
     linear, loop, choice = linear_of(prepared.controller), prepared.loop, experiment.controller
     gains, actuators, timing = choice.gains(prepared.platform), loop.actuators, loop.timing
     limit, encoders = actuators.force_limit, (loop.sensors.noise, loop.sensors.quantisation)
     if limit is not None and np.ndim(limit) > 1:
         raise ExportError(
-            f"force_limit is {np.ravel(limit).tolist()} N, and a live page has one for all legs; expected one number, "
+            f"force_limit is {np.ravel(limit).tolist()} N, and {host} has one for all legs; expected one number, "
             "for instance actuators.force_limit = that of the weakest leg"
         )
     wanted = {

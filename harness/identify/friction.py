@@ -18,7 +18,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.regressor import symbols
+from gough_stewart.harness.identify.regressor import elements_of, symbols
 from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
 from gough_stewart.model.interface import RIGID, SLIDING, Variant
 from gough_stewart.model.parameters import PHYSICAL, Parameters
@@ -45,6 +45,7 @@ def sticks(platform: Platform) -> bool:
 
 def ideal_of(platform: Platform) -> Platform:
     """The platform with rigid legs, and without stiction: the equations that are linear in parameters."""
+    elements_of(platform)  # refuses legs that differ, before their values are left out
     rigid = platform.with_parameters(RIGID) if Variant.of(platform).springs else platform
     return rigid.with_parameters(SLIDING) if sticks(platform) else rigid
 

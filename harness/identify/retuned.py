@@ -142,7 +142,7 @@ def _margins(experiment: Experiment) -> dict[str, float] | str:
     except UnstableLoopError:
         return "unstable"
     if loop.doubt:
-        return "not known"
+        return "inconclusive"
     disk, crossover = loop.margins.disk, max(leg.crossover for leg in loop.margins.legs)
     # the two gains of a disk margin are inverse to each other
     numbers = (disk.alpha, float(20 * np.log10(disk.gain[1])), float(disk.phase), crossover)

@@ -46,7 +46,8 @@ class Actuators:
 
     The command is clipped to ± `force_limit`, held, and reaches the drive `delay` samples later. The drive follows it
     within `rate_limit` [N/s] and, with a time constant `lag` τ [s], as τ ḟ = r − f. No limits by default. For many
-    members each may be an array (N,), with infinite limits for members that have none.
+    members each may be an array (N,), with infinite limits for members that have none; a force limit of legs that
+    differ is (1, 6) or (N, 6).
     """
 
     force_limit: PerMember | None = None  # [N]
@@ -75,8 +76,8 @@ class Change:
 
     Faults are flags (N_FAULTS,), see `control/faults.py`; `manual` is (12,), see `ChangeChoice.manual`, and holds from
     the next sample on. With many members, all of these may have a leading axis (N,), and `members` (N,) selects those
-    that change. Settings are those of one member, in machine code; `time` is then that
-    of a sample, and the feedforward knows them.
+    that change. Settings are those of one member, in machine code; `time` is then that of a sample, and the feedforward
+    knows them.
     """
 
     time: float
@@ -92,7 +93,7 @@ class Change:
 class Limits:
     """Conditions that end a run."""
 
-    stroke: tuple[PerMember, PerMember] = (0.0, np.inf)  # leg lengths [m]
+    stroke: tuple[PerMember, PerMember] = (0.0, np.inf)  # leg lengths [m], of legs that differ (1, 6) or (N, 6)
     on_stroke: OnStroke = "warn"
     largest_position_error: PerMember = np.inf  # [m]
 

@@ -152,8 +152,6 @@ GLOSSARY: dict[str, str] = {
     "whiteness": "Whether values that follow each other are independent, as noise is.",
 }
 
-_CODE = re.compile(r"`([^`<>]+)`")
-
 
 @cache
 def _terms() -> tuple[re.Pattern[str], dict[str, str]]:

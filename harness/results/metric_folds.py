@@ -186,10 +186,10 @@ class DriveLoads(TermFold):
         self._limits = {k: limits[limit.name] for k, limit in enumerate(DRIVE_LIMITS) if limit.name in limits}
         metrics = [*self.without_limits]
         for name, text, quantity in (DRIVE_LIMITS[k] for k in self._limits):
-            path, limit = f"limits.{name}", f"the platform's limit of the {text}"
+            path, limit = f"limits.{name}", f"the platform's limit of the {text}, by leg where they differ"
             used, first = "largest share of the limit, by leg", "when the limit was first exceeded, by leg"
             metrics += [
-                Metric(f"{path}.limit", f"limit of {text}", quantity, limit, None, False),
+                Metric(f"{path}.limit", f"limit of {text}", quantity, limit, None, False, is_least=True),
                 Metric(f"{path}.used", f"{text}, of its limit", SHARE, used, "smaller"),
                 Metric(f"{path}.first_exceeded", f"{text}, first beyond", TIME, first, None, False, is_least=True),
             ]

@@ -403,7 +403,7 @@ def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
     [
         ("ideal", {"fixed_step_size": 1e-9}, 0.1, "fixed_step_size", "too small for one step to time 0.1 s; expected"),
         ("elastic", {"tolerance": 1e-13}, 20.0, "internal steps", "too many internal steps for one step to time 20 s"),
-        ("elastic", {"fixed_step_size": 0.01}, 0.02, "fixed_step_size", "steps of 0.01 s are too large for legs that"),
+        ("elastic", {"fixed_step_size": 0.01}, 0.02, "fixed_step_size", "steps of 0.01 s are too large for legs with"),
     ],
 )
 def test_steps_without_end_or_too_large_fail(

@@ -1,4 +1,4 @@
-"""Uneven platforms whose friction sticks and whose legs give, and their laws of friction as papers print them."""
+"""Uneven platforms with stiction and elastic legs, and their laws of friction as papers print them."""
 
 from dataclasses import replace
 from itertools import product

@@ -38,8 +38,8 @@ typedef struct {
 
 /* Reads a block and evaluates its states; `parameters` is how many are needed: N_GEOMETRY, or N_PARAMETERS and the inputs. */
 void read_group(group *g, const batch *members, int64_t block, int parameters);
-/* The steps of `lanes_step`. A member that fails stops, and its state stays. They return how many
-   fail; `at_x.signals` are those at the end. */
+/* The two kinds of steps of `lanes_step`, which return how many members fail. A member that fails stops, and its state
+   stays; `at_x.signals` are those at the end. */
 int64_t step_fixed(group *g, double size, int64_t substeps);
 int64_t step_controlled(group *g, double duration, double tolerance);
 void find_results(const group *g, lanes results[]);

@@ -1,4 +1,4 @@
-"""Members whose loops oscillate or grow by themselves, against the same members run alone."""
+"""Members whose loops oscillate or grow without input, against the same members run alone."""
 
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ def test_every_member_is_judged_as_its_own_run_is() -> None:
     counts = {kind: kinds.count(kind) for kind in kinds if kind is not None}
     assert found.metadata["oscillations"] == counts
     words = " and ".join(f"{counts[kind]} {kind}" for kind in ("oscillating", "growing") if kind in counts)
-    assert f"6 members: 6 completed ({words} by themselves)" in str(found)
+    assert f"6 members: 6 completed ({words} without input)" in str(found)
     assert "oscillation.amplitude" not in found.metrics
 
 
@@ -150,7 +150,7 @@ def test_the_command_counts_them_and_names_the_largest(tmp_path: Path) -> None:
         if some.height:
             amplitude = f"{1e3 * some['oscillation.amplitude'][0]:.3g} mm"
             first = f"member {some['member'][0]} has the largest amplitude, {amplitude}"
-            assert f"the loops of {some.height} of 6 members {verb} by themselves; {first}" in said
+            assert f"the loops of {some.height} of 6 members {verb} without input; {first}" in said
         assert some["oscillation.frequency"].null_count() == some.height
     assert (members["oscillation"].is_null() == (members["varied.loop.delay"] == 1)).all()
     assert 0 < members["oscillation"].null_count() < 6

@@ -494,16 +494,16 @@ def test_members_that_oscillate_are_counted_by_kind_with_the_largest() -> None:
         oscillation=kinds, oscillation__amplitude=amplitude, oscillation__frequency=frequency,
     )  # fmt: skip
     assert found.oscillation_warning == (
-        "the loops of 3 of 8 members oscillate by themselves; member 3 has the largest amplitude, 7.25 mm at 12.3 Hz; "
-        "the loops of 2 of 8 members grow by themselves; member 6 has the largest amplitude, 250 mm. "
+        "the loops of 3 of 8 members oscillate without input; member 3 has the largest amplitude, 7.25 mm at 12.3 Hz; "
+        "the loops of 2 of 8 members grow without input; member 6 has the largest amplitude, 250 mm. "
         "`run --member K` shows one"
     )
     assert found.works.tolist() == [True, False, True, True, True, True, False, False]
     table = quantile_table(found, ["force.peak"])
-    assert table.title == "8 members: 7 completed, 1 stopped (3 oscillating and 2 growing by themselves)"
+    assert table.title == "8 members: 7 completed, 1 stopped (3 oscillating and 2 growing without input)"
     assert table.note == "Quantiles are without the 1 member not completed."
     sound = with_columns(found, oscillation=[None] * 3 + ["oscillating"] + [None] * 4)
-    assert "7 completed, 1 stopped (1 oscillating by themselves)" in quantile_table(sound, ["force.peak"]).title
+    assert "7 completed, 1 stopped (1 oscillating without input)" in quantile_table(sound, ["force.peak"]).title
     assert with_columns(found, oscillation=polars.Series([None] * 8, dtype=polars.String)).oscillation_warning == ""
     assert ensemble_of(normal(8)).oscillation_warning == ""
 

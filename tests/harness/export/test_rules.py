@@ -167,7 +167,7 @@ ONE = np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6))
 REFUSED: list[tuple[Any, str]] = [
     (
         control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), 0.0015),
-        r"unstable by itself: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
+        r"controller itself is unstable: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",
     ),
     (_function({"leg_lenght": 6}, {"actuator_force": 6}), "has the input 'leg_lenght'; expected one of time, pos"),
     (_function({"leg_length": 5}, {"actuator_force": 6}), "input 'leg_length' has 5 elements; expected 6"),

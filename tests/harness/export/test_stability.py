@@ -298,14 +298,14 @@ def test_one_unstable_form_refuses_the_whole_export(tmp_path: Path) -> None:
     assert f"Margins of {first} with no delay: all legs at once disk margin 0.276" in header
 
 
-def test_an_unstable_loop_that_is_exported_anyway_says_so_in_every_form_and_so_does_a_delay_that_it_adds(
+def test_an_unstable_loop_that_is_exported_on_request_says_so_in_every_form_and_so_does_a_delay_that_it_adds(
     tmp_path: Path,
 ) -> None:
     """Expected: also to the maker; the experiment has no delay, and the C adds none."""
     said: list[str] = []
     gs.export("too_slow", forms=["c", "fmu", "ssp"], out=tmp_path, allow_unstable=True, warn=said.append, fmi=["3.0"])
-    allow_unstable = [text for text in said if text.startswith("exported on request: ")]
-    assert [text[17:].partition(" the closed")[0] for text in allow_unstable] == ["with the FMU", "in C", "in the SSP"]
+    notes = [text.removeprefix("exported on request: ") for text in said if text.startswith("exported on request: ")]
+    assert [text.partition(" the closed")[0] for text in notes] == ["with the FMU", "in C", "in the SSP"]
     late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
     assert [text for text in said if "late" in text] == [f"the FMU is {late}", f"the SSP is {late}"]
     unstable = "UNSTABLE, and exported on request: "

@@ -412,8 +412,8 @@ WRONG: list[tuple[list[gs.Platform], int, dict[str, Any], str]] = [
     ([UNEVEN] * 2, 1, {}, "^2 platforms and 1 starts; expected at least one platform"),
     *(([UNEVEN], 1, {"substeps": k}, f"^substeps is {k}; expected a whole number from 1 to") for k in (0, 1025, 2.0)),
     ([UNEVEN], 1, {"tolerance": 0}, "^tolerance is 0; expected 1e-13 to"),
-    ([UNEVEN, UNEVEN, STICKING], 3, {}, "leg_friction_model: gives platform 2 other states: it has friction that st"),
-    ([STICKING, STICKING, GIVING], 3, {}, "leg_stiffness: gives platform 2 other states: it has friction that stick"),
+    ([UNEVEN, UNEVEN, STICKING], 3, {}, "leg_friction_model: gives platform 2 other states: it has stiction"),
+    ([STICKING, STICKING, GIVING], 3, {}, "leg_stiffness: gives platform 2 other states: it has stiction"),
     ([STICKING], 1, {"substeps": 8}, "with stiction and rigid legs has no steps of a fixed"),
 ]
 
