@@ -113,6 +113,12 @@ def test_the_shipped_experiment_shows_its_loop(shipped: gs.Record) -> None:
     assert pushed == pytest.approx([0, 0, 400, 0, 0, 0])
 
 
+def test_a_run_whose_controller_was_off_is_said_to_be_an_open_loop(shipped: gs.Record) -> None:
+    off = gs.run("frequency_response", {"loop.duration": 3, "change": [{"at": 2, "enabled": False}]})
+    assert any("the controller was off" in note for note in gs.frf(off).notes)
+    assert not any("the controller was off" in note for note in gs.frf(shipped).notes)
+
+
 def test_the_command_writes_table_and_picture_beside_the_record(shipped: gs.Record, tmp_path: Path) -> None:
     """Expected: the same numbers as in Python, one row a frequency."""
     (tmp_path / "record.parquet").write_bytes(shipped.to_parquet())

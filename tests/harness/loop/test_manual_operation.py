@@ -4,6 +4,7 @@ Expected, from a plain loop over the recorded samples: off, the command is the m
 what is measured; on, what its command lacked of that force is added, and fades by (1 − T / 1 s) a sample.
 """
 
+import threading
 from typing import Any
 
 import casadi
@@ -165,6 +166,30 @@ def test_an_exported_controller_commands_the_same(space: str, plant: str) -> Non
         forces.append(code.step(lengths)[0])
     assert np.abs(command).max() > 80
     assert largest_difference(np.array(forces), np.clip(command, -80, 80)) < 1e-9
+
+
+def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
+    """Expected: as many calls kept as there are samples at which it is on; a lock, which has no copy, is named."""
+    counts: list[int] = []
+
+    def make(_platform: gs.Platform, _sample_time: float, lock: Any = None) -> Any:
+        calls = 0
+
+        def law(_sample: gs.Sample) -> FloatArray:
+            nonlocal calls
+            calls += lock is None
+            counts.append(calls)
+            return np.zeros(6)
+
+        return law
+
+    experiment = uneven_experiment(
+        "pd", loop={"duration": 0.4, "sample_time": 0.004, "plant_step": 0.001}, change=CHANGES[:2]
+    )
+    gs.run(experiment, controller=make)
+    assert counts[-1] == len(counts) == 100 - 15
+    locked = gs.run(experiment, controller=lambda platform, period: make(platform, period, threading.Lock()))
+    assert "needs a copy of it" in str(locked.metadata["outcome"]["cause"])
 
 
 def test_a_force_without_the_switch_is_refused() -> None:
