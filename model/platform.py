@@ -516,7 +516,9 @@ def _frozen(row: Variable, value: object) -> FloatArray | float:
     name, shape, words = row.name, row.shape, row.words
     if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, a shortcut
         return value
-    if row.is_by_leg and isinstance(value, list | tuple | np.ndarray) and all(np.ndim(part) == 0 for part in value):
+    # a ragged list is refused below, with its name
+    is_list = isinstance(value, list | tuple) and not any(isinstance(part, list | tuple) for part in value)
+    if row.is_by_leg and (is_list or (isinstance(value, np.ndarray) and value.ndim == 1)):
         shape = (6,)
     if words and isinstance(value, str):
         if value not in words:
