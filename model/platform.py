@@ -527,7 +527,8 @@ def _frozen(row: Variable, value: object) -> FloatArray | float:
     try:
         array = real_array(value, shape)
     except ValueError as error:
-        raise PlatformError(name, str(error)) from None
+        six = ", or six, one per leg" if row.is_by_leg or name in FACTOR_OF else ""
+        raise PlatformError(name, f"{error}{six}" if shape == () else str(error)) from None
     if np.abs(array).max() > LARGEST_NUMBER:
         raise PlatformError(name, f"is {array.tolist()}; expected numbers below {LARGEST_NUMBER:g} in SI units")
     if shape == () or (row.is_by_leg and np.ptp(array) == 0):

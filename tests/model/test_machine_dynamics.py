@@ -166,6 +166,8 @@ def test_what_is_0_is_derived_as_documented() -> None:
             {"leg_upper_com": [0.5, 0.5, 0.5, 0.5, 9, 0.5]},
             "is 9 m from the platform joint; expected between 0 and leg 5",
         ),
+        ({"leg_lower_mass": [1, 2, 3]}, "leg_lower_mass: has shape (3,); expected one number, or six, one per leg"),
+        ({"leg_length_max": [4, [4]]}, "leg_length_max: is [4, [4]]; expected one number, or six, one per leg"),
         ({"leg_length_max": [3.9, 3.9, 3.9, 3.9, 3.9, 2.5]}, "leg_length_max: is 2.5 m, but a home leg is 3"),
         ({"leg_length_max": [3.9, 3.9, 3.9, 3.9, -1, 3.9]}, r"leg_length_max[5]: is -1 m; expected > 0"),
     ],
