@@ -108,6 +108,16 @@ def test_each_leg_has_its_own_limits(case: str) -> None:
     assert found["stroke"]["margin"] == pytest.approx(margin)
 
 
+@pytest.mark.parametrize("end", ["leg_length_min", "leg_length_max"])
+def test_the_stroke_margin_is_that_of_the_leg_that_is_nearest_to_its_own_end(end: str) -> None:
+    """Expected: ends that lie by hand so far beyond each leg's extreme length, of which leg 4's is the nearest."""
+    away = np.array([0.5, 0.45, 0.4, 0.35, 0.55, 0.48])
+    length = gs.run(experiment_of("pd", loop=LOOP))["leg_length"]
+    ends = length.min(axis=0) - away if end == "leg_length_min" else length.max(axis=0) + away
+    run = gs.run(experiment_of("pd", loop=LOOP), {f"platform.parameters.{end}": ends.tolist()})
+    assert gs.metrics(run)["stroke"]["margin"] == pytest.approx(0.35, abs=1e-9)
+
+
 def test_a_run_stops_where_one_leg_leaves_its_own_stroke() -> None:
     """Expected: the row in which the record of a run that goes on leaves it."""
     length = gs.run(experiment_of("pd", loop=LOOP))["leg_length"]
