@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build.build import build
+from gough_stewart import build
 from gough_stewart.fmu_build.toolchain import TARGETS
 
 pytestmark = pytest.mark.evidence

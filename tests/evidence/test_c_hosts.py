@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gough_stewart import load_preset
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, native
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.formulations.cases import paper_case
-from gough_stewart.model.platform import load_preset
 from tests.support.c_hosts import (
     FUZZ,
     HOSTS,

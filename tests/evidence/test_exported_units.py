@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart import LinearController
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gough_stewart import Platform, leg_geometry, load_preset
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.paths.fastest import fastest
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import polynomials_of
 from gough_stewart.harness.motion.paths.time_law import TimedPath
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform, load_preset
 from tests.support.direct_transcription import least_time
 
 pytestmark = pytest.mark.evidence

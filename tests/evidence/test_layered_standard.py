@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from gough_stewart.fmu_build.build import build
+from gough_stewart import build
 
 pytestmark = pytest.mark.evidence
 MANIFEST = "extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml"

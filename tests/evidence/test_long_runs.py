@@ -7,13 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gough_stewart as gs
+from gough_stewart import State, SteppingModel, load_preset
 from gough_stewart.model import dynamics
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.state import Inputs
 from tests.model.formulations.test_formulations import by_kane, by_newton_euler
 from tests.support.fmu_plants import Fmu
 from tests.support.random_platforms import random_sample, relative_difference

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.build import build, build_units
+from gough_stewart import build
+from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.experiment.preparation import prepare
@@ -14,7 +15,7 @@ from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.formulations.cases import paper_case
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.controllers import SAMPLE_TIME, run_of, uneven_experiment
 from tests.support.exported_loop import MISTAKEN, exported_loop
 

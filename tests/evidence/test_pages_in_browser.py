@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from gough_stewart.harness.experiment.file import experiment_names, load_experiment
-from gough_stewart.harness.experiment.run import run
+from gough_stewart import Record, experiment_names, load_experiment, load_preset, run
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.paper.reproduce import record_of_case
 from gough_stewart.harness.results.metrics import finite_part
-from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.run_charts import FRAMES, frame_rows
 from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.formulations.cases import case_of, paper_case
-from gough_stewart.model.platform import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.browser import CHROMIUM, open_report, until
 from tests.support.fmu_plants import Fmu

@@ -6,9 +6,10 @@
 import numpy as np
 import pytest
 
+from gough_stewart import State
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.interface import IDEAL
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 from tests.support.pinocchio_platform import PinocchioPlatform
 from tests.support.random_platforms import Sample, relative_difference
 

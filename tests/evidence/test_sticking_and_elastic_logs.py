@@ -9,10 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log, log_of
-from gough_stewart.model.platform import load_preset
+from gough_stewart import Log, identify, load_preset, run
+from gough_stewart.harness.identify.log import log_of
 
 pytestmark = pytest.mark.evidence
 LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])

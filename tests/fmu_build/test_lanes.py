@@ -13,7 +13,7 @@ import pytest
 
 from gough_stewart.fmu_build.libraries import WIDTH, lanes_code, lanes_sources, machine_code
 from gough_stewart.fmu_build.toolchain import BY_NAME
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 # Of rounding: half a unit in the last place of 1.
 U = 2.0**-53

@@ -1,7 +1,7 @@
 """Errors of the harness: what each is caught as, and what it knows."""
 
+from gough_stewart import GoughStewartError
 from gough_stewart.harness import errors
-from gough_stewart.model.errors import GoughStewartError
 
 # Those with a base beside the common one; wrong usage and missed bounds have exit codes of their own.
 BASES: dict[str, set[str]] = {

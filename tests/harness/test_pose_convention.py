@@ -14,7 +14,7 @@ from gough_stewart.harness.errors import LogError, MotionError, TableError
 from gough_stewart.harness.motion.references import FromFile
 from gough_stewart.harness.pose_convention import PoseConvention
 from gough_stewart.harness.table_file import read_table, times_of, without_repeated_rows
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.uneven import UNEVEN
 
 N = 40

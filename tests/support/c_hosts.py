@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from gough_stewart import load_preset
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling, place_of
-from gough_stewart.model.platform import load_preset
 
 HOSTS = Path(__file__).parent / "hosts"
 FUZZ = tuple(sorted(HOSTS.glob("fuzz*.c")))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 # Machado, Oliveira, Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009), 1291-1298: severity 1.0, of linear RGB.
 BLIND = {

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart import Experiment, save_platform
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.open import ModelPlant
-from gough_stewart.model.platform import save_platform
 from tests.support.uneven import UNEVEN
 
 SAMPLE_TIME = 0.004  # [s]

@@ -8,11 +8,12 @@ import numpy as np
 import polars
 from scipy import stats
 
-from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_numbers
+from gough_stewart import Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import ensemble_numbers
 from gough_stewart.harness.report.document import Number
 from gough_stewart.harness.report.requirements import judge, required
 from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 SHARES = (0.5, 0.9, 0.99)
 PEAK = "tracking.position.norm_peak"

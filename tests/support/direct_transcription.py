@@ -10,13 +10,12 @@ from typing import Any
 import casadi
 import numpy as np
 
+from gough_stewart import Platform, leg_geometry
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 # Keeps √x away from 0, where it has no slope.
 _ROUNDING = 1e-10

@@ -11,12 +11,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from gough_stewart import Platform
 from gough_stewart.model.dynamics import leg_damping
 from gough_stewart.model.friction import law_of_bristles
 from gough_stewart.model.interface import LUGRE, Variant, size_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 _NO_INPUTS = np.zeros(12)
 

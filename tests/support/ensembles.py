@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.ensemble_report import Ensemble
+from gough_stewart import Ensemble
 from gough_stewart.harness.results.bands import BandSamples, bands_frame, samples_frame
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 # y = a · x of independent unit normal x: standardised coefficients are a / |a|, Sobol' indices their squares.
 SLOPES = np.array([3.0, -2.0, 1.0, 0.0])

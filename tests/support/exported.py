@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart import Experiment
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed
 from gough_stewart.harness.export.symbols import home_of
 from gough_stewart.harness.export.write import ControllerSources, controller_sources
@@ -25,7 +25,7 @@ from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.parameters import TABLE
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.c_hosts import ZIG
 from tests.support.uneven import UNEVEN
 

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gough_stewart import StepError
 from gough_stewart.harness.plants.members import zeros
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
-from gough_stewart.model.errors import MembersError, StepError
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.errors import MembersError
+from tests.support.arrays import FloatArray
 
 MASSES = np.array([2.0, 1.6, 2.5, 1.25, 4.0, 3.2])  # [kg]
 LENGTHS = np.array([1.0, 1.3, 0.8, 1.1, 1.6, 0.9])  # at the start [m]

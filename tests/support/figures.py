@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 _SAVE = Figure.savefig
 

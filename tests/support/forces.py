@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from gough_stewart import Platform
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 
 def forces_by_newton_euler(platform: Platform, motion: Reference, time: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 GOAL = 2.005
 SETTINGS: dict[str, Any] = {

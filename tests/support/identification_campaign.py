@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart import identify
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
 from tests.support.machine_logs import NAMES
 from tests.support.model_errors import KINDS, Case, drawn, made

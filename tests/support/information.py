@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import Platform
+from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
 from tests.support.machine_logs import Course, friction, tilted
 

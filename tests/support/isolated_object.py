@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.model.errors import StepError
+from gough_stewart import StepError
 
 
 class Given:

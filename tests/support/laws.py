@@ -5,7 +5,7 @@ import numpy as np
 from gough_stewart.harness.control import laws_of_members
 from gough_stewart.harness.control.laws import Controller
 from gough_stewart.harness.control.laws_of_members import KnownAhead
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 
 class OneLaw:

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gough_stewart import Sample
 from gough_stewart.harness.control.laws import Controller, controller_of
 from gough_stewart.harness.control.laws_of_members import law_of
-from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.fake_plants import LENGTHS, Masses, signals_of
 
 FORCES = np.array([1.0, -0.7, 1.6, 0.4, -1.3, 2.1])  # [N]

@@ -13,10 +13,10 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
-from gough_stewart.harness.identify.log import Log, Part
+from gough_stewart import Log, Platform, load_preset
+from gough_stewart.harness.identify.log import Part
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.lagrangian import Pose, forces_along, legs_along
 
 RATE = 1000.0  # of logs [Hz]

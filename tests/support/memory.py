@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 LEGS = 1 + 0.05 * np.arange(6)
 EXPERIMENT = "heave_tolerances"

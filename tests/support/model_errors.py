@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 
 import gough_stewart as gs
-from gough_stewart.harness.identify.log import Log
+from gough_stewart import Log, Platform, leg_jacobian
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.lagrangian import legs_along
 from tests.support.machine_logs import NAMES, Course, Sensing, Swing, exchanged, machine_log, random_machine
 

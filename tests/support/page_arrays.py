@@ -8,7 +8,7 @@ from typing import Any
 import lxml.html
 import numpy as np
 
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 
 def elements(page: bytes, path: str) -> list[Any]:

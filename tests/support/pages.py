@@ -4,16 +4,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from gough_stewart import identify, load_preset, sweep
 from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
-from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.plants.unit_report import unit_report
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.view.view import view_page
 from gough_stewart.harness.workspace.workspace_report import workspace_report
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.workspace import sweep
 from tests.support.ensembles import ensemble_of
 from tests.support.machine_logs import NOMINAL, Course, machine_log
 from tests.support.records import waving_record

@@ -4,18 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart import Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.motion.recorded.table import FromTable
-from gough_stewart.harness.motion.references import (
-    Chirp,
-    Circle,
-    Hold,
-    PointToPoint,
-    ReferenceChoice,
-    Sine,
-    Step,
-)
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.harness.motion.references import ReferenceChoice
+from tests.support.arrays import FloatArray
 
 POSITION, ORIENTATION = np.array([0.1, -0.2, 3.0]), np.array([0.2, -0.3, 0.4])
 POSE: dict[str, Any] = {"position": POSITION, "orientation": ORIENTATION}

@@ -7,7 +7,7 @@ import numpy as np
 
 from gough_stewart.harness.loop.rows import Observer
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.fake_plants import Masses
 
 

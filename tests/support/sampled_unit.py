@@ -9,7 +9,7 @@ import fmpy
 import numpy as np
 from fmpy.simulation import instantiate_fmu
 
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.exported import COMPILER, WARNINGS, compiled
 
 Values = Mapping[str, FloatArray]

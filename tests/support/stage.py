@@ -7,8 +7,8 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Page
 
-from gough_stewart.harness.results.record import Record
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import Record
+from tests.support.arrays import FloatArray
 from tests.support.browser import until
 
 

@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import Log, Platform
+from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
 from tests.support.machine_logs import MACHINE, Swing
 

@@ -9,10 +9,10 @@ import polars
 import pytest
 from typer.testing import Result
 
+from gough_stewart import read_record
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.table import Table
-from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
 from tests.support.page_arrays import data_of, unpacked
 

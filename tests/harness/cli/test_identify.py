@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import polars
 
+from gough_stewart import Log
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.identify.log import Log
 from tests.support.commands import invoke
 from tests.support.machine_logs import HEAVE, Course, Sensing, Swing, machine_log
 

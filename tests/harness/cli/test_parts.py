@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 import gough_stewart as gs
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.options import (
@@ -21,7 +22,6 @@ from gough_stewart.harness.cli.options import (
     results_folder,
 )
 from gough_stewart.harness.errors import MissedError, UsageError
-from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import platform_to_toml
 from tests.support.uneven import UNEVEN
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.harness.results.record import read_record
-from gough_stewart.model.errors import GoughStewartError
+from gough_stewart import GoughStewartError, read_record
 from tests.support.commands import invoke
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
+from gough_stewart import read_record
 from gough_stewart.fmu_build.documents import xml_text
-from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams, locales and bytes in names are POSIX's")

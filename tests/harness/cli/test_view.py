@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.platform import load_preset
+from gough_stewart import load_preset
 from gough_stewart.model.process.files import write_files
 from tests.support.commands import invoke
 from tests.support.records import waving_record

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gough_stewart import Notch
 from gough_stewart.harness.control.component import Parameter, Stepped
 from gough_stewart.harness.control.drive import Drive, ForceLimits
-from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.interface import BY_NAME
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 INF = np.inf
 PERIOD = 0.0013

@@ -12,7 +12,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.results.metrics import flattened
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import POSE, experiment_of
 

@@ -10,7 +10,7 @@ from gough_stewart import GoughStewartError, Platform, linearise, load_preset, m
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.state import Inputs
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.random_platforms import random_platform
 from tests.support.uneven import UNEVEN
 

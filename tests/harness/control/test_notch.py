@@ -8,7 +8,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.export.design import designed
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.exported import (
     KD,
     KI,

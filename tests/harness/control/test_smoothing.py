@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import make_interp_spline
 
 from gough_stewart.harness.control.smoothing import Smoothing
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 
 def path(target: FloatArray, steps: int, period: float, **values: float) -> FloatArray:

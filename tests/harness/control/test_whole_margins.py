@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.documented_loop import DocumentedLoop, linear
 from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import LOOPS, MACHINE, POSE, experiment_of

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import f as fisher
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.documented_loop import linear
 from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import LOOPS, POSE, experiment_of

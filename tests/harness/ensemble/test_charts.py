@@ -6,7 +6,8 @@ import numpy as np
 import polars
 import pytest
 
-from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report
+from gough_stewart import Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
 from gough_stewart.harness.report.chart import Chart
 from tests.support.ensembles import ensemble_of

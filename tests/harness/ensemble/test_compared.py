@@ -11,6 +11,7 @@ from scipy import stats
 from typer.testing import Result
 
 import gough_stewart as gs
+from gough_stewart import Ensemble
 from gough_stewart.harness.ensemble.compare import (
     compare,
     comparison_report,
@@ -19,10 +20,9 @@ from gough_stewart.harness.ensemble.compare import (
     names_of,
     run_compared,
 )
-from gough_stewart.harness.ensemble.ensemble_report import Ensemble
 from gough_stewart.harness.errors import ExperimentError, RecordError
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.results.test_whole_run import tables_in
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.coverage import ends_of_median
 from tests.support.ensembles import INPUTS, ensemble_of

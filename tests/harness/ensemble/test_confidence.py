@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import gough_stewart as gs
+from gough_stewart import Ensemble
 from gough_stewart.harness.ensemble.compare import compare
-from gough_stewart.harness.ensemble.ensemble_report import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.report.proportions import quantile_interval
 from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.coverage import RESPONSES, SHARES, coverage, drawn, ends_of_median
 from tests.support.ensembles import INPUTS, ensemble_of
 

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import metrics
 from gough_stewart.harness.errors import ControllerError, ExperimentError, SharedMemoryError
-from gough_stewart.harness.results.metrics import flattened, metrics
+from gough_stewart.harness.results.metrics import flattened
 from tests.support.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid
 
 ARRAYS = ("command", "excess", "feedforward")

@@ -11,10 +11,9 @@ from allpairspy import AllPairs
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.control.makers import Sample
+from gough_stewart import Experiment, Sample
 from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.metric_definitions import as_one_number, defined_metrics
 from tests.support.uneven import GAINS, UNEVEN
 

@@ -9,7 +9,8 @@ import polars
 import pytest
 from playwright.sync_api import Browser, Page
 
-from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_report
+from gough_stewart import Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.report.page import page_of
 from tests.support.browser import until, watched

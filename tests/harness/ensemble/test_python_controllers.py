@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import metrics
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
 from gough_stewart.harness.experiment.members import plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of
-from gough_stewart.harness.results.metrics import flattened, metrics
+from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.harness.tuning.tuning import tuning_files
 from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid
 

@@ -14,8 +14,8 @@ import pytest
 from scipy.stats import binomtest
 
 import gough_stewart as gs
+from gough_stewart import Ensemble
 from gough_stewart.harness.ensemble.ensemble_report import (
-    Ensemble,
     ensemble_report,
     ensemble_verdict,
     failure_table,
@@ -27,7 +27,7 @@ from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Table
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.ensembles import INPUTS, SLOPES, ensemble_of
 from tests.support.page_arrays import data_of, unpacked
 from tests.support.tables_shown import heads_of, rows_of

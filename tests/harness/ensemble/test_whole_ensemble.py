@@ -17,8 +17,8 @@ import pytest
 from typer.testing import Result
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.results.test_whole_run import MACHINE, tables_in
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.ensembles import ensemble_of
 from tests.support.metric_definitions import as_one_number, defined_metrics

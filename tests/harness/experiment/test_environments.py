@@ -9,7 +9,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 # Nothing of a loop is ideal: limits that act, a delay, slow drives, coarse and noisy sensors, two plant steps a sample.
 UNEVEN: dict[str, Any] = {

@@ -9,10 +9,10 @@ import polars
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import metrics
 from gough_stewart.harness.control.frequency_response import Response
 from gough_stewart.harness.experiment.frf import loop_is_known
 from gough_stewart.harness.report.table import Table
-from gough_stewart.harness.results.metrics import metrics
 from tests.support.commands import invoke
 from tests.support.uneven import PARAMETERS
 

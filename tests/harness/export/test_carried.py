@@ -13,20 +13,20 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ControllerError, ExportError, UnstableLoopError
+from gough_stewart import Experiment, UnstableLoopError
+from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import Part, carried
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import Notes, left_out, notes_of
 from gough_stewart.harness.export.stability import Host, stability_of
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.export.test_controllers import PD
 from tests.harness.export.test_controllers import PID as UNFED
 from tests.harness.export.test_controllers import SINE as UNFADED
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.exported import Exported, run_in_python, uneven_experiment
 from tests.support.exported_loop import EXPORTED

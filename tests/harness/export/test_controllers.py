@@ -13,14 +13,11 @@ import control
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.makers import Sample
-from gough_stewart.harness.control.pid import Gains, pid, sampled
-from gough_stewart.harness.experiment.file import experiment_from, experiment_names, load_experiment
+from gough_stewart import Gains, LinearController, Sample, experiment_names, leg_geometry, load_experiment, pid, sampled
+from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.tables import path_of
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.exported import (
     KD,
     KI,

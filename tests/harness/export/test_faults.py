@@ -10,16 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart import LinearController, leg_geometry, load_preset, static_leg_forces
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed, ranges_of
 from gough_stewart.harness.motion.limits.reach import LegMotion, legs_of
-from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.export.test_controllers import CIRCLE, HOLD, PD, PID, SINE
+from tests.support.arrays import FloatArray
 from tests.support.exported import KP, Exported, commanded, measured_by, run_in_python, uneven_experiment
 from tests.support.uneven import UNEVEN
 

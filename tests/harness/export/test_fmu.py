@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart import leg_geometry, run
 from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.component import UnitComponent
-from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.controllers import FORCE_LIMIT, PROPORTIONAL, SAMPLE_TIME, forces_of, run_of, uneven_experiment
 from tests.support.fmu_plants import DISCARD, ERROR, OK, Plant, refused
 from tests.support.saved_bytes import accepts, numbers_of, with_numbers

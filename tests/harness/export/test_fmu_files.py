@@ -15,10 +15,10 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
+from gough_stewart import LinearController
 from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.sources import sources, standard_headers
-from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile

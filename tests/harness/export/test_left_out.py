@@ -8,9 +8,10 @@ import pytest
 from pydantic import create_model
 
 import gough_stewart as gs
+from gough_stewart import Experiment
 from gough_stewart.harness.control.drive import ActuatorChoice
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.schema import ChangeChoice, Experiment
+from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export.notes import _HAS, left_out
 from gough_stewart.harness.export.stability import Host
 from gough_stewart.harness.section import TableSection

@@ -8,8 +8,8 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.export.test_controllers import HOLD, PD, PID, SINE
+from tests.support.arrays import FloatArray
 from tests.support.exported import REALS, Exported, uneven_experiment
 from tests.support.sampled_unit import run_unit
 

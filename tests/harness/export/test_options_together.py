@@ -17,9 +17,9 @@ from allpairspy import AllPairs
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
+from gough_stewart import Experiment
 from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.covering import covering
 from tests.support.documented_controller import (
     COUNT,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gough_stewart import load_experiment
 from gough_stewart.harness.control.controllers import feedforward
-from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.write import controller_sources, deviation_of
 from gough_stewart.harness.motion.paths.polynomials import Polynomials

@@ -11,15 +11,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart import (
+    Chirp,
+    Circle,
+    GoughStewartError,
+    Hold,
+    LinearController,
+    PointToPoint,
+    Sine,
+    Step,
+    leg_geometry,
+)
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
 from gough_stewart.harness.export.write import RUNTIME, controller_sources
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step
-from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_controllers import CASES, CIRCLE, HOLD, PD, PID, SINE
 from tests.support.exported import (
     KP,

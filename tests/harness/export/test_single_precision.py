@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import load_experiment
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.moments import function_of_time
 from gough_stewart.harness.export.write import RUNTIME, controller_sources

@@ -19,11 +19,18 @@ from fmpy.ssp.simulation import simulate_ssp
 from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart import (
+    LinearController,
+    Platform,
+    State,
+    UnstableLoopError,
+    leg_geometry,
+    leg_jacobian,
+    static_leg_forces,
+)
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.ensemble.chunk import margins_of
-from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.design import designed
@@ -31,10 +38,6 @@ from gough_stewart.harness.export.notes import notes_of
 from gough_stewart.harness.export.stability import Host, LoopStability, StabilityReport, Tally, stability_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.open import ModelPlant
-from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from tests.harness.export.test_controllers import PID
 from tests.support.exported import Exported, uneven_experiment
 from tests.support.uneven import UNEVEN

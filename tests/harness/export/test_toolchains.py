@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gough_stewart.harness.experiment.file import experiment_names, load_experiment
+from gough_stewart import experiment_names, load_experiment
 from gough_stewart.harness.export.choices import ReferenceFrom, faults_of
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.write import controller_sources

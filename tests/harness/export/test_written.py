@@ -8,7 +8,7 @@ import casadi
 import numpy as np
 import pytest
 
-from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed

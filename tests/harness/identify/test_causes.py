@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.identify import identify
+from gough_stewart import Estimate, identify
 from gough_stewart.harness.identify.report import estimate_tables
 from tests.support.machine_logs import (
     MACHINE,

@@ -8,12 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import gough_stewart as gs
-from gough_stewart.harness.identify.excite import excite, experiment_text, within_limits
-from gough_stewart.harness.identify.retuned import before_and_after
+from gough_stewart import before_and_after, excite, load_preset
+from gough_stewart.harness.identify.excite import experiment_text, within_limits
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.model.errors import ArgumentError
-from gough_stewart.model.platform import load_preset
 from tests.support.information import with_changes
 from tests.support.lagrangian import Pose, forces_along
 from tests.support.tables_shown import heads_of, rows_of

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
+from gough_stewart import Circle, Log, excite, identify, load_preset
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.excite import criteria, excite, within_limits
-from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.excite import criteria, within_limits
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.motion.references import Circle
-from gough_stewart.model.platform import load_preset
 from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.machine_logs import Course, friction
 from tests.support.uneven import UNEVEN

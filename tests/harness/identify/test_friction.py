@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gough_stewart import Platform, load_preset
 from gough_stewart.harness.identify.friction import StickingFriction, sliding_rows, unit_friction
-from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.sticking_logs import LEGS, Law
 
 H = 1e-3

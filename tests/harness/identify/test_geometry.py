@@ -10,13 +10,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from gough_stewart import Estimate, Log, Platform, forward_kinematics, load_platform, save_platform
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify import geometry as eq
-from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.model.forward_kinematics import forward_kinematics
-from gough_stewart.model.platform import Platform, load_platform, save_platform
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 

@@ -8,13 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import t
 
-from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
+from gough_stewart import Acceleration, IdentificationWarning, identify, inverse_dynamics
+from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.fit import scales
-from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.regressor import elements_of, gradient, linear_parameters, regressor
 from gough_stewart.harness.identify.report import estimate_verdict
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.machine_logs import MACHINE, NAMES, NOMINAL, Course, Sensing, Swing, machine_log

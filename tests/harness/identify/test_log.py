@@ -8,9 +8,8 @@ import numpy as np
 import polars
 import pytest
 
+from gough_stewart import Log, read_log, run
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.identify.log import Log, read_log
 
 LENGTHS = 0.31 + 0.017 * np.sin(np.outer(np.arange(8), [1.0, 1.3, 1.7, 2.1, 2.3, 2.9]))
 FORCES = 40.0 + 13.0 * np.cos(np.outer(np.arange(8), [0.7, 1.1, 1.9, 2.2, 2.6, 3.1]))

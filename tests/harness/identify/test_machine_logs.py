@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.identify import identify
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart import Acceleration, Platform, State, identify, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
     matrix_from_orientation,
 )
-from gough_stewart.model.state import State
 from tests.support.lagrangian import Pose, forces_along
 from tests.support.machine_logs import (
     MACHINE,

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from gough_stewart import Acceleration, Platform, inverse_dynamics, leg_geometry
 from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of, smoothed
 from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
 from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
 from gough_stewart.harness.identify.rows import RawNoise, tilt_directions, tilted
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
-from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.kinematics import leg_accelerations, rates_of_legs
 from tests.support import machine_logs
+from tests.support.arrays import FloatArray
 from tests.support.uneven import STATE, UNEVEN
 
 RNG = np.random.default_rng(24)

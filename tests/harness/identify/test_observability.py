@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gough_stewart import identify
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
 from tests.support.machine_logs import (
     HEAVE,

@@ -16,9 +16,9 @@ from scipy.ndimage import minimum_filter1d
 from scipy.stats import chi2
 
 import gough_stewart as gs
+from gough_stewart import Log
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.covering import covering
 from tests.support.information import information, readings, sensitivities, with_changes

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart.harness.report.codec import from_json
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 

@@ -14,19 +14,17 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
+from gough_stewart import Estimate, Log, identify, leg_geometry, run
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.identify import faults
 from gough_stewart.harness.identify.blas import _controls, one_blas_thread
-from gough_stewart.harness.identify.estimate import Estimate, on_one_axis
+from gough_stewart.harness.identify.estimate import on_one_axis
 from gough_stewart.harness.identify.faults import hold_of, without_held_rows
-from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log, log_of, rows_apart
+from gough_stewart.harness.identify.log import log_of, rows_apart
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.report import estimate_verdict
 from gough_stewart.harness.identify.screen import check_units, screened
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.machine_logs import (
     HEAVE,
     MACHINE,

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from gough_stewart import Estimate
 from gough_stewart.harness.identify.causes import Diagnosis, Finding, LackOfFit, Unseen
-from gough_stewart.harness.identify.estimate import FILES, Estimate, Residuals, identification_files
+from gough_stewart.harness.identify.estimate import FILES, Residuals, identification_files
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of

@@ -9,12 +9,10 @@ import polars
 import pytest
 from scipy.interpolate import make_interp_spline
 
+from gough_stewart import Log, Platform, identify, read_log, run
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log, log_of, read_log
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.harness.identify.log import log_of
+from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
 from tests.support.machine_logs import MACHINE, Swing
 

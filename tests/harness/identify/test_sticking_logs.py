@@ -7,10 +7,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from gough_stewart import Estimate, Log, identify
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.identify import identify, not_shown
-from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.identify import not_shown
 from gough_stewart.harness.identify.lowpass import cutoff_of, smoothed
 from gough_stewart.harness.identify.screen import cutoff_within_noise
 from tests.support.machine_logs import MACHINE, Swing

@@ -8,7 +8,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.timing import MOST_STEPS, Timing
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import experiment_of
 

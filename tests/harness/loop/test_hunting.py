@@ -28,7 +28,7 @@ def test_a_pid_with_stiction_hunts_alike_in_c_and_in_a_unit() -> None:
 @pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
 def test_it_hunts_alike_in_every_host(springs: bool) -> None:
     """Expected: the unit at 1e-11. Asked were 1e-6 at 1e-10, 1e-4 at 1 ms."""
-    from gough_stewart.harness.experiment.file import load_experiment
+    from gough_stewart import load_experiment
     from gough_stewart.harness.experiment.preparation import prepare
     from gough_stewart.harness.export.machine import machine_of
     from gough_stewart.harness.plants.open import ModelPlant

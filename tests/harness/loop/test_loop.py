@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import gough_stewart as gs
+from gough_stewart import State, StepError
 from gough_stewart.harness.control.laws_of_members import SeparateLaws
 from gough_stewart.harness.errors import ControllerError, ExperimentError, PlantError
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -21,10 +22,8 @@ from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
-from gough_stewart.model.errors import StepError
-from gough_stewart.model.state import State
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.loop.test_compiled_loop import VARIED, batch_of, in_numpy
+from tests.support.arrays import FloatArray
 from tests.support.fake_plants import LENGTHS, MASSES, VELOCITY, ManyMasses, Masses, signals_of
 from tests.support.loops import FORCES, constant, loop_of, reference, run_with
 

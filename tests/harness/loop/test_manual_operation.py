@@ -18,8 +18,8 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.export.test_controllers import PID, SINE
+from tests.support.arrays import FloatArray
 from tests.support.exported import Exported, largest_difference
 from tests.support.exported import uneven_experiment as exported_experiment
 from tests.support.uneven_loops import experiment_of as uneven_experiment

@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart import LinearController, Sample, pid, sampled
 from gough_stewart.harness.control.laws_of_members import laws_of
-from gough_stewart.harness.control.makers import Sample
-from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Seeds, Timing
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
 from tests.support.loops import FORCES, constant, loop_of
 from tests.support.members import (

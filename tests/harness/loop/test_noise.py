@@ -10,7 +10,7 @@ from scipy import stats
 from scipy.linalg import solve_discrete_lyapunov
 
 import gough_stewart as gs
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart import LinearController
 from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.loop.loop import Actuators, Loop, Sensors
 from gough_stewart.harness.loop.python_host import standard_normal, streams_of
@@ -20,7 +20,7 @@ from gough_stewart.harness.loop.timing import Seed, Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.loops import constant, loop_of, run_with
 from tests.support.uneven import UNEVEN
 

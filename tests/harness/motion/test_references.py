@@ -11,23 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gough_stewart import Chirp, Circle, GoughStewartError, Hold, Platform, PointToPoint, Sine, Step, load_preset
 from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.motion.motion import Motion, Reference, extrapolated, motion_of
-from gough_stewart.harness.motion.references import (
-    Chirp,
-    Circle,
-    Hold,
-    PointToPoint,
-    ReferenceChoice,
-    Sine,
-    Step,
-)
+from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.quantities import Velocity
 from gough_stewart.harness.section import ByType, TableSection
-from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.reference_motions import (
     AMPLITUDE,
     CHANGE,

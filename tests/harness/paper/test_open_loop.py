@@ -9,14 +9,13 @@ import fmpy
 import numpy as np
 import pytest
 
+from gough_stewart import StepError, load_preset
 from gough_stewart.fmu_build.build import VERSIONS
 from gough_stewart.harness.paper import agreement, readings
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.plants import unit
 from gough_stewart.harness.plants.unit import FmiType, FmuInstance
-from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
-from gough_stewart.model.platform import load_preset
 from tests.support.fmu_plants import Fmu
 
 

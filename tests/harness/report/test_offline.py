@@ -12,10 +12,10 @@ from zipfile import ZipFile
 import lxml.html
 import pytest
 
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.report import offline
 from gough_stewart.harness.report.offline import bokeh, bokeh_licence, document, three, three_licence
 from gough_stewart.harness.report.versions import versions
-from gough_stewart.model.errors import GoughStewartError
 
 SCRIPTS = ("let a = 1;\r\nlet b = 2;\rlet c = 'ü <b>';", "a + b;")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from gough_stewart import load_experiment
 from gough_stewart.harness.errors import SearchError
-from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.tuning.candidates import members_for
 from gough_stewart.harness.tuning.goal import condition_of
 from gough_stewart.harness.tuning.space import SearchAxis, axes_of

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import load_experiment
 from gough_stewart.harness.errors import NoCandidateError
-from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.tuning.candidates import members_for
 from gough_stewart.harness.tuning.goal import Evaluation, Goal, condition_of
 from gough_stewart.harness.tuning.search import Search

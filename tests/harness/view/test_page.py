@@ -8,15 +8,13 @@ import numpy as np
 import polars
 import pytest
 
+from gough_stewart import Platform, Record, metrics, view
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import NEARNESS
-from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view import view as view_file
-from gough_stewart.harness.view.view import MOST_RECORDS, names_of, view, view_page
+from gough_stewart.harness.view.view import MOST_RECORDS, names_of, view_page
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
 from tests.support.page_arrays import data_of, elements, unpacked
 from tests.support.records import waving_record

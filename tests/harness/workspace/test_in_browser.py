@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
+from gough_stewart import evaluate_poses, load_preset, sweep
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.palette import INK
 from gough_stewart.harness.workspace.workspace_report import workspace_report
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.workspace import Limit, Workspace, evaluate_poses, sweep
+from gough_stewart.model.workspace import Limit, Workspace
 from tests.support.browser import Watched, until, watched
 
 

@@ -10,16 +10,16 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gough_stewart import Platform, evaluate_poses, load_preset, sweep
 from gough_stewart.harness.report.chart import Chart, Surface
 from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
 from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report
 from gough_stewart.model.kinematics import joint_angles
-from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.pose_limits import LARGEST_PITCH
-from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, PoseQualities, Workspace, evaluate_poses, limits_at, sweep
+from gough_stewart.model.workspace import Limit, PoseQualities, Workspace, limits_at
+from tests.support.arrays import FloatArray
 from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 

@@ -12,15 +12,13 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 from typer.testing import Result
 
+from gough_stewart import evaluate_poses, leg_geometry, load_preset, sweep
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.workspace.isosurface import Isosurface, clearance, isosurface, surface_of
 from gough_stewart.harness.workspace.workspace_report import workspace_report
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.workspace import evaluate_poses, sweep
 from tests.support.commands import invoke
 from tests.support.random_platforms import random_platform
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import leg_geometry
 from gough_stewart.harness.export.live.page import live_machine, reach_of
-from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_controllers import often
 from tests.harness.export.test_machine import Machine, rows_of
 from tests.support.random_platforms import random_platform

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gough_stewart import Hold, Platform, Sine, Step
 from gough_stewart.harness.motion.limits.needs import needs_along
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.references import Hold, Sine, Step
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN
 

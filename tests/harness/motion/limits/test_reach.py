@@ -10,15 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gough_stewart import GoughStewartError, Hold, Platform, PointToPoint, Sine, leg_jacobian, load_preset
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.reach import check_reach, legs_of
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.references import Hold, PointToPoint, Sine
-from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.kinematics import joint_angles, leg_jacobian
-from gough_stewart.model.platform import Platform, load_preset
+from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.pose_limits import LARGEST_PITCH
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.random_platforms import random_platform
 
 TIMES = np.linspace(0, 1, 101)

@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gough_stewart import Platform, Sine, load_preset
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.fitting import factor_that_fits, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.limits.reach import check_reach, legs_of
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER, Shares, shares_along
 from gough_stewart.harness.motion.motion import Motion, Scaled, slower, smaller
-from gough_stewart.harness.motion.references import Sine
-from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.random_platforms import random_platform
 
 TIMES = np.linspace(0, 1, 201)

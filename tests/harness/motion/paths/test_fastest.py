@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from gough_stewart import Platform, check, leg_geometry, load_preset
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.experiment.checking import check
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.paths.fastest import fastest
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import polynomials_of
 from gough_stewart.harness.motion.paths.time_law import TimedPath
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 from tests.support.direct_transcription import least_time
 from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN

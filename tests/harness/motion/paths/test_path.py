@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from gough_stewart import ViaPath
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.paths.path import GeometricPath, turning_of
-from gough_stewart.harness.motion.paths.via_path import ViaPath
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 POSITION = np.array([[0.1, -0.2, 2.9], [0.3, 0.1, 3.1], [-0.2, 0.15, 3.0], [0.05, -0.1, 2.7]])
 ORIENTATION = np.array([[0.1, -0.2, 0.3], [-0.3, 0.25, -0.4], [0.2, 0.3, 0.9], [0.0, -0.1, 0.2]])

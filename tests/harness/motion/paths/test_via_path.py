@@ -9,20 +9,16 @@ import polars
 import pytest
 from numpy.testing import assert_allclose
 
+from gough_stewart import Acceleration, State, ViaPath, inverse_dynamics, load_experiment, load_preset, run
 from gough_stewart.harness.errors import ExperimentError, MotionError
-from gough_stewart.harness.experiment.file import experiment_from, load_experiment
+from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.motion.motion import coordinates_of
 from gough_stewart.harness.motion.paths.fastest import fastest
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import polynomials_of
 from gough_stewart.harness.motion.paths.time_law import Quintic, TimedPath, TimeLaw
-from gough_stewart.harness.motion.paths.via_path import ViaPath
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
-from gough_stewart.model.platform import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import State
 from tests.support.uneven import UNEVEN
 
 POSES: Any = [[0.1, -0.1, 2.9, 0.05, -0.02, 0.1], [0.15, 0.1, 2.95, -0.05, 0.1, -0.1], [-0.1, 0.0, 2.8, 0.1, 0.0, 0.2]]

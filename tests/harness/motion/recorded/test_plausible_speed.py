@@ -6,13 +6,12 @@ import numpy as np
 import polars
 import pytest
 
+from gough_stewart import check, load_preset
 from gough_stewart.harness.errors import ExperimentError, MotionError
-from gough_stewart.harness.experiment.checking import check
 from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
 from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 MS = "times look like milliseconds"
 HEADINGS = ("x [m]", "y [m]", "z [m]", "roll [rad]", "pitch [rad]", "yaw [rad]")

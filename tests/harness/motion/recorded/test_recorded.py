@@ -17,17 +17,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gough_stewart import load_experiment, load_preset, run
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.motion.recorded.columns import columns_of
 from gough_stewart.harness.motion.recorded.low_pass import resampled
 from gough_stewart.harness.motion.recorded.recording import read_recording
 from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.vectors import FloatArray
+from tests.support.arrays import FloatArray
 
 PLATFORM = load_preset("motion_base")
 FREQUENCIES = np.array([0.4, 0.7, 1.1, 0.5, 0.9, 0.3])

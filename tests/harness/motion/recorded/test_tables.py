@@ -12,16 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gough_stewart import Sine, load_preset
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.recorded.low_pass import smoothed
 from gough_stewart.harness.motion.recorded.recording import read_recording
 from gough_stewart.harness.motion.recorded.table import FromTable
-from gough_stewart.harness.motion.references import (
-    FromFile,
-    Sine,
-)
-from gough_stewart.model.platform import load_preset
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.harness.motion.references import FromFile
+from tests.support.arrays import FloatArray
 from tests.support.reference_motions import (
     AMPLITUDE,
     HEAVE,
