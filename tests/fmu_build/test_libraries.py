@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from gough_stewart import GoughStewartError
 from gough_stewart.fmu_build import libraries, toolchain
-from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import (
     LanesLibrary,
@@ -151,7 +151,9 @@ def test_the_order_of_compilers_is_cc_zig_and_the_systems(tmp_path: Path, monkey
     for expected in (cc, gcc, clang):
         assert compiler_of(native()).command == (expected,)
         Path(expected).unlink()
-    with pytest.raises(BuildError, match=r"^no C compiler for \S+ was found \(CC, zig, cc, .*gough-stewart\[compile\]"):
+    with pytest.raises(
+        GoughStewartError, match=r"^no C compiler for \S+ was found \(CC, zig, cc, .*gough-stewart\[compile\]"
+    ):
         compiler_of(native())
     program("cc")
     monkeypatch.setattr(toolchain, "find_spec", lambda _name: object())

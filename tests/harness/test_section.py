@@ -7,7 +7,7 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
-from gough_stewart.harness.errors import ExperimentError
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.section import FileName, Kind, TableSection, file_names, kinds
 
 
@@ -73,5 +73,5 @@ def test_kinds_are_known_by_their_type_through_classes_between() -> None:
 
     assert kinds(Base) == {"own": Own, "other": Other}
     assert Own().model_dump(exclude_unset=True) == {"type": "own"}
-    with pytest.raises(ExperimentError, match=r"^sice: unknown key \(= 3\); did you mean 'size'\?$"):
+    with pytest.raises(GoughStewartError, match=r"^sice: unknown key \(= 3\); did you mean 'size'\?$"):
         Own(sice=3)  # type: ignore[call-arg]

@@ -110,7 +110,7 @@ def test_what_could_mean_two_things_is_refused_with_the_remedy(content: bytes, r
         numbers_of(read_table(tmp_path / "a.csv", "log"), "a")
     assert str(caught.value).startswith(reason)
     for path, missing in ((tmp_path / "none", "No such file or directory"), (tmp_path, "Is a directory")):
-        with pytest.raises(TableError, match=rf"^cannot read this log: {missing}$"):
+        with pytest.raises(gs.GoughStewartError, match=rf"^cannot read this log: {missing}$"):
             read_table(path, "log")
 
 

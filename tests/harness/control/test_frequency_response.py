@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.control.frequency_response import (
     InjectionChoice,
     Multisine,
@@ -12,7 +13,6 @@ from gough_stewart.harness.control.frequency_response import (
     Sweep,
     response_of_periods,
 )
-from gough_stewart.harness.errors import ControllerError
 
 T = 1e-3
 KINDS: dict[str, InjectionChoice] = {
@@ -58,7 +58,7 @@ def test_a_multisine_is_the_flattest_of_fifty_sums_of_cosines(seed: int) -> None
 
 def refused(match: str, **values: Any) -> None:
     made: dict[str, Any] = {"leg": 1, "amplitude": 1.0, "band": (1, 10)} | values
-    with pytest.raises(ControllerError, match=match):
+    with pytest.raises(GoughStewartError, match=match):
         Multisine(**made).forces(3000, T, np.eye(6))
 
 
@@ -78,7 +78,7 @@ def test_injections_that_cannot_be_are_refused_with_the_reason() -> None:
     refused("a run of 3 s has 1.5 periods of 2 s.*loop.duration of 6 s", period=2.0)
     refused("amplitude", amplitude=0.0)
     refused("amplitude", amplitude="5 Nm")
-    with pytest.raises(ControllerError, match="bits; expected at most 1048575"):
+    with pytest.raises(GoughStewartError, match="bits; expected at most 1048575"):
         Prbs(leg=1, amplitude=1.0, band=(1e-4, 100)).signal(T)
-    with pytest.raises(ControllerError, match=r"1\.5 periods, of which 1 settle"):
+    with pytest.raises(GoughStewartError, match=r"1\.5 periods, of which 1 settle"):
         response_of_periods(np.ones(150), np.ones(150), 100, np.array([3]), 1)

@@ -8,7 +8,6 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.chunk import SIZE, Chunk, chunk
-from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.members import EnsemblePlan, Members, plan_from, plan_of
 from gough_stewart.harness.loop.run import simulate
@@ -125,7 +124,9 @@ def test_errors_go_down_with_the_tolerance_where_legs_slip() -> None:
 
 
 def test_an_ensemble_of_which_nobody_can_run_says_why() -> None:
-    with pytest.raises(ExperimentError, match=r"none of the first 40 members is possible; the first: .*platform_mass"):
+    with pytest.raises(
+        gs.GoughStewartError, match=r"none of the first 40 members is possible; the first: .*platform_mass"
+    ):
         gs.ensemble(small(platform_mass={"uniform": [-3, -1]}), workers=1)
 
 

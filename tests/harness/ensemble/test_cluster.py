@@ -83,7 +83,7 @@ def test_a_worker_with_other_versions_is_refused(
 ) -> None:
     """Expected: before anything runs, and by the worker itself where it joins later."""
     ours = {**exact_versions(), "numpy": "1.0"}
-    with pytest.raises(EnsembleError, match=r"a worker differs from this machine: numpy 1\.0 here and"):
+    with pytest.raises(gs.GoughStewartError, match=r"a worker differs from this machine: numpy 1\.0 here and"):
         chunk_there(plan_of(small()).text, ours, 0, 1)
     monkeypatch.setattr("gough_stewart.harness.ensemble.workers.exact_versions", lambda: ours)
     with pytest.raises(
@@ -126,12 +126,14 @@ def test_a_scheduler_that_is_not_there_is_said_in_time(tmp_path: Path, monkeypat
     """Expected: within the ten seconds, made one here."""
     monkeypatch.setattr("gough_stewart.harness.ensemble.workers.TIMEOUT", 1)
     begin = time.monotonic()
-    with pytest.raises(EnsembleError, match=r"no scheduler at tcp://127\.0\.0\.1:9 within 1 s: .*dask scheduler"):
+    with pytest.raises(
+        gs.GoughStewartError, match=r"no scheduler at tcp://127\.0\.0\.1:9 within 1 s: .*dask scheduler"
+    ):
         gs.ensemble(small(members=8), out=tmp_path, scheduler="tcp://127.0.0.1:9")
     assert time.monotonic() - begin < 15
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(EnsembleError, match=r"pip install 'gough-stewart\[cluster\]'"):
+    with pytest.raises(gs.GoughStewartError, match=r"pip install 'gough-stewart\[cluster\]'"):
         gs.ensemble(small(members=8), scheduler="tcp://127.0.0.1:9")

@@ -20,7 +20,6 @@ from gough_stewart.harness.ensemble.compare import (
     names_of,
     run_compared,
 )
-from gough_stewart.harness.errors import ExperimentError, RecordError
 from tests.harness.results.test_whole_run import tables_in
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
@@ -180,7 +179,7 @@ def test_the_second_experiment_has_the_machines_and_the_seed_of_the_first(tmp_pa
 def test_an_experiment_without_an_ensemble_cannot_be_compared(tmp_path: Path) -> None:
     """Expected: the message names what is missing; names of the same file in two folders are A and B."""
     one = gs.load_experiment("heave_step", {"loop.duration": 0.3})
-    with pytest.raises(ExperimentError, match="ensemble: is missing"):
+    with pytest.raises(gs.GoughStewartError, match="ensemble: is missing"):
         run_compared((one, one), ("A", "B"), tmp_path, lambda _: None)
     assert names_of("x/a.toml", "y/a.toml") == ("A", "B")
     assert names_of("x/slow.toml", "fast") == ("slow", "fast")
@@ -230,7 +229,9 @@ def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
         assert members[1] == each.values("force.peak")[1]
     assert {each.path for each in report.numbers} <= {each.path for each in known_numbers()}
     renumbered = with_columns(b, member=[0, 1, 7])
-    with pytest.raises(RecordError, match="3 and 3 members, 2 of them in both; expected the same members in both"):
+    with pytest.raises(
+        gs.GoughStewartError, match="3 and 3 members, 2 of them in both; expected the same members in both"
+    ):
         compare(a, renumbered)
     # members are joined by their number, whatever the order of the rows
     turned = compare(a, Ensemble(b.members.reverse(), b.bands, b.metadata))
@@ -248,7 +249,7 @@ def test_inputs_that_are_no_numbers_are_the_same_in_both() -> None:
 def test_only_the_same_members_are_compared() -> None:
     """Expected: a message that names what differs."""
     first = ensemble_of(normal(60))
-    with pytest.raises(RecordError, match="60 and 59 members, 59 of them in both"):
+    with pytest.raises(gs.GoughStewartError, match="60 and 59 members, 59 of them in both"):
         compare(first, ensemble_of(normal(60)[:59]))
-    with pytest.raises(RecordError, match=r"platform_mass of member 0 is .* expected the same \[ensemble\]"):
+    with pytest.raises(gs.GoughStewartError, match=r"platform_mass of member 0 is .* expected the same \[ensemble\]"):
         compare(first, ensemble_of(normal(60, seed=3)))

@@ -15,7 +15,6 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart import metrics
-from gough_stewart.harness.errors import ControllerError, ExperimentError, SharedMemoryError
 from gough_stewart.harness.results.metrics import flattened
 from tests.support.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid
 
@@ -262,19 +261,19 @@ REFUSED = r"first member gave other results when it ran again \(.*keeps memory, 
 
 @pytest.mark.parametrize("where", REMEMBER)
 def test_a_function_with_memory_is_refused_wherever_it_keeps_it(where: str) -> None:
-    with pytest.raises(SharedMemoryError, match=REFUSED):
+    with pytest.raises(gs.GoughStewartError, match=REFUSED):
         ensemble(REMEMBER[where]())
 
 
 def test_memory_is_found_in_a_search_in_a_file_of_one_member_and_in_other_processes(tmp_path: Path) -> None:
-    with pytest.raises(SharedMemoryError, match=REFUSED):
+    with pytest.raises(gs.GoughStewartError, match=REFUSED):
         gs.tune(EXPERIMENT, VARY, RMS, SHORT, controller=from_before(), members=1, population=5)
-    with pytest.raises(SharedMemoryError, match=REFUSED):
+    with pytest.raises(gs.GoughStewartError, match=REFUSED):
         ensemble(None, 2, in_file(tmp_path, name="in_globals"))
-    with pytest.raises(SharedMemoryError, match=REFUSED):
+    with pytest.raises(gs.GoughStewartError, match=REFUSED):
         ensemble(in_a_closure(), 1)
     pytest.importorskip("cloudpickle")
-    with pytest.raises(SharedMemoryError, match=REFUSED):
+    with pytest.raises(gs.GoughStewartError, match=REFUSED):
         gs.ensemble(EXPERIMENT, SHORTEST, controller=in_a_closure(), members=600, workers=2)
 
 
@@ -292,7 +291,9 @@ def test_memory_that_changes_no_result_is_allowed() -> None:
 
 @pytest.mark.parametrize("only", [WAYS["object"](), proportional])
 def test_a_factory_that_gives_the_same_object_twice_is_refused(only: Any) -> None:
-    with pytest.raises(SharedMemoryError, match=r"members 0 and 1 got the same (object of class Pid|proportional\(\))"):
+    with pytest.raises(
+        gs.GoughStewartError, match=r"members 0 and 1 got the same (object of class Pid|proportional\(\))"
+    ):
         ensemble(lambda _platform, _sample_time: only)
 
 
@@ -301,7 +302,9 @@ def test_linear_controllers_of_a_factory_may_be_the_same_but_not_of_different_st
     pid, pd = (gs.sampled(gs.pid(gs.Gains(2e4, 500.0, integral)), 1e-3) for integral in (100.0, 0.0))
     assert ensemble(lambda _platform, _sample_time: pid).members.equals(ensemble(pid).members, null_equal=True)
     both = [pd, pid]
-    with pytest.raises(ControllerError, match=r"different structure, linear in .* 12 states, 18 inputs .* 6 states"):
+    with pytest.raises(
+        gs.GoughStewartError, match=r"different structure, linear in .* 12 states, 18 inputs .* 6 states"
+    ):
         ensemble(lambda _platform, _sample_time: both.pop())
 
 
@@ -309,10 +312,10 @@ def test_what_cannot_be_copied_or_passed_or_varied_is_refused(monkeypatch: pytes
     held = WAYS["object"]()
     held.numbers = (k for k in range(3))
     for call in (gs.run, gs.ensemble):
-        with pytest.raises(ExperimentError, match=r"object of class Pid cannot be copied .* use a factory"):
+        with pytest.raises(gs.GoughStewartError, match=r"object of class Pid cannot be copied .* use a factory"):
             call(EXPERIMENT, SHORT, controller=held)
-    with pytest.raises(ExperimentError, match=r"controller\.bandwidth: has no effect, since controller="):
+    with pytest.raises(gs.GoughStewartError, match=r"controller\.bandwidth: has no effect, since controller="):
         gs.tune(EXPERIMENT, ["controller.bandwidth=1..3Hz"], RMS, SHORT, controller=Pid, members=2)
     monkeypatch.setitem(sys.modules, "cloudpickle", None)
-    with pytest.raises(ControllerError, match=r"cannot be passed .* install cloudpickle.* workers=1"):
+    with pytest.raises(gs.GoughStewartError, match=r"cannot be passed .* install cloudpickle.* workers=1"):
         gs.ensemble(EXPERIMENT, SHORTEST, controller=lambda _sample: np.zeros(6), members=600, workers=2)

@@ -8,7 +8,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart import metrics
-from gough_stewart.harness.errors import EnsembleError, ExperimentError
+from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.members import plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.results.metrics import flattened
@@ -57,9 +57,9 @@ def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
     drawn = gs.ensemble(file, {**SHORT, "ensemble": around}, workers=1).values(KP)
     assert ((drawn > 0.9 * 7e4) & (drawn < 1.1 * 7e4)).all()
     text = {**only, "controller": {"parameters": {"word": {"choice": [1, 2]}}}}
-    with pytest.raises(ExperimentError, match="class Pid accepts kp, kd; found 'word'"):
+    with pytest.raises(gs.GoughStewartError, match="class Pid accepts kp, kd; found 'word'"):
         gs.ensemble(file, {**SHORT, "ensemble": text}, workers=1)
-    with pytest.raises(ExperimentError, match=r"controller\.name: is common to all members"):
+    with pytest.raises(gs.GoughStewartError, match=r"controller\.name: is common to all members"):
         gs.ensemble(file, {**SHORT, "ensemble": {**only, "controller": {"name": {"choice": ["a", "b"]}}}})
 
 
@@ -104,7 +104,7 @@ def test_parameters_of_a_class_in_python_are_searched_too(file: Path) -> None:
     assert found.values == expected.values
     assert found.seen.value == expected.seen.value
     assert len(set(found.candidates["value"])) > 1
-    with pytest.raises(ExperimentError, match="file is missing; add the Python file of the controller, or give"):
+    with pytest.raises(gs.GoughStewartError, match="file is missing; add the Python file of the controller, or give"):
         gs.run(EXPERIMENT, {**SHORT, "controller": own})
 
 
@@ -126,7 +126,7 @@ def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path) -> 
     for name in ("legs.py", "table.csv"):
         text = (file.parent / name).read_text()
         (file.parent / name).write_text(f"{text}\n")
-        with pytest.raises(EnsembleError, match=rf"another experiment: files\.{name}"):
+        with pytest.raises(gs.GoughStewartError, match=rf"another experiment: files\.{name}"):
             gs.ensemble(file, SHORT, members=2, workers=1, out=out, resume=True)
         (file.parent / name).write_text(text)
     whole = gs.ensemble(file, SHORT, members=2, workers=1, out=out, resume=True)
@@ -137,7 +137,7 @@ def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path) -> N
     """Expected: with other gains or none it is refused; with the same class it goes on; files say that it was there."""
     interrupted(EXPERIMENT, tmp_path, Pid)
     for other in (None, WAYS["object"](), WAYS["factory"]()):
-        with pytest.raises(EnsembleError, match=r"another experiment: controller is .* here and 'class Pid, "):
+        with pytest.raises(gs.GoughStewartError, match=r"another experiment: controller is .* here and 'class Pid, "):
             gs.ensemble(EXPERIMENT, SHORT, controller=other, members=2, workers=1, out=tmp_path, resume=True)
     found = gs.ensemble(EXPERIMENT, SHORT, controller=Pid, members=2, workers=1, out=tmp_path, resume=True)
     plan = plan_from(json.loads((tmp_path / "ensemble.json").read_text())["plan"])

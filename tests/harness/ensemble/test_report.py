@@ -24,7 +24,6 @@ from gough_stewart.harness.ensemble.ensemble_report import (
     worst_table,
 )
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
-from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Table
 from tests.support.arrays import FloatArray
@@ -272,12 +271,12 @@ def test_an_ensemble_shows_itself_in_a_few_lines() -> None:
 def test_what_cannot_be_said_is_refused_with_the_reason() -> None:
     """Expected: the message names the metric, and what is missing."""
     ensemble = ensemble_of(normal(40))
-    with pytest.raises(RecordError, match=r"no metric 'force.peek'.*force\.peak"):
+    with pytest.raises(gs.GoughStewartError, match=r"no metric 'force.peek'.*force\.peak"):
         sensitivity(ensemble, "force.peek")
-    with pytest.raises(RecordError, match="6 members have a value; expected at least 7 for 4 inputs"):
+    with pytest.raises(gs.GoughStewartError, match="6 members have a value; expected at least 7 for 4 inputs"):
         sensitivity(ensemble_of(normal(6)), PEAK)
     members = ensemble.members.with_columns(polars.lit(1.0).alias(PEAK))
-    with pytest.raises(RecordError, match="is the same for all members"):
+    with pytest.raises(gs.GoughStewartError, match="is the same for all members"):
         sensitivity(Ensemble(members, ensemble.bands, ensemble.metadata), PEAK)
     assert group_name(["base_points[1,1]", "base_points[1,2]", "platform_mass"]) == "base_points & platform_mass"
 

@@ -16,9 +16,8 @@ import gough_stewart as gs
 from gough_stewart.harness.ensemble import workers as processes
 from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.ensemble import PLAN
-from gough_stewart.harness.errors import EnsembleError, ExperimentError
+from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.report.requirements import with_requirements
-from gough_stewart.model.errors import OutputError
 from tests.support.small_ensemble import MANY, small
 
 FILES = {"members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"}
@@ -97,7 +96,7 @@ def test_two_workers_give_the_same_bytes_as_one_though_one_is_killed(tmp_path: P
 
 def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path: Path) -> None:
     settings, progress = with_law(tmp_path, always=True)
-    with pytest.raises(EnsembleError, match=r"members 0 to 511: .*SIGKILL.*tried 3 times\. Not enough memory"):
+    with pytest.raises(gs.GoughStewartError, match=r"members 0 to 511: .*SIGKILL.*tried 3 times\. Not enough memory"):
         gs.ensemble("heave_step", settings, workers=2, progress=progress)
 
 
@@ -122,7 +121,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(undisturbed: Mapping[str, 
     assert "--resume" in caught.__notes__[0]
     assert {path.name for path in tmp_path.iterdir()} == {FOLDER, PLAN}
     kept = files_in(tmp_path / FOLDER)
-    with pytest.raises(EnsembleError, match="finished chunks of an incomplete ensemble"):
+    with pytest.raises(gs.GoughStewartError, match="finished chunks of an incomplete ensemble"):
         run(out=tmp_path)
     assert files_in(tmp_path / FOLDER) == kept
     done = list[int]()
@@ -151,7 +150,7 @@ def test_results_of_another_experiment_are_not_gone_on_with(tmp_path: Path) -> N
     before = files_in(tmp_path / FOLDER)
 
     def refused(message: str, settings: dict[str, Any] | None = None, **options: Any) -> str:
-        with pytest.raises(EnsembleError, match=message) as caught:
+        with pytest.raises(gs.GoughStewartError, match=message) as caught:
             gs.ensemble("heave_step", MANY | (settings or {}), out=tmp_path, resume=True, **options)
         return str(caught.value)
 
@@ -185,7 +184,9 @@ def test_a_full_disk_keeps_what_is_finished(
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", full)
-        with pytest.raises(OutputError, match=r"no space left on the disk; 1 finished chunk is kept in .*--resume"):
+        with pytest.raises(
+            gs.GoughStewartError, match=r"no space left on the disk; 1 finished chunk is kept in .*--resume"
+        ):
             run(out=tmp_path)
     files = ChunkFiles(tmp_path)
     assert (files.features(SIZE), files.count()) == (None, 1)
@@ -276,5 +277,5 @@ def test_processes_are_as_many_as_cores_that_have_chunks(monkeypatch: pytest.Mon
     numbers = [processes.processes_for(chunks, 3, experiment) for chunks in (1, 7, 8, 11, 12, 99)]
     assert numbers == [0, 1, 2, 2, 3, 3]
     assert processes.processes_for(2, 3, experiment, object()) == 2
-    with pytest.raises(EnsembleError, match="workers is 0"):
+    with pytest.raises(gs.GoughStewartError, match="workers is 0"):
         gs.ensemble(small(), workers=0)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
 
 AT_REST: dict[str, Any] = {
     **{"sensors.quantisation": {}, "loop.duration": 0.6, "reference": {"type": "hold"}, "loop.delay": 0},
@@ -83,7 +82,7 @@ def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:
 )
 def test_changes_of_settings_that_cannot_be_are_refused(change: dict[str, Any], said: str) -> None:
     """Expected: the value found, and what would be right."""
-    with pytest.raises(ExperimentError, match=said):
+    with pytest.raises(gs.GoughStewartError, match=said):
         gs.run("heave_step", {**AT_REST, "change": [change]})
 
 

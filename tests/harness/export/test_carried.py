@@ -14,7 +14,6 @@ from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
 from gough_stewart import Experiment, UnstableLoopError
-from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.choices import Part, carried
@@ -220,7 +219,9 @@ def test_a_loop_of_the_harness_refuses_a_unit_with_parts(written: tuple[Experime
     """Expected: its drives would act twice; what is wrong, and what to do."""
     experiment, files, _ = written
     table = {"type": "fmu", "file": str(files[0]), "parameters": {"output_delay": 1}}
-    with pytest.raises(ControllerError, match="carries drives or sensors of its machine, which the loop has as well"):
+    with pytest.raises(
+        gs.GoughStewartError, match="carries drives or sensors of its machine, which the loop has as well"
+    ):
         gs.run(experiment, {"controller": table})
 
 
@@ -354,7 +355,7 @@ def test_readings_later_than_the_samples_are_in_the_judged_delay() -> None:
     ],
 )
 def test_parts_that_cannot_be_are_refused(parts: Any, settings: dict[str, Any], message: str, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match=re.escape(message)):
+    with pytest.raises(gs.GoughStewartError, match=re.escape(message)):
         gs.export("heave_step", settings, forms="c", parts=parts, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

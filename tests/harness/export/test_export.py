@@ -46,11 +46,11 @@ def test_a_shipped_experiment_is_called_as_it_is_and_one_of_python_by_its_title(
 
 def test_forms_come_once_and_in_order() -> None:
     assert chosen_forms(["ssp", "fmu", "ssp"]) == ("fmu", "ssp")
-    with pytest.raises(ExportError, match="no form; expected one or more of fmu, c, ssp, page"):
+    with pytest.raises(gs.GoughStewartError, match="no form; expected one or more of fmu, c, ssp, page"):
         chosen_forms([])
     with pytest.raises(
         ExportError, match="'clocked'; expected one of fmu, c, ssp, page; the unit without a clock serves"
     ):
         chosen_forms("clocked")
-    with pytest.raises(ExportError, match="forms is 3; expected one or more of fmu, c, ssp"):
+    with pytest.raises(gs.GoughStewartError, match="forms is 3; expected one or more of fmu, c, ssp"):
         chosen_forms(3)  # type: ignore[arg-type]

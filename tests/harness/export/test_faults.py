@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart import LinearController, leg_geometry, load_preset, static_leg_forces
-from gough_stewart.harness.errors import ExportError
+from gough_stewart import GoughStewartError, LinearController, leg_geometry, load_preset, static_leg_forces
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed, ranges_of
 from gough_stewart.harness.motion.limits.reach import LegMotion, legs_of
@@ -218,13 +217,13 @@ def test_a_measurement_that_stands_still_while_its_reference_moves_is_frozen(sig
     ],
 )
 def test_choices_that_cannot_be_are_refused(arguments: Any, message: str) -> None:
-    with pytest.raises(ExportError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         faults_of(**arguments)
 
 
 def test_a_controller_of_rates_cannot_be_watched() -> None:
     damper = LinearController(control.ss([], [], [], np.eye(6), 0.0015), signals=("leg_velocity",))
-    with pytest.raises(ExportError, match=r"leg_length or position.*the controller measures leg_velocity"):
+    with pytest.raises(GoughStewartError, match=r"leg_length or position.*the controller measures leg_velocity"):
         started(damper, faults=faults_of(frozen=(5, 0.1)))
 
 

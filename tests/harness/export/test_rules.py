@@ -22,7 +22,6 @@ from gough_stewart import (
     Step,
     leg_geometry,
 )
-from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
 from gough_stewart.harness.export.write import RUNTIME, controller_sources
@@ -218,19 +217,19 @@ def test_a_motion_that_branches_is_refused() -> None:
     def motion(time: Any) -> Motion:
         return Hold(position=(0, 0, 3), orientation=(0, 0, 0))(time if time[0] > 0 else -time)
 
-    with pytest.raises(ExportError, match=r"reference cannot be traced with CasADi .* without branches, or"):
+    with pytest.raises(GoughStewartError, match=r"reference cannot be traced with CasADi .* without branches, or"):
         motion_function(motion)
 
 
 def test_nothing_to_compute_is_refused() -> None:
     experiment = uneven_experiment(reference=HOLD, controller={"type": "open_loop", "force": [1, 2, 3, 4, 5, 6]})
-    with pytest.raises(ExportError, match="its forces are constant; expected a controller with feedback"):
+    with pytest.raises(GoughStewartError, match="its forces are constant; expected a controller with feedback"):
         designed(experiment)
 
 
 @pytest.mark.parametrize("prefix", ["", "2nd", "Controller", "a-b", "a b", "x" * 42])
 def test_a_prefix_that_c_cannot_have_is_refused(prefix: str) -> None:
-    with pytest.raises(ExportError, match="expected a lower-case letter, then"):
+    with pytest.raises(GoughStewartError, match="expected a lower-case letter, then"):
         controller_sources(designed(uneven_experiment(**GRAVITY)), prefix)
 
 

@@ -16,7 +16,6 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart import load_experiment
-from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.moments import function_of_time
 from gough_stewart.harness.export.write import RUNTIME, controller_sources
@@ -178,5 +177,7 @@ def test_every_operation_of_a_motion_gives_its_value_after_days_of_samples(tmp_p
 def test_an_operation_without_a_rule_is_refused_with_a_remedy() -> None:
     t = casadi.SX.sym("time")
     function = casadi.Function("motion", [t], [casadi.sinh(t)], ["time"], ["motion"])
-    with pytest.raises(ExportError, match=r"no single precision \(number \d+ of CasADi in motion\).*reference = 'inp"):
+    with pytest.raises(
+        gs.GoughStewartError, match=r"no single precision \(number \d+ of CasADi in motion\).*reference = 'inp"
+    ):
         function_of_time(function)

@@ -12,7 +12,6 @@ from gough_stewart import before_and_after, excite, load_preset
 from gough_stewart.harness.identify.excite import experiment_text, within_limits
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.report.terminal import tables_text
-from gough_stewart.model.errors import ArgumentError
 from tests.support.information import with_changes
 from tests.support.lagrangian import Pose, forces_along
 from tests.support.tables_shown import heads_of, rows_of
@@ -88,7 +87,7 @@ def test_a_motion_uses_nine_tenths_of_the_tightest_limit() -> None:
     assert not scaled(1.06 / 0.9)
     forceful = replace(tight, actuator_force_max=1.0)
     assert not within_limits(forceful, time, found.about(forceful)(time))
-    with pytest.raises(ArgumentError, match="trials is 0; expected at least 1 motion"):
+    with pytest.raises(gs.GoughStewartError, match="trials is 0; expected at least 1 motion"):
         excite(tight, NAMES, trials=0)
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from gough_stewart import Circle, Log, excite, identify, load_preset
-from gough_stewart.harness.errors import IdentificationError
+from gough_stewart import Circle, GoughStewartError, Log, excite, identify, load_preset
 from gough_stewart.harness.identify.excite import criteria, within_limits
 from gough_stewart.harness.identify.names import expanded
 from tests.support.lagrangian import Pose, forces_along, legs_along
@@ -41,7 +40,7 @@ def test_the_same_seed_gives_the_same_motion_and_another_another() -> None:
 def test_a_platform_that_cannot_hold_itself_has_no_motion() -> None:
     """Expected: a refusal with the platform and the parameters; no actuator carries the platform with 1 N."""
     weak = replace(UNEVEN, actuator_force_max=1.0)
-    with pytest.raises(IdentificationError, match="no motion was found within the limits of uneven that excites plat"):
+    with pytest.raises(GoughStewartError, match="no motion was found within the limits of uneven that excites plat"):
         excite(weak, "platform_mass", duration=3.0, trials=2)
 
 

@@ -10,8 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from gough_stewart import Estimate, Log, Platform, forward_kinematics, load_platform, save_platform
-from gough_stewart.harness.errors import IdentificationError
+from gough_stewart import Estimate, GoughStewartError, Log, Platform, forward_kinematics, load_platform, save_platform
 from gough_stewart.harness.identify import geometry as eq
 from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
 from tests.support.commands import invoke
@@ -287,7 +286,7 @@ def test_what_has_an_interval_is_right_with_few_poses_and_with_a_small_stroke(n:
 
 
 def refused(log: Log, match: str, names: Any = GEOMETRY, **options: Any) -> None:
-    with pytest.raises(IdentificationError, match=match):
+    with pytest.raises(GoughStewartError, match=match):
         identify_geometry(log, NOMINAL, names, **options)
 
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import t
 
-from gough_stewart import Acceleration, IdentificationWarning, identify, inverse_dynamics
-from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart import Acceleration, GoughStewartError, IdentificationWarning, identify, inverse_dynamics
+from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.fit import scales
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.regressor import elements_of, gradient, linear_parameters, regressor
@@ -102,13 +102,13 @@ def test_what_is_no_number_is_refused_with_its_row(name: str) -> None:
     values = getattr(log, name).copy()
     values[70, ...] = np.nan
     index = r"" if name == "time" else r"\[1\]"
-    with pytest.raises(LogError, match=rf"machine: {name}{index} in row 71 is nan; expected a finite number"):
+    with pytest.raises(GoughStewartError, match=rf"machine: {name}{index} in row 71 is nan; expected a finite number"):
         identify(replace(log, **{name: values}), NOMINAL, "platform_mass")
 
 
 def test_what_acts_as_another_parameter_does_is_refused() -> None:
     """Expected: of both inertias of a leg the equations hold the sum only."""
-    with pytest.raises(IdentificationError, match=r"leg_\w+_inertia has the same effect as a combination of leg_"):
+    with pytest.raises(GoughStewartError, match=r"leg_\w+_inertia has the same effect as a combination of leg_"):
         identify(machine_log(course=Course(duration=8.0)), NOMINAL, ["leg_lower_inertia", "leg_upper_inertia"])
 
 
@@ -155,7 +155,7 @@ def test_an_inertia_that_no_body_has_is_kept_physical() -> None:
     ],
 )
 def test_a_log_that_no_such_machine_has_made_is_refused(change, message: str) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(LogError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         identify(change(machine_log(course=Course(duration=8.0))), NOMINAL, "platform_mass")
 
 
@@ -169,7 +169,7 @@ def test_a_log_that_no_such_machine_has_made_is_refused(change, message: str) ->
     ],
 )
 def test_names_that_cannot_be_estimated_are_refused(names: str, message: str) -> None:
-    with pytest.raises(IdentificationError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         identify(machine_log(course=Course(duration=8.0)), NOMINAL, names)
 
 
@@ -194,7 +194,7 @@ def test_names_that_cannot_be_estimated_are_refused(names: str, message: str) ->
 )
 def test_what_forces_do_not_tell_is_refused_with_what_serves_instead(estimate: str | list[str], message: str) -> None:
     """Expected: one error, before the log is read."""
-    with pytest.raises(IdentificationError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         identify("there is no such log", NOMINAL, estimate)
 
 
@@ -203,11 +203,11 @@ def test_an_option_of_the_other_method_and_a_method_that_there_is_not_are_refuse
         IdentificationError, match=r"'output_error'; expected linear, for masses, .* or geometry, for jo"
     ):
         identify("no log", NOMINAL, "platform_mass", "output_error")  # type: ignore[arg-type]
-    with pytest.raises(IdentificationError, match="accuracy is an option of method geometry only; this one is linear"):
+    with pytest.raises(GoughStewartError, match="accuracy is an option of method geometry only; this one is linear"):
         identify("no log", NOMINAL, "platform_mass", accuracy=(1e-5, 1e-4, None))
-    with pytest.raises(IdentificationError, match="pose_frame is an option of method geometry only"):
+    with pytest.raises(GoughStewartError, match="pose_frame is an option of method geometry only"):
         identify("no log", NOMINAL, "platform_mass", pose_frame="own")
-    with pytest.raises(IdentificationError, match="cutoff is an option of method linear only; this one is geometry"):
+    with pytest.raises(GoughStewartError, match="cutoff is an option of method linear only; this one is geometry"):
         identify("no log", NOMINAL, "base_points", cutoff=20.0)
 
 
@@ -219,7 +219,7 @@ def test_names_mean_all_of_their_elements_in_order() -> None:
     assert expanded(["leg_coulomb_friction[1..6]"], UNEVEN) == tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
     assert expanded(["leg_coulomb_friction", "leg_viscous_friction[3]"], UNEVEN)[0] == "leg_coulomb_friction"
     assert len(expanded(["force_gain", "base_points"], UNEVEN)) == 6 + 18
-    with pytest.raises(IdentificationError, match="no names; expected parameters"):
+    with pytest.raises(GoughStewartError, match="no names; expected parameters"):
         expanded([], UNEVEN)
 
 

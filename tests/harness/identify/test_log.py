@@ -8,8 +8,7 @@ import numpy as np
 import polars
 import pytest
 
-from gough_stewart import Log, read_log, run
-from gough_stewart.harness.errors import LogError
+from gough_stewart import GoughStewartError, Log, read_log, run
 
 LENGTHS = 0.31 + 0.017 * np.sin(np.outer(np.arange(8), [1.0, 1.3, 1.7, 2.1, 2.3, 2.9]))
 FORCES = 40.0 + 13.0 * np.cos(np.outer(np.arange(8), [0.7, 1.1, 1.9, 2.2, 2.6, 3.1]))
@@ -66,7 +65,9 @@ def test_currents_become_forces_by_their_factor(tmp_path: Path) -> None:
     force = read_log(path, force_per_current=250.0).actuator_force
     assert force is not None
     np.testing.assert_allclose(force, 0.25 * FORCES, rtol=1e-14)
-    with pytest.raises(LogError, match=r"motor currents, but force_per_current is None; expected the factor \[N/A\]"):
+    with pytest.raises(
+        GoughStewartError, match=r"motor currents, but force_per_current is None; expected the factor \[N/A\]"
+    ):
         read_log(path)
 
 
@@ -111,10 +112,10 @@ def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sa
 def test_what_is_no_log_is_refused_with_its_place(columns: dict[str, object], message: str, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     polars.DataFrame(columns, strict=False).write_csv(path)
-    with pytest.raises(LogError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         read_log(path)
 
 
 def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no such file; expected a log as CSV or Parquet"):
+    with pytest.raises(GoughStewartError, match="no such file; expected a log as CSV or Parquet"):
         read_log(tmp_path / "none.csv")

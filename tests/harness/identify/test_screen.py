@@ -14,7 +14,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
-from gough_stewart import Estimate, Log, identify, leg_geometry, run
+from gough_stewart import Estimate, GoughStewartError, Log, identify, leg_geometry, run
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify import faults
 from gough_stewart.harness.identify.blas import _controls, one_blas_thread
@@ -165,7 +165,9 @@ def test_interpolated_rows_are_noted_then_alarm_then_refuse(spikes: int, alarms:
     """Expected: docs/identify.md, more than 0.5 % of 2000 rows is an alarm, more than 2 % is refused."""
     log = with_spikes(LATE, "leg_length", 0.02, spikes, seed=2)
     if refused:
-        with pytest.raises(LogError, match=rf"late.csv: too many faults .* 2\.\d % of the rows .* {spikes} spikes"):
+        with pytest.raises(
+            GoughStewartError, match=rf"late.csv: too many faults .* 2\.\d % of the rows .* {spikes} spikes"
+        ):
             screened([log], NOMINAL)
         return
     found = screened([log], NOMINAL)
@@ -378,7 +380,7 @@ def test_held_readings_are_brought_to_their_own_rows() -> None:
     ]
     shifted = third.copy()
     shifted[1:, 5] = third[:-1, 5]
-    with pytest.raises(LogError, match=r"held for 3 rows, but legs change at different rows \(1, 3\)"):
+    with pytest.raises(GoughStewartError, match=r"held for 3 rows, but legs change at different rows \(1, 3\)"):
         without_held_rows(replace(log, length=shifted))
     assert without_held_rows(replace(log, force=values))[1] == []
 
@@ -475,7 +477,7 @@ def test_linear_algebra_has_one_thread_while_it_identifies_and_its_threads_after
 
 def test_exchanged_columns_of_forces_are_named() -> None:
     """Expected: the two legs whose columns were exchanged; before, a platform with a mass off by 1 % came of it."""
-    with pytest.raises(LogError, match="the forces of legs 3 and 6 look exchanged"):
+    with pytest.raises(GoughStewartError, match="the forces of legs 3 and 6 look exchanged"):
         identify(exchanged(machine_log(), 2, 5), NOMINAL, NAMES)
 
 
@@ -484,7 +486,7 @@ def test_times_of_32_bits_are_refused_by_that_name() -> None:
     log = machine_log()
     assert log.time is not None
     coarse = (np.asarray(log.time) + 1e4).astype(np.float32).astype(float)
-    with pytest.raises(LogError, match=r"times are numbers of 32 bits, 0\.00098 s apart at 100"):
+    with pytest.raises(GoughStewartError, match=r"times are numbers of 32 bits, 0\.00098 s apart at 100"):
         screened([replace(log, time=coarse)], NOMINAL)
     fine = np.asarray(log.time).astype(np.float32).astype(float)
     assert len(screened([replace(log, time=fine)], NOMINAL).parts) == 1
@@ -514,12 +516,12 @@ def test_units_are_judged_between_a_third_and_three_times() -> None:
     for factor, ratio, limit in ((0.35, 1 / 40, None), (2.9, 30.0, None), (1.0, -1.0, 1 / 2.9)):
         check(factor, ratio, limit)
     for factor in (0.32, 3.1):
-        with pytest.raises(LogError, match="leg 3 has a median length of"):
+        with pytest.raises(GoughStewartError, match="leg 3 has a median length of"):
             check(factor)
     for ratio in (1 / 100, 70.0):
-        with pytest.raises(LogError, match="expected similar forces"):
+        with pytest.raises(GoughStewartError, match="expected similar forces"):
             check(force=ratio)
-    with pytest.raises(LogError, match="exceeds actuator_force_max"):
+    with pytest.raises(GoughStewartError, match="exceeds actuator_force_max"):
         check(force=-1.0, limit=1 / 3.1)
 
 
@@ -559,5 +561,5 @@ def test_parts_are_fitted_up_to_their_share_and_shown_one_after_the_other() -> N
     assert_allclose(found, [0, 0.1, 0.2, 0.3, 0.4, 1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9])
     assert_allclose(spans, [(0.3, 0.4), (1.7, 1.9)])
     for wrong in (-0.1, 1.0):
-        with pytest.raises(LogError, match="expected a share of the log, 0 or more and less than 1"):
+        with pytest.raises(GoughStewartError, match="expected a share of the log, 0 or more and less than 1"):
             screened([LATE], NOMINAL, wrong)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.errors import LogError
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.identify.lowpass import edge, smoothed
 
 H = 4e-3
@@ -45,5 +45,7 @@ def test_a_log_shorter_than_the_filter_is_refused_with_both_lengths() -> None:
     """Expected: 2.75 periods of the cut-off on either side, and the row itself."""
     rows = 2 * int(np.ceil(2.75 / 20 / H)) + 1
     assert len(smoothed(np.ones((rows, 6)), H, 20.0)) == 1
-    with pytest.raises(LogError, match=f"{rows - 1} rows at 250 Hz are shorter than the filter of 20 Hz, {rows} rows"):
+    with pytest.raises(
+        GoughStewartError, match=f"{rows - 1} rows at 250 Hz are shorter than the filter of 20 Hz, {rows} rows"
+    ):
         smoothed(np.ones((rows - 1, 6)), H, 20.0)

@@ -9,8 +9,7 @@ import polars
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from gough_stewart import Log, Platform, identify, read_log, run
-from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart import GoughStewartError, Log, Platform, identify, read_log, run
 from gough_stewart.harness.identify.log import log_of
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
@@ -94,7 +93,7 @@ def test_lengths_of_one_side_are_brought_to_the_other(side: str) -> None:
 
 
 def test_one_side_shows_no_springs() -> None:
-    with pytest.raises(IdentificationError, match=r"leg_stiffness: not shown by log, which has lengths on one side"):
+    with pytest.raises(GoughStewartError, match=r"leg_stiffness: not shown by log, which has lengths on one side"):
         identify(elastic_log("motor"), SPRUNG, ["leg_stiffness"])
     found = identify(elastic_log("motor"), SPRUNG, ["platform_mass", "leg_stiffness"])
     assert found.not_excited == ("leg_stiffness",)
@@ -104,13 +103,13 @@ def test_one_side_shows_no_springs() -> None:
 
 def test_two_readings_of_one_side_are_refused() -> None:
     log = elastic_log("leg")
-    with pytest.raises(IdentificationError, match=r"motor_position and leg_length of this log do not differ"):
+    with pytest.raises(GoughStewartError, match=r"motor_position and leg_length of this log do not differ"):
         identify(replace(log, motor_position=log.leg_length), SPRUNG, ["leg_stiffness"])
 
 
 def test_springs_need_the_mass_of_motors() -> None:
     light: Platform = replace(MACHINE, leg_armature=0.0)
-    with pytest.raises(IdentificationError, match=r"leg_stiffness: leg_armature is 0.*set it, or estimate it, too"):
+    with pytest.raises(GoughStewartError, match=r"leg_stiffness: leg_armature is 0.*set it, or estimate it, too"):
         identify(elastic_log("both"), light, ["leg_stiffness"])
 
 
@@ -135,7 +134,7 @@ def test_a_log_says_its_side(tmp_path: Path) -> None:
     assert read_log(tmp_path / "motors.csv").side == "motor"
     assert read_log(tmp_path / "lengths.csv").side == "leg"
     assert read_log(tmp_path / "lengths.csv", side="motor").side == "motor"
-    with pytest.raises(LogError, match=r"has motor_position only, but side is 'leg'"):
+    with pytest.raises(GoughStewartError, match=r"has motor_position only, but side is 'leg'"):
         read_log(tmp_path / "motors.csv", side="leg")
 
 

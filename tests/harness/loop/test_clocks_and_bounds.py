@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.timing import MOST_STEPS, Timing
 from tests.support.arrays import FloatArray
 from tests.support.uneven import UNEVEN
@@ -174,7 +173,7 @@ def test_readings_of_slower_encoders_are_noisy_and_held() -> None:
     ],
 )
 def test_clocks_that_do_not_fit_are_refused(clocks: tuple[float, float, float], match: str) -> None:
-    with pytest.raises(ControllerError, match=match):
+    with pytest.raises(gs.GoughStewartError, match=match):
         Timing(*clocks)
 
 
@@ -183,7 +182,7 @@ def test_clocks_fit_within_rounding_and_up_to_the_most_steps() -> None:
     assert Timing(0.3, 0.1, 0.001).steps_a_sample == 100
     assert Timing(1 + 5e-10, 0.01, 0.001).steps == 1000
     assert Timing(float(MOST_STEPS), 1.0, 1.0).steps == 1_000_000
-    with pytest.raises(ControllerError, match="expected at most 1000000"):
+    with pytest.raises(gs.GoughStewartError, match="expected at most 1000000"):
         Timing(MOST_STEPS + 1.0, 1.0, 1.0)
 
 
@@ -196,7 +195,7 @@ def test_the_last_sample_comes_before_the_end() -> None:
 
 @pytest.mark.parametrize("jitter", [np.nextafter(0.01, 0), float("nan")])
 def test_a_jitter_to_the_next_sample_within_rounding_or_none_at_all_is_refused(jitter: float) -> None:
-    with pytest.raises(ControllerError, match="expected less than the sample_time"):
+    with pytest.raises(gs.GoughStewartError, match="expected less than the sample_time"):
         Timing(1.0, 0.01, 0.001, jitter=jitter)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.plants.lanes import BatchPlant
@@ -145,7 +144,7 @@ def test_faults_that_overlap_act_until_the_last_one_ends() -> None:
     ],
 )
 def test_a_fault_that_cannot_be_is_refused_with_what_is_expected(fault: dict[str, Any], said: str) -> None:
-    with pytest.raises(ExperimentError, match=f"(?s){said}"):
+    with pytest.raises(gs.GoughStewartError, match=f"(?s){said}"):
         prepare(uneven_experiment("pid", **AROUND, fault=[fault]))
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import gough_stewart as gs
 from gough_stewart import State, StepError
 from gough_stewart.harness.control.laws_of_members import SeparateLaws
-from gough_stewart.harness.errors import ControllerError, ExperimentError, PlantError
+from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.loop import Actuators, Change, Limits
 from gough_stewart.harness.loop.rows import BLOCK_SIZE, Observer, RowBlock
@@ -105,14 +105,14 @@ def test_what_fails_before_the_first_row_is_an_error() -> None:
     def interrupt(_sample: gs.Sample) -> list[float]:
         raise KeyboardInterrupt
 
-    with pytest.raises(ControllerError, match="time 0 s; expected 6 forces"):
+    with pytest.raises(gs.GoughStewartError, match="time 0 s; expected 6 forces"):
         run_with(lambda _sample: None, loop_of())
     with pytest.raises(KeyboardInterrupt):
         run_with(interrupt, loop_of())
-    with pytest.raises(ControllerError, match="a controller without a reference"):
+    with pytest.raises(gs.GoughStewartError, match="a controller without a reference"):
         run_with(constant(), loop_of(wants=False))
     for where in ("results", "set_inputs"):
-        with pytest.raises(PlantError, match="it broke"):
+        with pytest.raises(gs.GoughStewartError, match="it broke"):
             run_with(constant(), loop_of(), Failing(where, 0, PlantError("it broke")))
 
 
@@ -361,5 +361,5 @@ def test_forces_that_are_no_numbers_are_said_of_who_made_them() -> None:
 @pytest.mark.parametrize("value", [0, -1e-9, float("nan"), float("inf")])
 def test_a_tolerance_that_no_step_can_hold_is_refused(key: str, value: float) -> None:
     """Expected: the key and the value, before anything runs."""
-    with pytest.raises(ExperimentError, match=f"{key}: is {value:g}".replace("e-09", "e-0?9")):
+    with pytest.raises(gs.GoughStewartError, match=f"{key}: is {value:g}".replace("e-09", "e-0?9")):
         gs.ensemble("heave_tolerances", {key: value}, members=2, workers=1)

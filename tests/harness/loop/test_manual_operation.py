@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.loop.run import simulate
@@ -194,5 +193,7 @@ def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
 
 def test_a_force_without_the_switch_is_refused() -> None:
     for change in ({"manual_force": FORCE}, {"enabled": True, "manual_force": FORCE}):
-        with pytest.raises(ExperimentError, match="manual_force acts while the controller is off; expected enabled ="):
+        with pytest.raises(
+            gs.GoughStewartError, match="manual_force acts while the controller is off; expected enabled ="
+        ):
             gs.run(experiment_of(change=[{"at": 0.1, **change}]))

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from gough_stewart import LinearController, Sample, pid, sampled
+from gough_stewart import GoughStewartError, LinearController, Sample, pid, sampled
 from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
-from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.loop import Limits
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
@@ -208,20 +207,20 @@ def test_members_are_late_by_their_jitter_and_seed_alone(seed: Seeds) -> None:
 
 def test_controllers_that_cannot_be_together_are_refused() -> None:
     pd_only, pid_too = (LinearController(sampled(pid(gains_of_member(0, integral)), T)) for integral in (False, True))
-    with pytest.raises(ControllerError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):
+    with pytest.raises(GoughStewartError, match=r"different structure.*12 states, 18 inputs.*6 states, 12 inputs"):
         laws_of([pid_too, pd_only], T, NO_JACOBIANS)
-    with pytest.raises(ControllerError, match="different structure, a function; linear"):
+    with pytest.raises(GoughStewartError, match="different structure, a function; linear"):
         laws_of([pid_too, constant()], T, NO_JACOBIANS)
-    with pytest.raises(ControllerError, match=r"mine.fmu is an FMU.*linear controller or a function"):
+    with pytest.raises(GoughStewartError, match=r"mine.fmu is an FMU.*linear controller or a function"):
         laws_of([UnitController("mine.fmu")], T, NO_JACOBIANS)  # type: ignore[arg-type]
-    with pytest.raises(ControllerError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
+    with pytest.raises(GoughStewartError, match="the controller's sample time is 0\\.01 s, the loop's 0\\.02 s"):
         laws_of([pd_only, pd_only], 0.02, NO_JACOBIANS)
 
 
 def test_a_loop_of_another_shape_than_the_plant_is_refused() -> None:
     loop = loop_of_members([loop_of(0.1), loop_of(0.1)])
     for plant in (ManyMasses([1.0, 1.0, 1.0]), Masses()):
-        with pytest.raises(ControllerError, match=r"a loop of shape \(2,\) with a plant of shape \("):
+        with pytest.raises(GoughStewartError, match=r"a loop of shape \(2,\) with a plant of shape \("):
             observe(plant, None, loop, Counting(2))
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.limits.fitting import factor_near
 from gough_stewart.harness.motion.limits.shares import Limited
 from gough_stewart.harness.motion.motion import Reference
@@ -142,7 +141,7 @@ def test_a_unit_is_guessed_within_what_platforms_do_on_both_sides(
     if guess is None:
         check_speed(table, unit, 1.0)
         return
-    with pytest.raises(MotionError, match=f"times look like {guess}"):
+    with pytest.raises(gs.GoughStewartError, match=f"times look like {guess}"):
         check_speed(table, unit, 1.0)
 
 
@@ -209,5 +208,5 @@ def test_the_first_pose_that_is_out_of_reach_is_named_whatever_its_fault(order: 
     far, turned = [*home[:2], 4.3, *home[3:]], [*home[:5], 1.4]
     poses = [home, *([far, turned][k - 1] for k in order)]
     fault = {1: "the length of leg", 2: "the (angle|condition|length)"}[order[0]]
-    with pytest.raises(MotionError, match=f"pose 2 of the path cannot be reached: {fault}"):
+    with pytest.raises(gs.GoughStewartError, match=f"pose 2 of the path cannot be reached: {fault}"):
         gs.ViaPath(poses=poses, timing=2.0).about(UNEVEN)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gough_stewart import load_experiment
+from gough_stewart import GoughStewartError, load_experiment
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.tuning.candidates import members_for
 from gough_stewart.harness.tuning.goal import condition_of
@@ -80,7 +80,7 @@ def test_a_range_has_bounds_value_unit_and_scale(
 ) -> None:
     """Expected: by hand, in SI units; the value of the experiment, of the second of two tables, too."""
     if expected is None:
-        with pytest.raises(SearchError, match="the lower bound is 0; expected > 0 for a logarithmic scale"):
+        with pytest.raises(GoughStewartError, match="the lower bound is 0; expected > 0 for a logarithmic scale"):
             axis(text, **settings)
         return
     found = axis(text, **settings)
@@ -142,5 +142,5 @@ def test_what_is_no_condition_says_what_is_one(text: str, says: str) -> None:
 
 
 def test_a_condition_has_no_share_of_its_own() -> None:
-    with pytest.raises(SearchError, match=r"is on a share of members; expected a condition without one"):
+    with pytest.raises(GoughStewartError, match=r"is on a share of members; expected a condition without one"):
         condition_of("force.peak < 3 N for 90 % of members", ["force.peak"])

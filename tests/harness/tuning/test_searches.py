@@ -84,7 +84,7 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
 def test_what_cannot_be_is_refused_at_once(folder: Path, changed: dict[str, Any], message: str) -> None:
     """Expected: what was found and what was expected."""
     options = {"vary": [VARY[0]], "minimise": METRIC, "members": 1, "fresh": 1, "population": 5, "generations": 1}
-    with pytest.raises(TuningError, match=message):
+    with pytest.raises(gs.GoughStewartError, match=message):
         gs.tune(folder / "mine.toml", **{**options, **changed})
 
 

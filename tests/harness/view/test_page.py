@@ -8,12 +8,10 @@ import numpy as np
 import polars
 import pytest
 
-from gough_stewart import Platform, Record, metrics, view
-from gough_stewart.harness.errors import RecordError
+from gough_stewart import GoughStewartError, Platform, Record, metrics, view
 from gough_stewart.harness.report.page import NEARNESS
 from gough_stewart.harness.view import view as view_file
 from gough_stewart.harness.view.view import MOST_RECORDS, names_of, view_page
-from gough_stewart.model.errors import OutputError
 from tests.support.arrays import FloatArray
 from tests.support.colour_vision import BLIND, delta_e_76, delta_e_2000, lab, rgb_of
 from tests.support.page_arrays import data_of, elements, unpacked
@@ -124,7 +122,7 @@ def test_rows_beyond_what_can_be_drawn_are_left_out(name: str, value: float) -> 
     page = view_page([Record(RUN.table.with_columns(**{name: values}), RUN.metadata)], ["x"])
     assert scene_time(page) == pytest.approx(RUN["time"][:123], abs=1e-12)
     values[:] = 1e9
-    with pytest.raises(RecordError, match="x: no row with finite values; there is nothing to show"):
+    with pytest.raises(GoughStewartError, match="x: no row with finite values; there is nothing to show"):
         view_page([Record(RUN.table.with_columns(**{name: values}), RUN.metadata)], ["x"])
 
 
@@ -135,16 +133,16 @@ def test_very_short_records_have_a_page(platform: Platform, rows: int) -> None:
 
 @pytest.mark.parametrize("number", [0, MOST_RECORDS + 1])
 def test_too_many_records_or_none_are_refused(record: Record, number: int) -> None:
-    with pytest.raises(RecordError, match=f"{number} records; expected 1 to {MOST_RECORDS}"):
+    with pytest.raises(GoughStewartError, match=f"{number} records; expected 1 to {MOST_RECORDS}"):
         view_page([record] * number, ["x"] * number)
 
 
 def test_a_record_without_a_platform_or_an_outcome_is_refused(record: Record) -> None:
     for name in ("platform", "outcome"):
         without = {key: value for key, value in record.metadata.items() if key != name}
-        with pytest.raises(RecordError, match=f"waves: the metadata have no {name}"):
+        with pytest.raises(GoughStewartError, match=f"waves: the metadata have no {name}"):
             view_page([Record(record.table, without)], ["waves"])
-    with pytest.raises(RecordError, match="the metadata have no platform"):
+    with pytest.raises(GoughStewartError, match="the metadata have no platform"):
         view_page([Record(record.table, {**record.metadata, "platform": {"wheels": 4}})], ["waves"])
 
 
@@ -192,10 +190,10 @@ def test_a_page_is_written_where_it_was_asked_for(tmp_path: Path, monkeypatch: p
     untitled = Record(RUN.table, {key: value for key, value in RUN.metadata.items() if key != "title"})
     view(untitled, tmp_path / "b.html")
     assert made[-1] == ["record"]
-    with pytest.raises(RecordError, match="1 names for 2 records; expected one per record"):
+    with pytest.raises(GoughStewartError, match="1 names for 2 records; expected one per record"):
         view([RUN, OTHER], out, names=["x"])
     for wrong in ("page", "page.pdf", "html"):
-        with pytest.raises(OutputError, match=f"{wrong}: expected the name of a page, such as {wrong}.html"):
+        with pytest.raises(GoughStewartError, match=f"{wrong}: expected the name of a page, such as {wrong}.html"):
             view(RUN, wrong)
     assert names_of([folder, folder / "record.parquet"]) == [str(folder), str(folder / "record.parquet")]
     assert isinstance(polars.read_parquet(folder / "record.parquet"), polars.DataFrame)

@@ -12,7 +12,6 @@ import pytest
 from playwright._impl._driver import compute_driver_executable
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export.live.page import live_machine, page_data
 from tests.harness.export.test_machine import Machine
 
@@ -213,5 +212,5 @@ def test_a_crash_can_be_saved_after_a_restart(tmp_path: Path) -> None:
 )
 def test_what_a_page_cannot_run_is_refused(settings: dict[str, Any], said: str) -> None:
     """Expected: what was found, and what would work."""
-    with pytest.raises(ExportError, match=said):
+    with pytest.raises(gs.GoughStewartError, match=said):
         live_machine(gs.load_experiment("heave_step", settings))

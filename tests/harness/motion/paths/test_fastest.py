@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart import Platform, check, leg_geometry, load_preset
-from gough_stewart.harness.errors import MotionError
+from gough_stewart import GoughStewartError, Platform, check, leg_geometry, load_preset
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.paths.fastest import fastest
 from gough_stewart.harness.motion.paths.path import GeometricPath
@@ -201,11 +200,11 @@ def test_the_same_path_takes_the_same_time_backwards_without_friction() -> None:
 
 def test_a_platform_that_states_no_limit_of_acceleration_has_no_fastest_way() -> None:
     lazy = load_preset("liu2000")
-    with pytest.raises(MotionError, match="states neither leg_acceleration_max nor actuator_force_max"):
+    with pytest.raises(GoughStewartError, match="states neither leg_acceleration_max nor actuator_force_max"):
         fastest(replace(lazy, leg_velocity_max=1.0), random_path(lazy, 0))
 
 
 def test_limits_that_do_not_hold_the_platform_are_refused_with_leg_and_force() -> None:
     weak = replace(LIMITED, actuator_force_max=40.0)
-    with pytest.raises(MotionError, match=r"rest near pose \d of the path takes .* N in leg \d; the limit"):
+    with pytest.raises(GoughStewartError, match=r"rest near pose \d of the path takes .* N in leg \d; the limit"):
         fastest(weak, random_path(LIMITED, 1))

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from gough_stewart import ViaPath
-from gough_stewart.harness.errors import MotionError
+from gough_stewart import GoughStewartError, ViaPath
 from gough_stewart.harness.motion.paths.path import GeometricPath, turning_of
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.arrays import FloatArray
@@ -101,7 +100,7 @@ def test_two_poses_are_joined_by_a_straight_line_and_one_axis() -> None:
     ],
 )
 def test_what_is_no_path_is_refused(position: FloatArray, orientation: FloatArray, complaint: str) -> None:
-    with pytest.raises(MotionError, match=complaint):
+    with pytest.raises(GoughStewartError, match=complaint):
         GeometricPath(position, orientation, 1.0)
 
 

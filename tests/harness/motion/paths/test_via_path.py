@@ -9,8 +9,17 @@ import polars
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart import Acceleration, State, ViaPath, inverse_dynamics, load_experiment, load_preset, run
-from gough_stewart.harness.errors import ExperimentError, MotionError
+from gough_stewart import (
+    Acceleration,
+    GoughStewartError,
+    State,
+    ViaPath,
+    inverse_dynamics,
+    load_experiment,
+    load_preset,
+    run,
+)
+from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import coordinates_of
@@ -123,7 +132,7 @@ def test_a_fastest_path_is_planned_for_the_forces_that_the_actuators_have() -> N
     ],
 )
 def test_what_makes_no_path_is_refused_with_its_reason(values: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(MotionError, match=complaint):
+    with pytest.raises(GoughStewartError, match=complaint):
         ViaPath(**values)
 
 
@@ -142,7 +151,7 @@ def test_an_experiment_says_where_its_path_is_wrong() -> None:
         "controller": {"type": "pd", "bandwidth": 2},
         "loop": {"duration": 1},
     }
-    with pytest.raises(ExperimentError, match=r"reference\.poses.*pose 1 is \[0, 0\]"):
+    with pytest.raises(GoughStewartError, match=r"reference\.poses.*pose 1 is \[0, 0\]"):
         experiment_from(values)
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import polars
 import pytest
 
-from gough_stewart import check, load_preset
-from gough_stewart.harness.errors import ExperimentError, MotionError
+from gough_stewart import GoughStewartError, check, load_preset
 from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
 from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
@@ -47,7 +46,7 @@ def test_usual_motions_are_recognised_as_milliseconds_and_taken_as_seconds(
     check_speed(usual, 1e-3, 1.0)
     # in milliseconds, read as seconds
     slow = FromTable(1e3 * time, usual.position, usual.orientation)
-    with pytest.raises(MotionError, match=MS):
+    with pytest.raises(GoughStewartError, match=MS):
         check_speed(slow, 1.0, 1.0)
     # played faster by whoever knows it
     check_speed(slow, 1.0, 1.0, time_scale=1e-3)
@@ -57,14 +56,14 @@ def test_seconds_read_as_milliseconds_are_refused() -> None:
     for duration, rate, amplitude, frequency in USUAL[:3] + USUAL[5:]:
         time = np.arange(0, duration, 1 / rate)
         usual = table(time, amplitude, frequency)
-        with pytest.raises(MotionError, match=r"times look like seconds: .* the motion is mostly as fast as"):
+        with pytest.raises(GoughStewartError, match=r"times look like seconds: .* the motion is mostly as fast as"):
             check_speed(FromTable(1e-3 * time, usual.position, usual.orientation), 1e-3, 1.0)
 
 
 def test_nanoseconds_without_a_unit_are_recognised() -> None:
     time = np.arange(0, 8, 0.02)
     usual = table(time, 0.06, 0.7)
-    with pytest.raises(MotionError, match=r"times look like nanoseconds: .*; in ns it would take 7\.98 s"):
+    with pytest.raises(GoughStewartError, match=r"times look like nanoseconds: .*; in ns it would take 7\.98 s"):
         check_speed(FromTable(1e9 * time, usual.position, usual.orientation), 1.0, 1.0)
 
 
@@ -115,7 +114,9 @@ def test_a_log_in_milliseconds_under_a_heading_in_seconds_is_refused_unless_it_i
     columns = {heading: 1e3 * ride.time} | {name: pose[:, k] for k, name in enumerate(names)}
     polars.DataFrame(columns).write_csv(tmp_path / "log.csv")
     wrong = FromFile(file="log.csv", at_home="start")
-    with pytest.raises(MotionError, match=rf"log\.csv: {MS}: .* takes 8000 s; in ms it would take 8 s; write the unit"):
+    with pytest.raises(
+        GoughStewartError, match=rf"log\.csv: {MS}: .* takes 8000 s; in ms it would take 8 s; write the unit"
+    ):
         wrong.about(platform, tmp_path)
     slow = wrong.model_copy(update={"unusual_speed": True}).about(platform, tmp_path)
     assert slow.end == pytest.approx(8000)
@@ -125,6 +126,6 @@ def test_a_log_in_milliseconds_under_a_heading_in_seconds_is_refused_unless_it_i
         '[reference]\ntype = "file"\nfile = "log.csv"\nat_home = "start"\n'
         '[controller]\ntype = "pd"\nbandwidth = "3 Hz"\n[loop]\nduration = 8\nsample_time = "10 ms"\n'
     )
-    with pytest.raises(ExperimentError, match=MS):
+    with pytest.raises(GoughStewartError, match=MS):
         check(tmp_path / "ride.toml")
     assert check(tmp_path / "ride.toml", {"reference.unusual_speed": True}).within

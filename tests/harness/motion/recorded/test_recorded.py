@@ -17,8 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gough_stewart import load_experiment, load_preset, run
-from gough_stewart.harness.errors import MotionError
+from gough_stewart import GoughStewartError, load_experiment, load_preset, run
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.recorded.columns import columns_of
 from gough_stewart.harness.motion.recorded.low_pass import resampled
@@ -206,7 +205,7 @@ def test_columns_that_say_too_little_or_too_much_are_refused(
     if message is None:
         assert len(columns_of(header, chosen)) == 7
         return
-    with pytest.raises(MotionError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         columns_of(header, chosen)
 
 
@@ -240,14 +239,14 @@ def test_a_log_with_a_fault_is_refused_by_file_row_and_column(
     log = rows()
     for k, value in values.items():
         log[column][k] = value
-    with pytest.raises(MotionError, match=rf"{file}: ({message})"):
+    with pytest.raises(GoughStewartError, match=rf"{file}: ({message})"):
         read_recording(written(tmp_path / file, log))
 
 
 def test_a_pitch_of_90_degrees_is_refused_by_its_row(tmp_path: Path) -> None:
     log = rows()
     log["qy"][4] = log["qw"][4] = math.sqrt(0.5)
-    with pytest.raises(MotionError, match=r"log\.csv: in row 5 the pitch is ±90°"):
+    with pytest.raises(GoughStewartError, match=r"log\.csv: in row 5 the pitch is ±90°"):
         read_recording(written(tmp_path / "log.csv", log))
 
 
@@ -259,16 +258,16 @@ def test_a_gap_is_bridged_where_it_is_admitted(tmp_path: Path) -> None:
     path = written(tmp_path / "log.csv", log)
     motion = read_recording(path, largest_gap=0.51).table(np.array([1.3, 1.5]))
     assert motion.position[:, 0] == pytest.approx([6.3, 6.5], abs=1e-12)
-    with pytest.raises(MotionError, match=r"expected steps of at most 0\.5 s"):
+    with pytest.raises(GoughStewartError, match=r"expected steps of at most 0\.5 s"):
         read_recording(path, largest_gap=0.5)
 
 
 def test_what_is_no_parquet_and_no_table_of_numbers_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.parquet").write_bytes(b"PAR1 and nothing of it")
-    with pytest.raises(MotionError, match=r"a\.parquet: is not Parquet: "):
+    with pytest.raises(GoughStewartError, match=r"a\.parquet: is not Parquet: "):
         read_recording(tmp_path / "a.parquet")
     log = rows() | {"qw": [True] * 20}
-    with pytest.raises(MotionError, match=r"b\.parquet: qw has values of the type Boolean; expected numbers"):
+    with pytest.raises(GoughStewartError, match=r"b\.parquet: qw has values of the type Boolean; expected numbers"):
         read_recording(written(tmp_path / "b.parquet", log))
 
 
@@ -302,9 +301,9 @@ def test_resampling_keeps_both_ends_and_refuses_more_rows_than_there_are() -> No
     table = FromTable(time, pose_at(time)[:, :3], pose_at(time)[:, 3:])
     slow = resampled(table, 30.0)
     assert (slow.time[0], slow.time[-1], len(slow.time)) == (0.0, time[-1], 61)
-    with pytest.raises(MotionError, match=r"resample is 200 Hz; expected below 200 Hz, the rate of the rows"):
+    with pytest.raises(GoughStewartError, match=r"resample is 200 Hz; expected below 200 Hz, the rate of the rows"):
         resampled(table, 200.0)
-    with pytest.raises(MotionError, match="a table of 3 rows"):
+    with pytest.raises(GoughStewartError, match="a table of 3 rows"):
         resampled(table, 1.0)
 
 
@@ -367,7 +366,7 @@ def test_a_record_of_a_run_is_a_reference_as_it_is(tmp_path: Path) -> None:
             assert np.array_equal(table.position, record[f"{prefix}position"])
             assert np.array_equal(table.orientation, record[f"{prefix}orientation"])
     assert not np.array_equal(record["position"], record["reference.position"])
-    with pytest.raises(MotionError, match=r"'measured\.position\[1\]', but the file has no such column"):
+    with pytest.raises(GoughStewartError, match=r"'measured\.position\[1\]', but the file has no such column"):
         FromFile(file="record.csv", columns="measured").about(PLATFORM, tmp_path)
 
 
@@ -397,5 +396,5 @@ def test_a_file_of_ones_own_goes_before_the_one_that_ships(tmp_path: Path) -> No
     written(tmp_path / "ride.csv", {name: values[:, k] for k, name in enumerate(SI)})
     assert not FromFile(file="ride.csv").about(PLATFORM, tmp_path).position.any()
     assert FromFile(file="ride.csv").about(PLATFORM, tmp_path / "elsewhere").position[0, 0] == 12.0
-    with pytest.raises(MotionError, match="cannot read this reference"):
+    with pytest.raises(GoughStewartError, match="cannot read this reference"):
         FromFile(file="../ride.csv").about(PLATFORM, tmp_path / "elsewhere")

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart import Sine, load_preset
-from gough_stewart.harness.errors import MotionError
+from gough_stewart import GoughStewartError, Sine, load_preset
 from gough_stewart.harness.motion.recorded.low_pass import smoothed
 from gough_stewart.harness.motion.recorded.recording import read_recording
 from gough_stewart.harness.motion.recorded.table import FromTable
@@ -74,7 +73,7 @@ def test_a_table_admits_rounding_at_its_ends_and_no_more() -> None:
     beyond, ends = table(np.array([1 - 1e-9, 2 + 1e-9])), table(np.array([1.0, 2.0]))
     assert all(np.array_equal(a, b) for a, b in zip(beyond, ends, strict=True))
     for time in (1 - 1.02e-9, 2 + 1.02e-9, np.nan):
-        with pytest.raises(MotionError, match="outside the table, which covers 1 to 2 s"):
+        with pytest.raises(GoughStewartError, match="outside the table, which covers 1 to 2 s"):
             table(np.array([1.5, time]))
 
 
@@ -94,7 +93,7 @@ def test_a_table_of_a_sine_reproduces_it_to_sixth_order() -> None:
 @pytest.mark.parametrize("time", [0.9, 3.1, np.nan, np.inf])
 def test_a_time_outside_of_the_table_is_refused(time: float) -> None:
     table = table_of(KINDS["sine"], np.linspace(1, 3, 21))
-    with pytest.raises(MotionError, match=rf"time {time:g} s is outside the table, which covers 1 to 3 s"):
+    with pytest.raises(GoughStewartError, match=rf"time {time:g} s is outside the table, which covers 1 to 3 s"):
         table(np.array([1.5, time, 2.0]))
 
 
@@ -118,7 +117,7 @@ def test_a_time_outside_by_rounding_is_the_end_of_the_table() -> None:
 )
 def test_an_impossible_table_is_refused(n: int, change: dict[str, Any], message: str) -> None:
     values: dict[str, Any] = {"time": np.arange(n), "position": np.zeros((n, 3)), "orientation": np.zeros((n, 3))}
-    with pytest.raises(MotionError, match=f"^{message}"):
+    with pytest.raises(GoughStewartError, match=f"^{message}"):
         FromTable(**{**values, **change})
 
 
@@ -187,20 +186,20 @@ def test_a_file_that_is_no_reference_is_refused_by_file_column_and_row(
 ) -> None:
     file = tmp_path / "a.csv"
     file.write_text(content)
-    with pytest.raises(MotionError, match=rf"a\.csv: .*{message}"):
+    with pytest.raises(GoughStewartError, match=rf"a\.csv: .*{message}"):
         read_recording(file)
 
 
 def test_a_file_of_other_bytes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(csv().encode() + b"\xe9\xff,1,1,1,1,1,1\n")
-    with pytest.raises(MotionError, match=r"a\.csv: time in row 9 is .éÿ.; expected a finite number"):
+    with pytest.raises(GoughStewartError, match=r"a\.csv: time in row 9 is .éÿ.; expected a finite number"):
         read_recording(tmp_path / "a.csv")
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MotionError, match=r"a\.csv: cannot read this reference: No such file"):
+    with pytest.raises(GoughStewartError, match=r"a\.csv: cannot read this reference: No such file"):
         read_recording(tmp_path / "a.csv")
-    with pytest.raises(MotionError, match=rf"{tmp_path.name}: (cannot read|is not CSV)"):
+    with pytest.raises(GoughStewartError, match=rf"{tmp_path.name}: (cannot read|is not CSV)"):
         read_recording(tmp_path)
 
 
@@ -226,7 +225,7 @@ def test_a_log_may_begin_at_any_time(tmp_path: Path) -> None:
     later = FromFile(file="log.csv", start_time=14.3).about(platform, tmp_path)(times)
     assert begin.position == pytest.approx(0.1 * np.sin(2 * np.pi * 0.4 * times[:, None] + np.arange(3)), abs=1e-8)
     assert later.position == pytest.approx(log(times + 14.3).position, abs=1e-12)
-    with pytest.raises(MotionError, match=r"time 8 s is outside the table, which covers 0 to 7\.99 s"):
+    with pytest.raises(GoughStewartError, match=r"time 8 s is outside the table, which covers 0 to 7\.99 s"):
         FromFile(file="log.csv").about(platform, tmp_path)(np.array([8.0]))
 
 
@@ -259,7 +258,7 @@ def test_smoothing_takes_the_noise_out_of_accelerations() -> None:
 
 @pytest.mark.parametrize(("cutoff", "match"), [(60.0, "expected below 43.1 Hz, for rows at 100 Hz"), (0.05, "above")])
 def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str) -> None:
-    with pytest.raises(MotionError, match=match):
+    with pytest.raises(GoughStewartError, match=match):
         smoothed(log_of(0.0), cutoff)
 
 
@@ -272,7 +271,7 @@ def test_a_cutoff_that_the_rows_cannot_have_is_refused(cutoff: float, match: str
 )
 def test_a_table_that_could_mean_two_things_is_refused(content: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(content, encoding="utf-8")
-    with pytest.raises(MotionError, match=rf"a\.csv: .*{message}"):
+    with pytest.raises(GoughStewartError, match=rf"a\.csv: .*{message}"):
         read_recording(tmp_path / "a.csv")
 
 
