@@ -27,7 +27,6 @@ from scipy.integrate import solve_ivp
 import gough_stewart as gs
 from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -67,7 +66,7 @@ def case_in(folder: Path) -> dict[str, Any]:
     solved = solve_ivp(
         lambda _t, x: kernel.derivatives(x, u, p).copy(), (0, 0.3), start, method="DOP853", rtol=1e-12, atol=1e-12
     )
-    plant, law = plant_component(platform), designed(experiment_of("heave_step"))
+    plant, law = plant_component(platform), designed(gs.load_experiment("heave_step"))
     controller = component_of(law, "controller")
     found: dict[str, Any] = {"force": force, "end": 0.3, "position": solved.y[:3, -1].tolist()}
     for name, component in (("plant", plant), ("controller", controller)):

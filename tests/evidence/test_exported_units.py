@@ -8,7 +8,6 @@ import pytest
 import gough_stewart as gs
 from gough_stewart import LinearController
 from gough_stewart.harness.control.unit_controller import UnitController
-from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
@@ -20,17 +19,17 @@ STABLE: dict[str, dict[str, object]] = {
     "circle_computed_torque": {"controller.bandwidth": 3},
     "payload_change": {"controller.bandwidth": 2},
 }
-LINEAR = [n for n in gs.experiment_names() if isinstance(prepare(experiment_of(n)).controller, LinearController)]
+LINEAR = [n for n in gs.experiment_names() if isinstance(prepare(gs.load_experiment(n)).controller, LinearController)]
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 @pytest.mark.parametrize("name", LINEAR)
 def test_the_unit_gives_the_forces_of_the_harness_at_every_sample(name: str, version: str, tmp_path: Path) -> None:
     """Expected: the commands of the run in Python, cut to the force limit; the unit gets the same measurements."""
-    chosen = experiment_of(name)
+    chosen = gs.load_experiment(name)
     # what is injected is not the controller's
     settings = ({} if chosen.loop.delay else {"loop.delay": 1}) | STABLE.get(name, {}) | {"injection": None}
-    record, loop = gs.run(name, settings), prepare(experiment_of(name, settings)).loop
+    record, loop = gs.run(name, settings), prepare(gs.load_experiment(name, settings)).loop
     # one of them is there to be unstable
     (path,) = gs.export(name, settings, fmi=version, out=tmp_path, allow_unstable=name == "too_slow")
     T, limit = loop.timing.sample_time, loop.actuators.force_limit or np.inf

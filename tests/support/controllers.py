@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from gough_stewart import Experiment, save_platform
-from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.open import ModelPlant
+from tests.support.experiments import experiment_from
 from tests.support.uneven import UNEVEN
 
 SAMPLE_TIME = 0.004  # [s]

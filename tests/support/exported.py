@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from gough_stewart import Experiment
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling
-from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.design import Designed
 from gough_stewart.harness.export.symbols import home_of
@@ -27,6 +26,7 @@ from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.parameters import TABLE
 from tests.support.arrays import FloatArray
 from tests.support.c_hosts import ZIG
+from tests.support.experiments import experiment_from
 from tests.support.uneven import UNEVEN
 
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror")

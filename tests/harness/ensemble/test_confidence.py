@@ -13,12 +13,12 @@ import gough_stewart as gs
 from gough_stewart import Ensemble
 from gough_stewart.harness.ensemble.compare import compare
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
-from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.report.proportions import quantile_interval
 from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
 from tests.support.arrays import FloatArray
 from tests.support.coverage import RESPONSES, SHARES, coverage, drawn, ends_of_median
 from tests.support.ensembles import INPUTS, ensemble_of
+from tests.support.experiments import experiment_from
 
 PEAK = "tracking.position.norm_peak"
 

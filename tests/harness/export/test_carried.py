@@ -14,7 +14,6 @@ from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
 from gough_stewart import Experiment, UnstableLoopError
-from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.choices import Part, carried
 from gough_stewart.harness.export.design import designed
@@ -282,7 +281,7 @@ def test_an_ssp_with_its_parts_is_the_loop_of_the_harness(tmp_path: Path) -> Non
 
 def test_what_is_carried_is_not_left_out() -> None:
     """Expected: by part, beside noise and what varies."""
-    experiment = experiment_of("heave_step", {
+    experiment = gs.load_experiment("heave_step", {
         "actuators": {"lag": 0.002, "rate_limit": 1e5}, "loop.jitter": 0.0005, "loop.plant_step": 0.0005,
         "sensors": {"noise": {"leg_length": 1e-5}, "quantisation": {"leg_length": 1e-5}, "sample_time": 0.002},
         "ensemble.actuators.lag": {"uniform": [0.001, 0.002]},
@@ -296,7 +295,7 @@ def test_what_is_carried_is_not_left_out() -> None:
 
 def judged(settings: dict[str, Any], host: Host, parts: tuple[Part, ...]) -> tuple[Any, Notes]:
     """The loops of a form that carries these parts, and what is said of it."""
-    experiment = experiment_of("heave_step", {"loop.duration": 0.05, **settings})
+    experiment = gs.load_experiment("heave_step", {"loop.duration": 0.05, **settings})
     prepared = prepare(experiment)
     report = stability_of(experiment, prepared, (host,), parts=parts, margins=False)[host]
     return report.loops, notes_of(experiment, host, report, carried(parts, prepared))

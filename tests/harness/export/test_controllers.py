@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from gough_stewart import Gains, LinearController, Sample, experiment_names, leg_geometry, load_experiment, pid, sampled
-from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.tables import path_of
 from tests.support.arrays import FloatArray
+from tests.support.experiments import experiment_from
 from tests.support.exported import (
     KD,
     KI,

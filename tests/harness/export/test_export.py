@@ -7,7 +7,6 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.choices import chosen_forms, name_of
 
 EXPERIMENT = 'title = "a loop"\n[loop]\nduration = 1\n[controller]\ntype = "open_loop"\n'
@@ -33,11 +32,11 @@ def test_a_casadi_function_leaves_by_itself(tmp_path: Path) -> None:
 )
 def test_names_of_files_become_identifiers(file: str, name: str, tmp_path: Path) -> None:
     (tmp_path / file).write_text(EXPERIMENT)
-    assert name_of(experiment_of(tmp_path / file)) == name
+    assert name_of(gs.load_experiment(tmp_path / file)) == name
 
 
 def test_a_shipped_experiment_is_called_as_it_is_and_one_of_python_by_its_title() -> None:
-    assert name_of(experiment_of("heave_step")) == "heave_step"
+    assert name_of(gs.load_experiment("heave_step")) == "heave_step"
     made = gs.Experiment.model_validate(
         {"title": "Some Loop", "loop": {"duration": 1.0}, "controller": {"type": "open_loop"}}
     )

@@ -10,7 +10,6 @@ from pydantic import create_model
 import gough_stewart as gs
 from gough_stewart import Experiment
 from gough_stewart.harness.control.drive import ActuatorChoice
-from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export.notes import _HAS, left_out
 from gough_stewart.harness.export.stability import Host
@@ -48,7 +47,7 @@ EVERYWHERE = [
 
 def test_everything_around_the_controller_is_named_and_nothing_else() -> None:
     """Expected: the keys above, but for those of simulation, of the design, and of a plant where there is none."""
-    experiment = experiment_of("heave_step", AROUND)
+    experiment = gs.load_experiment("heave_step", AROUND)
     assert sorted(left_out(experiment, "c")) == EVERYWHERE
     assert sorted(left_out(experiment, "fmu")) == EVERYWHERE
     assert sorted(left_out(experiment, "ssp")) == sorted([*EVERYWHERE, "ensemble (its other machines)"])
@@ -57,9 +56,9 @@ def test_everything_around_the_controller_is_named_and_nothing_else() -> None:
 def test_an_experiment_that_is_complete_in_its_forms_lacks_nothing() -> None:
     hosts: tuple[Host, ...] = ("c", "fmu", "ssp")
     for host in hosts:
-        assert left_out(experiment_of("circle"), host) == []
-    assert left_out(experiment_of("circle", {"limits.stroke": "ignore"}), "c") == []
-    assert left_out(experiment_of("circle", {"limits.stroke": "stop"}), "c") == ["limits.stroke"]
+        assert left_out(gs.load_experiment("circle"), host) == []
+    assert left_out(gs.load_experiment("circle", {"limits.stroke": "ignore"}), "c") == []
+    assert left_out(gs.load_experiment("circle", {"limits.stroke": "stop"}), "c") == ["limits.stroke"]
 
 
 def test_an_option_that_nobody_has_thought_of_is_named() -> None:
@@ -78,7 +77,7 @@ def test_an_option_that_nobody_has_thought_of_is_named() -> None:
         gears=(Backlash, Backlash()),
         failure=(list[ChangeChoice], []),
     )
-    plain = experiment_of("circle").model_dump(exclude_unset=True)
+    plain = gs.load_experiment("circle").model_dump(exclude_unset=True)
     assert left_out(Worn.model_validate(plain), "c") == []
     plain |= {"actuators": {"backlash": 1e-3}, "gears": {"width": 1e-3}}
     plain |= {"failure": [{"at": 0.1, "factors": {"platform_mass": 2.0}}]}

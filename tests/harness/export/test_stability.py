@@ -31,7 +31,6 @@ from gough_stewart import (
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.ensemble.chunk import margins_of
-from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import notes_of
@@ -87,7 +86,7 @@ def radius(prepared: Prepared, delay: int, lag: float = 0.0, machine: Platform |
 
 
 def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple[LoopStability, ...]:
-    experiment = experiment_of(name, settings)
+    experiment = gs.load_experiment(name, settings)
     return stability_of(experiment, prepare(experiment), (host,), margins=False, **options)[host].loops
 
 
@@ -107,7 +106,7 @@ def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple
 )
 def test_shipped_loops_have_the_eigenvalues_of_another_formulation(name: str, host: Host, size: float | None) -> None:
     """Expected: `radius`; and, for those that are unstable, literal figures that were measured by another program."""
-    (loop, *_), prepared = found_of(name, host), prepare(experiment_of(name))
+    (loop, *_), prepared = found_of(name, host), prepare(gs.load_experiment(name))
     assert loop.nominal.loop.delay == (0 if host == "c" else 1)
     at = loop.nominal.loop[:2]
     assert loop.nominal.size == pytest.approx(radius(prepared, *at), abs=1e-7)
@@ -153,7 +152,10 @@ def test_a_machine_is_judged_after_each_of_its_changes() -> None:
         {"at": 2.0, "factors": {"platform_mass": 1.5, "platform_inertia": 1.5}},
     ]
     settings = {"change": changes}
-    (loop,), prepared = found_of("payload_change", "c", settings), prepare(experiment_of("payload_change", settings))
+    (loop,), prepared = (
+        found_of("payload_change", "c", settings),
+        prepare(gs.load_experiment("payload_change", settings)),
+    )
     own = prepared.machine
     heavier = replace(own, platform_mass=1.5 * own.platform_mass, platform_inertia=1.5 * np.array(own.platform_inertia))
     machines = [heavier, replace(heavier, leg_viscous_friction=40.0)]
@@ -174,7 +176,7 @@ MEMBERS = {
 def test_members_are_judged_with_their_machines_and_delays() -> None:
     """Expected: `radius` of each; an FMU delays at least by one sample, an SSP by its own delay alone."""
     settings = {"controller.bandwidth": 2.5, "loop.delay": 1, **MEMBERS}
-    prepared = prepare(experiment_of("circle", settings))
+    prepared = prepare(gs.load_experiment("circle", settings))
     members = [(mass, delay) for mass in (14.0, 10.0, 3.0) for delay in (0, 1, 2, 4)]
 
     def sizes(delay_of: Any) -> NDArray[np.float64]:
@@ -202,7 +204,7 @@ def test_margins_are_those_of_the_nominal_machine_and_of_the_member_with_the_sma
     """Expected: `loop_margins` of each; the heaviest has the largest |z|, and the lightest the smallest margins."""
     masses = [30.0, 7.0, 14.0]
     settings = {"controller.bandwidth": 2.5, "loop.delay": 1, "ensemble.platform_mass": {"grid": masses}}
-    experiment = experiment_of("circle", settings)
+    experiment = gs.load_experiment("circle", settings)
     prepared = prepare(experiment)
     (loop,) = stability_of(experiment, prepared, ("ssp",))["ssp"].loops
     motion, linear = prepared.motion, prepared.controller
@@ -256,7 +258,7 @@ def test_an_exported_loop_that_is_called_unstable_diverges_at_its_eigenvalue(ban
 def test_the_compiled_c_is_stable_where_it_is_called_stable(delay: int, is_stable: bool) -> None:
     """Expected: beside the plant a small push dies out without a delay, and with one sample it grows."""
     settings = {"loop.delay": delay, "reference": {"type": "hold"}}
-    experiment = experiment_of("circle", settings)
+    experiment = gs.load_experiment("circle", settings)
     (loop,) = found_of("circle", "c", settings)
     assert loop.is_stable == is_stable
     law = Exported(designed(experiment)).start()
@@ -328,7 +330,7 @@ def test_a_linear_controller_from_a_python_file_is_judged(tmp_path: Path) -> Non
     maker = f"controller = {gains}\n\n\ndef make(platform, sample_time):\n    return {gains}\n"
     (tmp_path / "mine.py").write_text(f"import control\nimport numpy as np\n{maker}")
     settings = {"loop.delay": 1, "reference": {"type": "hold"}}
-    prepared = prepare(experiment_of("circle", settings), eval(gains, {"control": control, "np": np}))
+    prepared = prepare(gs.load_experiment("circle", settings), eval(gains, {"control": control, "np": np}))
     for key, value in (("name", "controller"), ("factory", "make")):
         of_file = {"type": "python", "file": str(tmp_path / "mine.py"), key: value}
         with pytest.raises(UnstableLoopError, match="in C the closed loop is unstable with a delay of 1 samp") as found:
@@ -340,7 +342,7 @@ def test_margins_of_an_ensembles_member_have_the_geometry_that_is_believed() -> 
     """Expected: `loop_margins` with the machine's plant and the belief's Jacobian; with the machine's it is another."""
     larger = (np.array(gs.load_preset("liu2000").platform_points) * 1.3).tolist()
     settings = {"loop.delay": 1, "controller.space": "task", "plant.parameters.platform_points": larger}
-    prepared = prepare(experiment_of("circle", settings))
+    prepared = prepare(gs.load_experiment("circle", settings))
     motion, linear = prepared.motion, prepared.controller
     assert motion is not None
     assert isinstance(linear, LinearController)
@@ -359,7 +361,7 @@ def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_
     An SSP has neither the clock nor the jitter, but the clock if it carries the sensors.
     """
     clocks = {"sensors.sample_time": 0.002, "loop.jitter": 0.0005, "loop.plant_step": 0.0005, "loop.delay": 1}
-    experiment = experiment_of("heave_step", clocks)
+    experiment = gs.load_experiment("heave_step", clocks)
     prepared = prepare(experiment)
     found = stability_of(experiment, prepared, HOSTS)
     for host in HOSTS:
@@ -380,7 +382,7 @@ def test_what_is_not_judged_is_said(tmp_path: Path) -> None:
 
     The same law without rounding is judged; of forces without feedback nobody is warned.
     """
-    experiment = experiment_of("heave_step", {"ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]}})
+    experiment = gs.load_experiment("heave_step", {"ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]}})
     (loop,) = stability_of(experiment, prepare(experiment), ("c",), margins=False)["c"].loops
     assert (loop.members, loop.impossible) == (2, 2)
     notes = notes_of(experiment, "c", StabilityReport((loop,)))
@@ -397,7 +399,7 @@ def test_what_is_not_judged_is_said(tmp_path: Path) -> None:
     assert f"Stability: not judged, since {reason}." in words_of(tmp_path / "0" / "soft_controller.h")
 
     feedforward = {"controller": {"type": "open_loop", "feedforward": "gravity"}, "sensors.quantisation": {}}
-    experiment = experiment_of("pitch_sine", feedforward)
+    experiment = gs.load_experiment("pitch_sine", feedforward)
     for host, report in stability_of(experiment, prepare(experiment), HOSTS, margins=False).items():
         assert report == StabilityReport(reason="there is no feedback")
         notes = notes_of(experiment, host, report)

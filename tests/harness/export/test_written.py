@@ -8,8 +8,7 @@ import casadi
 import numpy as np
 import pytest
 
-from gough_stewart import UnstableLoopError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart import UnstableLoopError, load_experiment
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.notes import in_short, notes_of, refusal
@@ -248,7 +247,7 @@ def _loop(where: str, size: float = 0.91, **changes: Any) -> LoopStability:
 
 def test_notes_say_all_that_was_judged() -> None:
     """Expected: the whole text by hand, from made-up numbers of which no two are alike."""
-    experiment = experiment_of("heave_step", {"loop.delay": 2, "loop.jitter": 1e-4, "sensors.quantisation": {}})
+    experiment = load_experiment("heave_step", {"loop.delay": 2, "loop.jitter": 1e-4, "sensors.quantisation": {}})
     notes = notes_of(experiment, "c", StabilityReport((_loop("in C"),)))
     margins = "gains × 0.4 to 2.2, phases ± 34.4°; one leg at a time gain × 0.4 to 2.5, phase 40.1°, delay 2.5 ms."
     assert notes.inside == (
@@ -284,7 +283,7 @@ DELAYS: dict[tuple[Host, int], str] = {
 
 @pytest.mark.parametrize(("host", "delay"), DELAYS)
 def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
-    experiment = experiment_of("heave_step", {"loop.delay": delay, "sensors.quantisation": {}})
+    experiment = load_experiment("heave_step", {"loop.delay": delay, "sensors.quantisation": {}})
     notes = notes_of(experiment, host, StabilityReport(reason="there is no feedback"))
     steps = " This holds for communication steps of a sample or less; longer ones add delay."
     unjudged = "Stability: not judged, since there is no feedback."
@@ -295,7 +294,7 @@ def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
 
 def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
     """Expected: every loop once, the remedies after them, and the eigenvalue of the first loop."""
-    experiment = experiment_of("heave_step")
+    experiment = load_experiment("heave_step")
     first = _loop("in C", 1.25, remedy="halve the gains", unstable=2)
     second = _loop("in the SSP", worst=_case("member 8", 1.5, frequency=21.0), unstable=1, remedy="", margins=None)
     third = _loop("with the FMU")

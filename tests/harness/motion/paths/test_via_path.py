@@ -20,7 +20,6 @@ from gough_stewart import (
     run,
 )
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import coordinates_of
 from gough_stewart.harness.motion.paths.fastest import fastest
@@ -28,6 +27,7 @@ from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import polynomials_of
 from gough_stewart.harness.motion.paths.time_law import Quintic, TimedPath, TimeLaw
 from gough_stewart.model.rotations import matrix_from_orientation
+from tests.support.experiments import experiment_from
 from tests.support.uneven import UNEVEN
 
 POSES: Any = [[0.1, -0.1, 2.9, 0.05, -0.02, 0.1], [0.15, 0.1, 2.95, -0.05, 0.1, -0.1], [-0.1, 0.0, 2.8, 0.1, 0.0, 0.2]]

@@ -1,0 +1,26 @@
+"""Experiments from plain values."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+import gough_stewart as gs
+
+
+def experiment_from(values: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> gs.Experiment:
+    """The experiment of a file with these values, which names its other files by absolute paths; None is left out."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "experiment.toml")
+        path.write_text(tomlkit.dumps(_plain(values)), encoding="utf-8")
+        return gs.load_experiment(path, settings or {})
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items() if inner is not None}
+    if isinstance(value, Path):
+        return str(value)
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
