@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart import GoughStewartError, identify
+from gough_stewart import identify
+from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.names import value_of
 from tests.support.machine_logs import (
     HEAVE,
@@ -73,13 +74,13 @@ def test_without_noise_heave_has_no_number_either() -> None:
 
 
 def test_a_machine_at_rest_is_refused() -> None:
-    with pytest.raises(GoughStewartError, match=r"the legs move by .* expected a motion"):
+    with pytest.raises(LogError, match=r"the legs move by .* expected a motion"):
         identify(machine_log(course=Course(Swing(size=0.0))), NOMINAL, NAMES)
 
 
 def test_if_nothing_is_excited_the_log_is_refused() -> None:
     match = r"too little excitation.*none of platform_com\[3\], platform_inertia"
-    with pytest.raises(GoughStewartError, match=match) as caught:
+    with pytest.raises(IdentificationError, match=match) as caught:
         identify(machine_log(course=Course(HEAVE)), NOMINAL, ("platform_com[3]", "platform_inertia"))
     assert tuple(caught.value.names) == ("platform_com[3]", *INERTIA)
 

@@ -7,7 +7,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from gough_stewart import Estimate, GoughStewartError, Log, identify
+from gough_stewart import Estimate, Log, identify
+from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.identify import not_shown
 from gough_stewart.harness.identify.lowpass import cutoff_of, smoothed
 from gough_stewart.harness.identify.screen import cutoff_within_noise
@@ -71,7 +72,7 @@ def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
     assert any("not shown by this log" in note for note in found.notes)
     # what has no number stays as it was
     assert found.platform(NOMINAL).leg_static_friction == 0.0
-    with pytest.raises(GoughStewartError, match=r"not shown by this log.*Slow motions") as caught:
+    with pytest.raises(IdentificationError, match=r"not shown by this log.*Slow motions") as caught:
         identify(log, NOMINAL, ["leg_static_friction"])
     assert "leg_static_friction" in caught.value.names
 

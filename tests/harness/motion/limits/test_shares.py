@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart import GoughStewartError, Platform, Sine, load_preset
+from gough_stewart import Platform, Sine, load_preset
+from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.fitting import factor_that_fits, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.limits.reach import check_reach, legs_of
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER, Shares, shares_along
@@ -253,9 +254,7 @@ def test_the_factor_is_found_beyond_infinite_shares_and_is_1_or_none_where_there
 def test_a_leg_that_would_accelerate_too_much_is_refused_with_what_would_fit() -> None:
     """Expected: of the heave at half its largest acceleration, √2 times as long; rounded to the safe side."""
     platform = limited(LIGHT, leg_acceleration_max=float(np.abs(Heave.second).max()) / 2)
-    with pytest.raises(
-        GoughStewartError, match=r"the acceleration of leg \d is .* m/s²; .* if it were 1\.42 times as long"
-    ):
+    with pytest.raises(ReachError, match=r"the acceleration of leg \d is .* m/s²; .* if it were 1\.42 times as long"):
         check_reach(platform, TIMES, Heave.motion)
 
 
@@ -274,7 +273,7 @@ def test_an_actuator_that_would_need_too_much_is_refused_with_what_would_fit(
     row = int((np.abs(values) > 0.999 * most).argmax())
     check_reach(limited(LIGHT, **{limit: 1.001 * most}), TIMES, Heave.motion)
     text = rf"{quantity} of leg . is .* {unit}; expected .* times as long .* or .* times as large"
-    with pytest.raises(GoughStewartError, match=text) as no:
+    with pytest.raises(ReachError, match=text) as no:
         check_reach(limited(LIGHT, **{limit: 0.999 * most}), TIMES, Heave.motion)
     assert (no.value.quantity, no.value.time) == (quantity, TIMES[row])
     assert no.value.value == pytest.approx(values[row], rel=1e-9)
@@ -284,7 +283,7 @@ def test_a_weight_that_the_legs_cannot_hold_is_helped_by_no_scale() -> None:
     """Expected: a sixth of the weight along the leg against a limit of 10 N."""
     static = 10 * 9.81 / 6 * Heave.length[0] / Heave.z[0]
     text = rf"neither slower nor smaller helps: .* actuator force max is already at {100 * static / 10:.4g} %"
-    with pytest.raises(GoughStewartError, match=text):
+    with pytest.raises(ReachError, match=text):
         check_reach(limited(LIGHT, actuator_force_max=10.0), TIMES, Heave.motion)
 
 
@@ -294,9 +293,9 @@ def test_limits_of_motion_may_be_passed_with_a_warning_and_those_of_poses_not() 
     found = check_reach(platform, TIMES, Heave.motion, dynamic="warn")
     assert len(found) == 2
     assert all(text.startswith("the reference exceeds a limit: at time 0 s the ") for text in found)
-    with pytest.raises(GoughStewartError, match="the velocity of leg"):
+    with pytest.raises(ReachError, match="the velocity of leg"):
         check_reach(platform, TIMES, Heave.motion)
     short = replace(platform, leg_length_max=float(Heave.length.max()) * 0.999)
-    with pytest.raises(GoughStewartError, match="the length of leg"):
+    with pytest.raises(ReachError, match="the length of leg"):
         check_reach(short, TIMES, Heave.motion, dynamic="warn")
     assert check_reach(LIGHT, TIMES, Heave.motion, dynamic="warn") == []
