@@ -75,6 +75,10 @@ def build(
     OutputError
         The files cannot be written there.
 
+    See Also
+    --------
+    SteppingModel, export, VARIABLES
+
     Examples
     --------
     >>> gs.build("fmus", fmi=["3.0"], targets=["x86_64-linux", "x86_64-windows"])

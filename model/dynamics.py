@@ -72,10 +72,12 @@ LEG_DAMPING_RATIO = 0.02
 
 
 class Acceleration(NamedTuple):
-    """Acceleration of the platform frame; each (..., 3)."""
+    """Acceleration of the platform frame."""
 
-    linear: Array  # v̇ of Op [m/s2]
-    angular: Array  # ω̇ [rad/s2]
+    linear: Array
+    """v̇ of Op (..., 3) [m/s²]."""
+    angular: Array
+    """ω̇ (..., 3) [rad/s²]."""
 
 
 def solve_mass_matrix(matrix: Array, vector: Array) -> Array:
@@ -102,13 +104,35 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     """Mass matrix M (..., 6, 6) for the twist [v; ω]; symmetric, positive definite.
 
     M = [[m 1, −m r̃], [m r̃, J − m r̃ r̃]] + Σ_i G_iᵀ E_i G_i, with Ṗ_i = G_i [v; ω], G_i = [1, −c̃_i], E_i the
-    apparent mass of leg i at P_i, r = R r_G, J = R J_p Rᵀ. In kg, kg m and kg m²; position [m],
-    orientation [rad] (..., 3).
+    apparent mass of leg i at P_i, r = R r_G, J = R J_p Rᵀ. Written by hand as the task-space form
+    of eq. (30) of Liu, Li & Li (2000); docs/equations.md derives it.
+
+    Parameters
+    ----------
+    parameters
+        A platform, or a batch of them from `stack`.
+    position, orientation
+        Pose (..., 3) [m], (..., 3) [rad]; leading axes broadcast.
 
     Returns
     -------
     ndarray
         M (..., 6, 6): blocks [kg], [kg m] and [kg m²] for v and ω.
+
+    Raises
+    ------
+    ArgumentError
+        An argument of another type, shape or unit.
+
+    See Also
+    --------
+    inverse_dynamics, leg_jacobian, stack
+
+    Examples
+    --------
+    >>> platform = gs.load_preset("liu2000")
+    >>> gs.mass_matrix(platform, platform.home_position, platform.home_orientation).shape
+    (6, 6)
     """
     rest = 0 * np.asarray(position)
     state, legs = State(position, orientation, rest, rest), leg_geometry(parameters, position, orientation)
@@ -126,10 +150,21 @@ def inverse_dynamics(
 ) -> Array:
     """Actuator forces (..., 6) [N] for a given acceleration: Jᵀ F = M [v̇; ω̇] + n − [f_ext; τ_ext].
 
+    The task-space form of eq. (30) of Liu, Li & Li (2000), without its multipliers; docs/equations.md derives it.
+
     Parameters
     ----------
+    parameters
+        A platform, or a batch of them from `stack`.
+    state
+        Pose and twist, each (..., 3): position [m], orientation [rad], velocity [m/s], angular velocity [rad/s].
+    acceleration
+        Linear [m/s²] and angular [rad/s²], each (..., 3).
     external_wrench
         [f_ext; τ_ext] (..., 6) at Op in world components [N, N m].
+    solve
+        Solves Jᵀ F = w for F (..., 6) [N], from Jᵀ (..., 6, 6) [1], [m] and w (..., 6) [N, N m]; by LU, with a
+        check of the pose, by default.
 
     Returns
     -------
@@ -140,6 +175,10 @@ def inverse_dynamics(
     ------
     SingularPoseError
         The leg forces cannot produce the wrench at this pose.
+
+    See Also
+    --------
+    static_leg_forces, mass_matrix, check
 
     Examples
     --------
@@ -163,7 +202,18 @@ def static_leg_forces(
 ) -> Array:
     """Actuator forces (..., 6) [N] that hold a pose at rest against gravity and an external wrench.
 
-    Position [m], orientation [rad] (..., 3); the wrench (..., 6) [N, N m] at Op, in world components.
+    `inverse_dynamics` at rest: Jᵀ F = n(pose, 0) − [f_ext; τ_ext].
+
+    Parameters
+    ----------
+    parameters
+        A platform, or a batch of them from `stack`.
+    position, orientation
+        Pose (..., 3) [m], (..., 3) [rad]; leading axes broadcast.
+    external_wrench
+        [f_ext; τ_ext] (..., 6) at Op in world components [N, N m].
+    solve
+        As in `inverse_dynamics`.
 
     Returns
     -------
@@ -174,6 +224,10 @@ def static_leg_forces(
     ------
     SingularPoseError
         The leg forces cannot hold this pose.
+
+    See Also
+    --------
+    inverse_dynamics, trim, evaluate_poses
 
     Examples
     --------

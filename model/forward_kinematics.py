@@ -54,16 +54,19 @@ def forward_kinematics(
     """Poses with given leg lengths, in the assembly mode of the guess; of one pose, or of the rows of a log.
 
     Newton's method for L(pose) = L_given with the leg Jacobian: J [δt; δφ] = L_given − L, t ← t + δt, R ← exp(δφ~) R;
-    quadratic convergence near the solution. Steps that do not reduce the residual are shortened, which makes the
-    iteration robust for distant guesses. It never crosses a singular pose, so it stays in the assembly mode. Rows
-    (…, n, 6) are found by compiled code, each along n from the one before: their poses are one continuous motion.
+    quadratic convergence near the solution (Merlet, Parallel Robots, 2006, chapter 4). Steps that do not reduce the
+    residual are shortened, which makes the iteration robust for distant guesses. It never crosses a singular pose, so
+    it stays in the assembly mode. Rows (…, n, 6) are found by compiled code, each along n from the one before: their
+    poses are one continuous motion.
 
     Parameters
     ----------
+    platform
+        The geometry; its home pose is the guess by default.
     leg_length
         Leg lengths (6,) or (…, n, 6) [m]. A row with NaN has NaN for its pose.
     position, orientation
-        Guess (3,), for the first of the rows; the home pose by default.
+        Guess (3,) [m], (3,) [rad], for the first of the rows; the home pose by default.
     tolerance
         Largest error of a leg length, relative to the longest leg.
     max_iterations
@@ -88,6 +91,10 @@ def forward_kinematics(
         Lengths or guess with a wrong shape or not finite, lengths ≤ 0, or an invalid tolerance.
     NotInstalledError
         Of rows: no compiled code came with the package, and it cannot be compiled.
+
+    See Also
+    --------
+    leg_geometry, leg_jacobian, read_log
 
     Examples
     --------

@@ -42,13 +42,29 @@ class Conditioning(NamedTuple):
 def leg_geometry(parameters: Parameters, position: Array, orientation: Array) -> LegGeometry:
     """Vectors, lengths and directions of the legs at a pose.
 
-    l_i = t + R p_i − B_i, L_i = |l_i|, u_i = l_i / L_i; position [m], orientation [rad] (..., 3).
+    l_i = t + R p_i − B_i, L_i = |l_i|, u_i = l_i / L_i (Liu, Li & Li 2000, fig. 1).
+
+    Parameters
+    ----------
+    parameters
+        A platform, or a batch of them from `stack`.
+    position, orientation
+        Pose (..., 3) [m], (..., 3) [rad]; leading axes broadcast.
 
     Returns
     -------
     LegGeometry
         In world components: `arm` c_i = R p_i, from Op to P_i, and `vector` l_i (..., 6, 3) [m]; `length` L_i (..., 6)
         [m]; `direction` u_i, from base to platform (..., 6, 3) [1].
+
+    Raises
+    ------
+    ArgumentError
+        An argument of another type, shape or unit.
+
+    See Also
+    --------
+    leg_jacobian, forward_kinematics
 
     Examples
     --------
@@ -101,12 +117,34 @@ def leg_accelerations(legs: LegGeometry, state: State, linear: Array, angular: A
 def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Leg Jacobian J (..., 6, 6) with L̇ = J [v; ω], and wrench [force; torque about Op] = Jᵀ F.
 
-    Row i is [u_iᵀ, (c_i × u_i)ᵀ], [1] and [m]; position [m], orientation [rad] (..., 3).
+    Row i is [u_iᵀ, (c_i × u_i)ᵀ], from u_i · Ṗ_i with Ṗ_i of eq. (21) of Liu, Li & Li (2000).
+
+    Parameters
+    ----------
+    parameters
+        A platform, or a batch of them from `stack`.
+    position, orientation
+        Pose (..., 3) [m], (..., 3) [rad]; leading axes broadcast.
 
     Returns
     -------
     ndarray
         J (..., 6, 6): a row for each leg, columns for v [1] and ω [m].
+
+    Raises
+    ------
+    ArgumentError
+        An argument of another type, shape or unit.
+
+    See Also
+    --------
+    leg_geometry, mass_matrix, compliance
+
+    Examples
+    --------
+    >>> platform = gs.load_preset("liu2000")
+    >>> J = gs.leg_jacobian(platform, platform.home_position, platform.home_orientation)
+    >>> J @ [0, 0, 1, 0, 0, 0]  # leg velocities of a heave of 1 m/s
     """
     return jacobian_of_legs(leg_geometry(parameters, position, orientation))
 

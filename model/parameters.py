@@ -243,11 +243,25 @@ def in_words(name: str, value: Any) -> Any:
 def stack(parameters: Sequence[Parameters]) -> Parameters:
     """Many platforms as one batch: every parameter gets a leading axis over the platforms.
 
+    Parameters
+    ----------
+    parameters
+        Platforms, names of presets, or files.
+
     Returns
     -------
     ParametersOf
         A batch of n platforms for the functions of geometry and forces: scalars become (n,), vectors (n, 3), points
         (n, 6, 3).
+
+    Raises
+    ------
+    ArgumentError
+        No platform, or something else than platforms.
+
+    See Also
+    --------
+    mass_matrix, leg_geometry, ensemble
 
     Examples
     --------

@@ -325,6 +325,11 @@ def load_platform(path: Path | str) -> Platform:
 
     Joints may be on circles or by cylindrical coordinates, with the legs between them: docs/notation.md.
 
+    Parameters
+    ----------
+    path
+        The file.
+
     Returns
     -------
     Platform
@@ -334,6 +339,10 @@ def load_platform(path: Path | str) -> Platform:
     ------
     PlatformFileError
         The file cannot be read, is not TOML, has an unknown or a missing key, or describes an invalid platform.
+
+    See Also
+    --------
+    save_platform, load_preset, Platform
 
     Examples
     --------
@@ -352,10 +361,26 @@ def load_platform(path: Path | str) -> Platform:
 def save_platform(platform: Platform, path: Path | str) -> None:
     """Write a platform as a TOML file, which `load_platform` reads without loss; atomic.
 
+    Parameters
+    ----------
+    platform
+        The platform.
+    path
+        The file to write.
+
     Raises
     ------
     PlatformFileError
         The file cannot be written.
+
+    See Also
+    --------
+    load_platform, Platform
+
+    Examples
+    --------
+    >>> heavier = gs.load_preset("motion_base").with_parameters({"platform_mass": 1500})
+    >>> gs.save_platform(heavier, "heavier.toml")
     """
     if Path(path).is_dir():
         raise PlatformFileError(str(path), f"is a folder; expected a file, such as {Path(path, 'platform.toml')}")
@@ -372,6 +397,15 @@ def preset_names() -> tuple[str, ...]:
     -------
     tuple of str
         In alphabetical order.
+
+    See Also
+    --------
+    load_preset, experiment_names
+
+    Examples
+    --------
+    >>> "liu2000" in gs.preset_names()
+    True
     """
     return tuple(toml_files(*_PRESETS))
 
@@ -387,6 +421,11 @@ def preset_text(name: str) -> str:
 def load_preset(name: str) -> Platform:
     """A preset by name: `liu2000`, the paper's, `desktop_hexapod`, `motion_base` or `motion_base_screws`, which sticks.
 
+    Parameters
+    ----------
+    name
+        One of `preset_names()`.
+
     Returns
     -------
     Platform
@@ -396,6 +435,10 @@ def load_preset(name: str) -> Platform:
     ------
     PlatformFileError
         No preset has this name; the nearest one is suggested.
+
+    See Also
+    --------
+    preset_names, load_platform
 
     Examples
     --------

@@ -6,20 +6,24 @@ from gough_stewart.model.vectors import Array, concatenate
 
 
 class State(NamedTuple):
-    """Minimal state, 12 numbers: pose and twist of the platform frame; each (..., 3)."""
+    """Minimal state, 12 numbers: pose and twist of the platform frame."""
 
-    position: Array  # of Op in world [m]
-    orientation: Array  # roll, pitch, yaw about fixed X, Y, Z [rad]
-    velocity: Array  # of Op in world [m/s]
-    angular_velocity: Array  # in world components [rad/s]
+    position: Array
+    """Of Op in world (..., 3) [m]."""
+    orientation: Array
+    """Roll, pitch, yaw about fixed X, Y, Z (..., 3) [rad]."""
+    velocity: Array
+    """Of Op in world (..., 3) [m/s]."""
+    angular_velocity: Array
+    """In world components (..., 3) [rad/s]."""
 
     @classmethod
     def from_vector(cls, x: Array) -> Self:
-        """Split a (..., 12) vector."""
+        """Split a vector x (..., 12) in SI units [m, rad, m/s, rad/s]."""
         return cls(x[..., :3], x[..., 3:6], x[..., 6:9], x[..., 9:])
 
     def to_vector(self) -> Array:
-        """Join to a (..., 12) vector; leading axes broadcast."""
+        """Join to a vector (..., 12) in SI units [m, rad, m/s, rad/s]; leading axes broadcast."""
         return concatenate(self)
 
 

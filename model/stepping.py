@@ -194,7 +194,7 @@ class SteppingModel:
 
     @property
     def state(self) -> FloatArray:
-        """State vector x (n,): position, orientation, velocity, angular velocity, those of rule 11; a copy."""
+        """State x (n,) in SI units: position, orientation, velocity, angular velocity, those of rule 11; a copy."""
         return self._x.copy()
 
     # --- variables ---------------------------------------------------------------------------------------------

@@ -112,12 +112,14 @@ def evaluate_poses(
     within ±`actuator_force_max`; they are 0 where the actuators cannot hold the platform, and at poses with a condition
     number of J above `LARGEST_CONDITION_NUMBER`. The largest speed is the s for which no leg exceeds
     V = `leg_velocity_max` in any direction of motion with √(|v|² + ρ² |ω|²) = s: s = min_i V/|row_i|, with the rows of
-    the scaled leg Jacobian. For translation alone it would be V at every pose.
+    the scaled leg Jacobian (by the Cauchy–Schwarz inequality). For translation alone it would be V at every pose.
 
     Parameters
     ----------
+    platform
+        The platform with its limits; limits that it does not state are not checked.
     position, orientation
-        Poses (..., 3) [m], [rad]; they broadcast.
+        Poses (..., 3) [m], (..., 3) [rad]; leading axes broadcast.
     progress
         Called with the number of completed poses.
 
@@ -131,6 +133,15 @@ def evaluate_poses(
         at Op in the softest and the stiffest direction, `translational_stiffness` and `translational_stiffness_max`
         [N/m], `rotational_stiffness` and `rotational_stiffness_max` [N m/rad], and `first_mode`, the lowest natural
         frequency [Hz].
+
+    Raises
+    ------
+    ArgumentError
+        An argument of another type, shape or unit.
+
+    See Also
+    --------
+    sweep, compliance, forward_kinematics
 
     Examples
     --------
@@ -184,18 +195,29 @@ def _reach(
 def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
     """Compliance K⁻¹ (..., 6, 6) of a platform whose motors hold: small twist [m, rad] per wrench at Op [N, N m].
 
-    K⁻¹ = J⁻¹ diag(1/k_i) J⁻ᵀ with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m],
-    orientation [rad] (..., 3).
+    K⁻¹ = J⁻¹ diag(1/k_i) J⁻ᵀ with the leg Jacobian J and k = `leg_stiffness`, in world components: Gosselin,
+    "Stiffness mapping for parallel manipulators", IEEE Trans. Robotics and Automation 6(3), 1990.
+
+    Parameters
+    ----------
+    parameters
+        A platform, or a batch of them from `stack`.
+    position, orientation
+        Pose (..., 3) [m], (..., 3) [rad]; leading axes broadcast.
 
     Returns
     -------
     ndarray
-        (..., 6, 6), symmetric: blocks [m/N], [rad/N] = [1/N] and [rad/(N m)].
+        K⁻¹ (..., 6, 6), symmetric: blocks [m/N], [rad/N] = [1/N] and [rad/(N m)].
 
     Raises
     ------
     PlatformError
         Rigid legs, `leg_stiffness` is 0.
+
+    See Also
+    --------
+    leg_jacobian, static_leg_forces, evaluate_poses
 
     Examples
     --------
@@ -369,6 +391,10 @@ def sweep(
     ------
     WorkspaceError
         Coordinates, ranges or a number of points that do not define a grid.
+
+    See Also
+    --------
+    evaluate_poses, check
 
     Examples
     --------

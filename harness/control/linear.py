@@ -53,6 +53,8 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
 
     Parameters
     ----------
+    platform
+        The platform with its parameters.
     outputs
         Names of outputs or locals of the interface.
 
@@ -66,6 +68,10 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     ------
     InterfaceError
         Another name, a repeated name, or no name.
+
+    See Also
+    --------
+    linearise, trim, SteppingModel
 
     Examples
     --------
@@ -97,7 +103,16 @@ def trim(
 ) -> OperatingPoint:
     """The platform at rest in a pose (default: home) under the leg forces that hold it there.
 
-    Jᵀ F = n(pose, 0) − [f_ext; τ_ext], with the external wrench (6,) at Op in world components [N, N m].
+    Jᵀ F = n(pose, 0) − [f_ext; τ_ext], as in `inverse_dynamics`.
+
+    Parameters
+    ----------
+    platform
+        The platform; its home pose is the default.
+    position, orientation
+        Pose (3,) [m], (3,) [rad]; home by default.
+    external_wrench
+        [f_ext; τ_ext] (6,) at Op in world components [N, N m].
 
     Returns
     -------
@@ -110,6 +125,10 @@ def trim(
         The pose or the wrench is not finite or has another shape, or the pitch is ±90°.
     SingularPoseError
         The legs cannot hold the pose.
+
+    See Also
+    --------
+    linearise, static_leg_forces
 
     Examples
     --------
@@ -133,10 +152,16 @@ def linearise(
 ) -> "control.StateSpace":
     """Linear model δẋ = A δx + B δu, δy = C δx + D δu at rest in a pose (default: home), by exact Jacobians.
 
-    Signals are named as in `plant_system`.
+    Signals are named as in `plant_system`. Åström & Murray, Feedback Systems (2021), section 6.4.
 
     Parameters
     ----------
+    platform
+        The platform; its home pose is the default.
+    position, orientation
+        Pose at rest (3,) [m], (3,) [rad]; home by default.
+    outputs
+        Names of outputs or locals of the interface.
     coulomb_friction
         Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
         It acts as a large damper that the moving platform does not have, so it is left out by default. With friction
@@ -152,6 +177,10 @@ def linearise(
     ------
     InterfaceError, SingularPoseError
         As `plant_system` and `trim`.
+
+    See Also
+    --------
+    plant_system, trim, modes
 
     Examples
     --------
@@ -195,13 +224,28 @@ def linear_matrices(
 def modes(system: Any) -> list[Mode]:
     """Modes of a linear system, slowest first; discrete poles are mapped by λ = ln(z) / dt.
 
-    A pole at z = 0, of a pure delay, has no continuous counterpart and is left out.
+    A pole at z = 0, of a pure delay, has no continuous counterpart and is left out. Definitions as in Åström & Murray,
+    Feedback Systems (2021).
+
+    Parameters
+    ----------
+    system
+        A linear python-control system, continuous or discrete.
 
     Returns
     -------
     list of Mode
         For each real eigenvalue and each conjugate pair: `eigenvalue` [1/s], the one with positive imaginary part;
         `frequency` |λ|/2π [Hz]; `damping_ratio` −Re λ/|λ|, negative if the mode is unstable.
+
+    Raises
+    ------
+    ArgumentError
+        An argument of another type, shape or unit.
+
+    See Also
+    --------
+    linearise, margins
 
     Examples
     --------

@@ -59,9 +59,9 @@ class Sample(NamedTuple):
     time: float
     """[s], a multiple of the sample time, also with jitter."""
     reference: Mapping[str, FloatArray]
-    """The reference signals, with acceleration and angular_acceleration."""
+    """The reference signals (3,) or (6,) in SI units, with acceleration and angular_acceleration."""
     measured: Mapping[str, FloatArray]
-    """The measurements of the sensors."""
+    """The measurements of the sensors (3,) or (6,) in SI units."""
     index: int = 0  # type: ignore[assignment]  # hides the method of a tuple
     """The number of the sample, from 0."""
     sample_time: float = 0.0

@@ -51,11 +51,11 @@ class Gains:
     """
 
     proportional: ArrayLike
-    """kp [N/m]; in task space [N/m, N m/rad]."""
+    """kp, a number or (6,) [N/m]; in task space [N/m, N m/rad]."""
     derivative: ArrayLike
-    """kd [N s/m]; in task space [N s/m, N m s/rad]."""
+    """kd, a number or (6,) [N s/m]; in task space [N s/m, N m s/rad]."""
     integral: ArrayLike = 0.0
-    """ki [N/(m s)]; in task space [N/(m s), N m/(rad s)]."""
+    """ki, a number or (6,) [N/(m s)]; in task space [N/(m s), N m/(rad s)]."""
     derivative_filter: float | None = None
     """Tf [s]; kd / (20 kp) of the fastest channel by default."""
     anti_windup_time: float | None = None
@@ -90,7 +90,7 @@ class Gains:
 
     @property
     def tracking_time(self) -> FloatArray:
-        """Tt of each channel [s]."""
+        """Tt of each channel (6,) [s]."""
         if self.anti_windup_time is not None:
             return np.full(N_CHANNELS, self.anti_windup_time)
         return np.asarray(
@@ -112,9 +112,12 @@ def gains_from_bandwidth(
     ωn = 2π · bandwidth. In leg space m is the largest eigenvalue of J⁻ᵀ M J⁻¹, the mass at the legs in the heaviest
     mode at home. Mode k then has ωn √(m/m_k) and ζ √(m/m_k): lighter modes are better damped, and where that exceeds 1
     their slow pole tends to ωn/(2 ζ). In task space each axis has its own m, the diagonal of M, and all behave alike.
+    Pole placement as in Åström & Hägglund, Advanced PID Control (2006), chapter 6.
 
     Parameters
     ----------
+    platform
+        The nominal platform, whose mass matrix at home the gains use.
     bandwidth
         Undamped natural frequency of the heaviest mode [Hz].
     damping_ratio
@@ -136,6 +139,10 @@ def gains_from_bandwidth(
     ------
     ControllerError
         Not positive, or an integral time that makes the loop unstable.
+
+    See Also
+    --------
+    pid, Gains, PD, PID
 
     Examples
     --------
@@ -204,7 +211,7 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
 
     With e = r − y [m], F = kp e + kd s/(Tf s + 1) (e or −y) + x, ẋ = ki e + (F_limited − F)/Tt [N]. Inputs:
     reference_leg_length[1..6], leg_length[1..6], and of PID limit_excess[1..6] (force after the limits minus force
-    before them). Outputs: actuator_force[1..6].
+    before them). Outputs: actuator_force[1..6]. Åström & Hägglund, Advanced PID Control (2006), sections 3.3 to 3.5.
 
     Parameters
     ----------
@@ -222,6 +229,10 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     ------
     ControllerError
         `derivative_on` is neither "error" nor "measurement".
+
+    See Also
+    --------
+    gains_from_bandwidth, sampled, Gains
 
     Examples
     --------
@@ -289,6 +300,15 @@ def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> Sta
 def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "control.StateSpace":
     """The continuous system at a sample time [s], as python-control's `sample_system` gives it; names are kept.
 
+    Parameters
+    ----------
+    system
+        A continuous linear python-control system.
+    sample_time
+        [s]
+    method
+        "tustin", "backward_diff" or "zoh".
+
     Returns
     -------
     control.StateSpace
@@ -297,7 +317,17 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
     Raises
     ------
     ControllerError
-        As `discretised` and `state_space_of`.
+        Not a continuous linear system, or a sample time that is not positive.
+
+    See Also
+    --------
+    pid, LinearController
+
+    Examples
+    --------
+    >>> continuous = gs.pid(gs.Gains(proportional=2e5, derivative=2e4))
+    >>> gs.sampled(continuous, 1e-3).dt
+    0.001
     """
     from control import ss
 

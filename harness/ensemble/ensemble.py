@@ -102,6 +102,10 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
     OutputError, OSError
         The files cannot be written; finished chunks are kept.
 
+    See Also
+    --------
+    run, tune, read_ensemble
+
     Examples
     --------
     >>> found = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=16, workers=1)

@@ -84,6 +84,11 @@ class Ensemble(MemberTable):
 def read_ensemble(folder: Path | str) -> Ensemble:
     """An ensemble from its folder.
 
+    Parameters
+    ----------
+    folder
+        From `ensemble` with `out`, or the command with `--out`.
+
     Returns
     -------
     Ensemble
@@ -93,6 +98,16 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     ------
     RecordError
         The folder has no ensemble.
+
+    See Also
+    --------
+    ensemble, Ensemble
+
+    Examples
+    --------
+    >>> found = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=8, workers=1, out="results/eight")
+    >>> gs.read_ensemble("results/eight").members.height
+    8
     """
     folder = Path(folder)
     try:

@@ -364,6 +364,10 @@ def check(
     ExperimentError
         The experiment has no reference, or cannot be read.
 
+    See Also
+    --------
+    run, margins, sweep
+
     Examples
     --------
     >>> found = gs.check("pitch_sine", {"reference.frequency": 4})

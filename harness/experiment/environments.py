@@ -68,6 +68,16 @@ def vector_env(
         An unknown observation, metric, or mode.
     NotInstalledError
         Gymnasium is not installed.
+
+    See Also
+    --------
+    env, ensemble
+
+    Examples
+    --------
+    >>> machines = gs.vector_env("heave_step", 3, {"loop.duration": 0.1})
+    >>> machines.reset(seed=0)[0].shape[0]
+    3
     """
     chosen = experiment_of(experiment, settings)
     environment: ExperimentVectorEnv = _classes().ExperimentVectorEnv(
@@ -87,12 +97,30 @@ def env(
 ) -> "ExperimentEnv":
     """One experiment as an environment of Gymnasium: the first member of `vector_env` with the same arguments and seed.
 
-    Arguments and errors are those of `vector_env`; a function as `reward` gets arrays of one member.
+    Parameters
+    ----------
+    experiment, settings, actions, observations, reward, hold
+        As in `vector_env`; a function as `reward` gets arrays of one member.
 
     Returns
     -------
     ExperimentEnv
         A `gymnasium.Env`.
+
+    Raises
+    ------
+    ExperimentError, ArgumentError, NotInstalledError
+        As `vector_env`.
+
+    See Also
+    --------
+    vector_env, run
+
+    Examples
+    --------
+    >>> loop = gs.env("heave_step", {"loop.duration": 0.1})
+    >>> observation, info = loop.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = loop.step(loop.action_space.sample())
     """
     options: Any = {"actions": actions, "observations": observations, "reward": reward, "hold": hold}
     members = vector_env(experiment, 1, settings, **options, autoreset="disabled")

@@ -48,6 +48,10 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
         The file cannot be read, or a key is unknown, missing, or has an invalid value; the message names place, value
         and remedy.
 
+    See Also
+    --------
+    experiment_names, run, check
+
     Examples
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
@@ -105,6 +109,15 @@ def experiment_names() -> tuple[str, ...]:
     -------
     tuple of str
         In alphabetical order.
+
+    See Also
+    --------
+    load_experiment, preset_names
+
+    Examples
+    --------
+    >>> "heave_step" in gs.experiment_names()
+    True
     """
     return tuple(toml_files(*_SHIPPED))
 

@@ -55,7 +55,7 @@ class FrequencyResponse:
     measured: Response
     """`S`, `T`, `L` (n,), 95 % confidence `radius` of S and T and `loop_radius` of L, `coherence`, `periods`."""
     predicted: ComplexArray | None
-    """L of the linear model (n,), without Coulomb friction; None where there is none."""
+    """L of the linear model (n,) [1], without Coulomb friction; None where there is none."""
     notes: tuple[str, ...]
     """Reasons to doubt the result."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -198,7 +198,8 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
     """The frequency response of a loop, from a run of an experiment with an `[injection]`.
 
     For the excited leg or mode, with the other channels closed: S = u/d from the injected to the total force,
-    T = 1 − S, L = 1/S − 1, averaged over periods, with those of the linear model that `margins` uses.
+    T = 1 − S, L = 1/S − 1, averaged over periods (Pintelon & Schoukens, System Identification, 2012),
+    with those of the linear model that `margins` uses.
 
     A record executes no code. If its controller is a Python file, give the experiment or the controller for the linear
     model; without either, the notes say what is left out.
@@ -224,6 +225,10 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
         It cannot be read, its run had no injection, or `experiment` has another controller.
     ControllerError
         The run ended before two periods.
+
+    See Also
+    --------
+    run, margins
 
     Examples
     --------

@@ -283,6 +283,10 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     ExperimentError, ReachError
         The experiment cannot run as written, or its reference is out of the platform's reach.
 
+    See Also
+    --------
+    frf, check, run
+
     Examples
     --------
     >>> found = gs.margins("heave_step", {"loop.delay": 2})

@@ -128,6 +128,10 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     PlantError, BuildError
         The plant is not available.
 
+    See Also
+    --------
+    load_experiment, metrics, margins, ensemble, view
+
     Examples
     --------
     >>> record = gs.run("heave_step", {"loop.duration": 0.3, "controller.bandwidth": 3})
@@ -422,6 +426,10 @@ def save_record(record: Record, folder: Path | str, report: bool = False, figure
     ------
     OutputError, OSError
         The files cannot be written there.
+
+    See Also
+    --------
+    read_record, metrics, view
 
     Examples
     --------

@@ -131,6 +131,10 @@ def export(  # noqa: PLR0912 - one road, in sections
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
+    See Also
+    --------
+    build, margins, run
+
     Examples
     --------
     >>> gs.export("heave_step", {"controller.bandwidth": 3}, forms=["c"], out="exported")

@@ -67,32 +67,41 @@ class Estimate:
     """
 
     method: str
-    names: tuple[str, ...]  # elements, such as platform_com[1]
-    values: FloatArray  # (p,) [SI]; NaN of elements that the motion does not excite
-    nominal: FloatArray  # (p,) values before the fit [SI]
-    covariance: FloatArray  # (p, p)
-    # of the regressor in units of `scale`, largest first; and for each the combination of names, as a row
+    """"linear" or "geometry"."""
+    names: tuple[str, ...]
+    """Elements, such as platform_com[1]."""
+    values: FloatArray
+    """Estimates (p,) [SI]; NaN of elements that the motion does not excite."""
+    nominal: FloatArray
+    """Values before the fit (p,) [SI]."""
+    covariance: FloatArray
+    """Covariance of the estimates (p, p) [SI]."""
     singular_values: FloatArray
-    directions: FloatArray  # (k, p)
-    scale: FloatArray  # (p,) [SI]
-    # how many of these combinations are observable; the others keep their nominal values
+    """Of the regressor in units of `scale` (k,) [1], largest first."""
+    directions: FloatArray
+    """For each singular value the combination of names, as a row (k, p) [1]."""
+    scale: FloatArray
+    """The size of each parameter (p,) [SI]."""
     rank: int
+    """How many of these combinations are observable; the others keep their nominal values."""
     residuals: Residuals
-    # of the variance that the residuals estimate; infinite if the variance is known
+    """What the fit leaves of the measurements."""
     freedom: float = math.inf
-    # how well the rows that were kept for it are predicted; None if there are none
+    """Degrees of freedom of the variance that the residuals estimate; infinite if the variance is known."""
     validation: Validation | None = None
+    """How well the rows that were kept for it are predicted; None if there are none."""
     notes: tuple[str, ...] = ()
-    # reasons not to trust the values and their intervals, one sentence each; the command ends with exit code 3
+    """What else a reader is to know, one sentence each."""
     alarms: tuple[str, ...] = ()
-    # whether the log contradicts the model, and why; None for methods that cannot tell
+    """Reasons not to trust the values and their intervals, one sentence each; the command ends with exit code 3."""
     diagnosis: Diagnosis | None = None
-    # elements that have no number, since the motion does not excite them; a platform keeps their nominal values
+    """Whether the log contradicts the model, and why; None for methods that do not test it."""
     not_excited: tuple[str, ...] = ()
-    # elements held by a bound of what is physical; they have a value, but no interval
+    """Elements that have no number, since the motion does not excite them; a platform keeps their nominal values."""
     at_bound: tuple[str, ...] = ()
-    # data for pages and figures
+    """Elements held by a bound of what is physical; they have a value, but no interval."""
     details: dict[str, Any] = field(default_factory=dict)
+    """Data for pages and figures."""
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -113,7 +122,7 @@ class Estimate:
 
     @property
     def correlation(self) -> FloatArray:
-        """Correlation of the estimates (p, p); 0 where a variance is 0, NaN where there is none."""
+        """Correlation of the estimates (p, p) [1]; 0 where a variance is 0, NaN where there is none."""
         s = self.standard_errors
         size = np.outer(s, s)
         return np.where(size == 0, np.eye(len(s)), self.covariance / np.where(size == 0, 1.0, size))

@@ -99,6 +99,8 @@ def excite(
 
     Parameters
     ----------
+    platform
+        The nominal platform with its limits.
     estimate
         Parameters, or elements of them, in which inverse dynamics is linear.
     duration, fade
@@ -108,8 +110,8 @@ def excite(
     criterion
         "determinant", that of the information matrix, is maximised (D-optimal); or "trace", that of its inverse, is
         minimised (A-optimal): the sum of variances in units of each parameter's scale.
-    trials
-        Number of motions from which the search starts.
+    trials, seed
+        Number of motions from which the search starts, and seed of their draws.
     status
         Called with the best result so far.
 
@@ -123,6 +125,10 @@ def excite(
     ------
     IdentificationError
         A nonlinear parameter, by name; or no motion was found that excites these parameters.
+
+    See Also
+    --------
+    identify, Excitation
 
     Examples
     --------

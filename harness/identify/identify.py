@@ -99,6 +99,10 @@ def identify(
     IdentificationError
         Parameters that this method, or this log, cannot determine; names them.
 
+    See Also
+    --------
+    read_log, excite, before_and_after, Estimate
+
     Examples
     --------
     >>> nominal, record = gs.load_preset("liu2000"), gs.run("circle_computed_torque", {"loop.duration": 4})

@@ -64,18 +64,26 @@ VALIDATION = 0.2
 class Log:
     """Recorded data of a machine, row by row, in SI units; `read_log` reads it from a file."""
 
-    leg_length: FloatArray  # (n, 6) [m]
-    time: FloatArray | None = None  # (n,) [s]; poses at rest need none
-    actuator_force: FloatArray | None = None  # (n, 6) [N]; positive extends the leg
-    position: FloatArray | None = None  # (n, 3) of Op [m]
-    orientation: FloatArray | None = None  # (n, 3) roll, pitch, yaw [rad]
-    # whether a force acts from its row to the next, as with a sampled controller; else it is instantaneous
+    leg_length: FloatArray
+    """Leg lengths (n, 6) [m]."""
+    time: FloatArray | None = None
+    """Times (n,) [s]; poses at rest need none."""
+    actuator_force: FloatArray | None = None
+    """Actuator forces (n, 6) [N]; positive extends the leg."""
+    position: FloatArray | None = None
+    """Positions of Op (n, 3) [m]."""
+    orientation: FloatArray | None = None
+    """Roll, pitch, yaw (n, 3) [rad]."""
     holds_force: bool = False
+    """Whether a force acts from its row to the next, as with a sampled controller; else it is instantaneous."""
     where: str = "log"
-    # of elastic legs: where `leg_length` was measured; if at both sides, the motors' in `motor_position` (n, 6) [m]
+    """The name of the log in messages."""
     side: Side = "leg"
+    """Of elastic legs: where `leg_length` was measured, "leg" or "motor"."""
     motor_position: FloatArray | None = None
-    convention: PoseConvention = OURS  # in which the file had the poses
+    """The motors' side of elastic legs (n, 6) [m], where both sides were measured."""
+    convention: PoseConvention = OURS
+    """In which the file had the poses."""
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -162,7 +170,7 @@ def read_log(
     frame
         "z_up", "z_down" (x forward, y right), or the file's axes in those of this project, such as "y,x,-z".
     pivot
-        The point whose position the file has, in the axes of the platform [m].
+        The point (3,) [m] whose position the file has, in the axes of the platform.
     gaps
         Whether leg lengths may be empty or NaN, for the poses of the other rows.
 
@@ -176,6 +184,10 @@ def read_log(
     LogError
         The file cannot be read, lacks columns, or has a value that is not a finite number; names column and row. An
         unknown order, frame or pivot; two rows of one time with different values.
+
+    See Also
+    --------
+    identify, Log, read_record
 
     Examples
     --------

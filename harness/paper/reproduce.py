@@ -125,6 +125,10 @@ def reproduce(
     BuildError
         The FMUs cannot be built, or a package to run them is missing.
 
+    See Also
+    --------
+    SteppingModel, build
+
     Examples
     --------
     >>> result = gs.reproduce()

@@ -71,10 +71,24 @@ def metrics(record: RecordData) -> Metrics:
 
     A part is None if the record lacks its columns.
 
+    Parameters
+    ----------
+    record
+        A `Record`, or the folder or file of one.
+
     Returns
     -------
     Metrics
         A dict of numbers, lists and dicts, ready for JSON, that displays itself as tables.
+
+    Raises
+    ------
+    RecordError
+        The record cannot be read.
+
+    See Also
+    --------
+    run, check, view
 
     Examples
     --------

@@ -200,6 +200,11 @@ class Record(RecordData):
 def read_record(path: Path | str) -> Record:
     """Read a record from `record.parquet`, from `record.csv` with `metadata.json` beside it, or from their folder.
 
+    Parameters
+    ----------
+    path
+        The file or folder.
+
     Returns
     -------
     Record
@@ -209,6 +214,10 @@ def read_record(path: Path | str) -> Record:
     ------
     RecordError
         The file, or its `metadata.json`, is missing or is not from a record.
+
+    See Also
+    --------
+    save_record, run, view
 
     Examples
     --------

@@ -45,6 +45,8 @@ def tune(
 
     Parameters
     ----------
+    experiment
+        A TOML file, the name of a shipped experiment, or an `Experiment`.
     vary
         Keys with their bounds: "controller.bandwidth=1..6Hz"; append ",log" for a logarithmic scale.
     minimise
@@ -81,6 +83,10 @@ def tune(
         An impossible search, or no candidate that meets the conditions; names the condition that most of them break.
     ExperimentError, ReachError
         As `run`.
+
+    See Also
+    --------
+    ensemble, run, margins
 
     Examples
     --------

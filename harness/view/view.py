@@ -75,6 +75,10 @@ def view(
     OutputError
         The page cannot be written there.
 
+    See Also
+    --------
+    run, save_record, metrics
+
     Examples
     --------
     >>> records = [gs.run("pitch_sine", {"controller.bandwidth": hertz, "loop.duration": 0.1}) for hertz in (2, 4)]

@@ -1,0 +1,105 @@
+"""Docstrings of the public face: sections, shapes and units of arrays, sources of formulas."""
+
+import ast
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+import gough_stewart as gs
+
+FUNCTIONS = sorted(name for name in dir(gs) if inspect.isfunction(getattr(gs, name)))
+CLASSES = sorted(name for name in dir(gs) if inspect.isclass(getattr(gs, name)))
+# "(6,)", "(..., 6, 6)", "(n, 3)", "a number or (6,)"
+SHAPE = re.compile(r"\((?:\.\.\.|…|\d+|[a-zA-Z])(?:,| × )(?: ?(?:\.\.\.|…|\d+|[a-zA-Z]),?)*\)")
+# "[m]", "[N, N m]", "[1]", "in SI units"
+UNIT = re.compile(r"\[[^\]\d]*(?:m|rad|s|N|kg|Hz|W|J|SI)[^\]\d]*[\d²]*[^\]\d]*\]|\[1\]|SI units")
+FORMULA = re.compile(r"\S = .*[ᵀ⁻¹²·√ωζλδẋ/ẏ]")
+SOURCE = re.compile(r"\(\d{4}\)|, \d{4}|Li & Li 2000|docs/equations\.md|`inverse_dynamics`|Cauchy")
+# their formulas define their own names
+DEFINITIONS = {"metrics", "identify"}
+
+
+def sections_of(name: str) -> dict[str, str]:
+    """The sections of a docstring by title; what stands before them has the title ""."""
+    parts = re.split(r"^(\w[\w ]+)\n-{3,}\n", inspect.getdoc(getattr(gs, name)) or "", flags=re.MULTILINE)
+    return {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+
+
+def texts_by_name(section: str) -> dict[str, str]:
+    """The text about each name of a section, of which several may share one."""
+    entries = re.findall(r"^(\S.*)\n((?:(?: {4}.*)?\n?)*?)(?=^\S|\Z)", section, re.MULTILINE)
+    return {name: text for names, text in entries for name in names.split(", ")}
+
+
+def is_array(annotation: object) -> bool:
+    text = str(annotation)
+    return ("ndarray" in text and not re.search("ParametersOf|Callable", text)) or annotation == ArrayLike
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_names_its_arguments_results_errors_an_example_and_what_to_see_also(name: str) -> None:
+    """Expected: the names of its signature; names of the package."""
+    sections, signature = sections_of(name), inspect.signature(getattr(gs, name))
+    parameters = set(signature.parameters) - {"anyway"}  # a former name
+    assert set(texts_by_name(sections.get("Parameters", ""))) == parameters
+    assert ("Returns" in sections) == (signature.return_annotation is not None)
+    assert "Raises" in sections or not parameters
+    assert ">>> " in sections["Examples"]
+    others = sections["See Also"].strip().split(", ")
+    assert name not in others
+    assert set(others) <= set(dir(gs))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_an_array_that_a_function_takes_or_returns_has_shape_and_unit(name: str) -> None:
+    sections, signature = sections_of(name), inspect.signature(getattr(gs, name))
+    described = texts_by_name(sections.get("Parameters", ""))
+    texts = {key: described[key] for key, value in signature.parameters.items() if is_array(value.annotation)}
+    if is_array(signature.return_annotation):
+        texts["Returns"] = sections["Returns"]
+    assert {key: text for key, text in texts.items() if not (SHAPE.search(text) and UNIT.search(text))} == {}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_formula_has_its_source(name: str) -> None:
+    text = inspect.getdoc(getattr(gs, name)) or ""
+    prose = re.sub(r"`[^`]*`|>>>.*", "", text)
+    assert name in DEFINITIONS or not FORMULA.search(prose) or SOURCE.search(text)
+
+
+def described_members(cls: type) -> Iterator[tuple[str, object, str]]:
+    """Fields and properties that a class of this package declares: name, type, and what is said about it."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(cls))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    for node, following in zip(body.body, [*body.body[1:], None], strict=True):
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            literal = following.value if isinstance(following, ast.Expr) else None
+            text = str(literal.value) if isinstance(literal, ast.Constant) else ""
+            yield node.target.id, inspect.get_annotations(cls)[node.target.id], text
+        elif isinstance(node, ast.FunctionDef) and isinstance(
+            value := inspect.getattr_static(cls, node.name), property
+        ):
+            yield node.name, inspect.get_annotations(value.fget).get("return"), inspect.getdoc(value) or ""
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_an_array_that_a_class_has_is_described_with_shape_and_unit(name: str) -> None:
+    """Expected: beside it, or in the text of the class by its name (the parameters of a platform, as a table)."""
+    cls = getattr(gs, name)
+    members = {key: text for key, kind, text in described_members(cls) if is_array(kind) and not key.startswith("_")}
+    whole = texts_by_name(sections_of(name).get("Parameters", ""))
+    texts = {key: text or whole.get(key, "") for key, text in members.items()}
+    assert {key: text for key, text in texts.items() if not (SHAPE.search(text) and UNIT.search(text))} == {}
+
+
+def test_the_words_for_shapes_and_units_are_told_from_others() -> None:
+    assert all(map(SHAPE.search, ["(6,) [m]", "Poses (..., 3)", "(n, 6)", "(…, n, 6)"]))
+    assert not any(map(SHAPE.search, ["[m] (roll, pitch)", "(default: home)", "(rule 3)", "f(x)", "(2000)"]))
+    assert all(map(UNIT.search, ["[m]", "[N, N m]", "[1]", "[m/s²]", "[rad/(N m)]", "(p,) [SI]"]))
+    assert not any(map(UNIT.search, ["[a, b]", "[1..6]", "[3]", "element [k]"]))
+    assert np.ndarray.__name__ in str(inspect.signature(gs.leg_jacobian).return_annotation)
