@@ -52,7 +52,7 @@ def test_the_demo_runs(demo: Demo) -> None:
 
 def test_the_pages_name_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
-    page = "".join((ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file"))
+    page = "".join((ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file", "motion"))
     modules = (experiment, controllers, references)
     sections = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
     models = [each for each in sections if issubclass(each, TableSection) and each is not TableSection]

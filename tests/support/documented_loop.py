@@ -1,4 +1,4 @@
-"""The sampled loop written a second time, from docs/control.md alone: an expectation for what its options do together.
+"""The sampled loop written a second time, from docs/loop.md alone: an expectation for what its options do together.
 
 Plant, legs and inverse dynamics are those of `tests.support.lagrangian`, integrated by Runge and Kutta's method in many
 small steps; motions, controllers and drives are stated here as formulas of one channel. Nothing of the harness is used.

@@ -10,6 +10,7 @@ from tools.pages.blocks import ROOT, text_of
 
 PAGE = "docs/experiment-file.md"
 NONE = ">= 0; 0 is none"
+LIMITS = ("leg_velocity_max", "actuator_force_max", "actuator_power_max")
 # In the order of the loop, by table.
 COMPONENTS: tuple[tuple[str, type[Component]], ...] = (
     ("controller.notch", Notch),
@@ -20,17 +21,22 @@ COMPONENTS: tuple[tuple[str, type[Component]], ...] = (
 
 
 def metrics_table() -> str:
-    """One row a metric; those of a step are the same for all axes."""
+    """One row a metric; those of a step are the same for all axes, those of a limit for all limits."""
     rows = ["| metric | unit | meaning |", "| --- | --- | --- |"]
-    first, *others = (f"step_response.{axis}." for axis, *_ in AXES)
+    first_axis, *other_axes = (f"step_response.{axis}." for axis, *_ in AXES)
+    first_limit, *other_limits = (f"limits.{name}." for name in LIMITS)
     for metric in METRICS:
-        if metric.path.startswith(tuple(others)):
+        if metric.path.startswith((*other_axes, *other_limits)):
             continue
-        path, unit = metric.path, _unit(metric)
-        if path.startswith(first):
-            path = path.replace(first, "step_response.AXIS.")
+        path, unit, sentence = metric.path, _unit(metric), metric.sentence
+        if path.startswith(first_axis):
+            path = path.replace(first_axis, "step_response.AXIS.")
             unit = unit.replace("m", "m, rad")
-        rows.append(f"| `{path}` | {unit} | {metric.sentence.replace('|', chr(92) + '|')} |")
+        if path.startswith(first_limit):
+            path = path.replace(first_limit, "limits.LIMIT.")
+            unit = "m/s, N, W" if path.endswith(".limit") else unit
+            sentence = sentence.replace(" of the leg velocity", "")
+        rows.append(f"| `{path}` | {unit} | {sentence.replace('|', chr(92) + '|')} |")
     return "\n".join(rows) + "\n"
 
 

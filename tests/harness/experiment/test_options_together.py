@@ -299,7 +299,7 @@ def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Iter
     ],
 )
 def test_every_pair_of_options_does_what_the_documentation_says(number: int, both: Callable[[int], _Both]) -> None:
-    """Expected: the loop written from docs/control.md around a Lagrangian's plant, without code of the harness."""
+    """Expected: the loop written from docs/loop.md around a Lagrangian's plant, without code of the harness."""
     row, record, expected = both(number).row, both(number).record, both(number).expected
     assert record.metadata["outcome"] == {"status": "completed", "time": pytest.approx(DURATION), "cause": None}
     (pose, twist, acceleration), (wanted, wanted_twist, wanted_acceleration) = (
