@@ -74,22 +74,6 @@ def test_wrong_arguments_are_told_by_name(guess: dict[str, object], text: str) -
         forward_kinematics(**arguments)  # type: ignore[arg-type]
 
 
-def test_either_part_of_a_guess_may_be_left_out() -> None:
-    """Expected: what is left out is that of home; the iteration begins with the lengths there."""
-    lengths = leg_geometry(UNEVEN, STATE.position, STATE.orientation).length
-    for guess, pose in (
-        ({"position": STATE.position}, (STATE.position, UNEVEN.home_orientation)),
-        ({"orientation": STATE.orientation}, (UNEVEN.home_position, STATE.orientation)),
-        ({}, (UNEVEN.home_position, UNEVEN.home_orientation)),
-    ):
-        found = forward_kinematics(UNEVEN, lengths, **guess)  # type: ignore[arg-type]
-        assert found.residual_history[0] == pytest.approx(
-            np.abs(leg_geometry(UNEVEN, *pose).length - lengths).max(), rel=1e-12
-        )
-        assert found.position == pytest.approx(STATE.position, abs=1e-9)
-        assert found.orientation == pytest.approx(STATE.orientation, abs=1e-9)
-
-
 def test_angles_are_counted_in_the_turns_of_the_guess() -> None:
     """Expected: the pose whose legs these are, of a platform that stands turned by 4 rad, and not 4 rad − 2π."""
     turn = Rotation.from_euler("z", 4.0).as_matrix()

@@ -1,6 +1,5 @@
 """What a Platform accepts, refuses, promises and shows, alone and among many."""
 
-import inspect
 import pickle
 import re
 from copy import deepcopy
@@ -9,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lxml import html
 from scipy.spatial.transform import Rotation
 
-from gough_stewart import GoughStewartError, Platform, SteppingModel, leg_geometry, load_preset, preset_names
-from gough_stewart.model.kinematics import conditioning
-from gough_stewart.model.parameters import PHYSICAL, TABLE
+from gough_stewart import GoughStewartError, Platform, evaluate_poses, leg_geometry, load_preset, preset_names
+from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import platforms_with
 from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
@@ -62,8 +60,8 @@ def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str,
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_are_well_conditioned_and_cite_a_source(name: str) -> None:
     platform = load_preset(name)
-    home = platform, platform.home_position, platform.home_orientation
-    assert conditioning(*home).condition_number < 10
+    home = platform.home_position, platform.home_orientation
+    assert evaluate_poses(platform, *home).condition_number < 10
     assert platform.name == name
     assert platform.source
 
@@ -278,17 +276,14 @@ def test_a_platform_and_its_copies_are_read_only_and_share_no_memory_with_what_t
 
 
 @given(
-    names=st.sets(st.sampled_from(sorted(TABLE)), min_size=1, max_size=4),
+    names=st.sets(st.sampled_from(sorted({*UNEVEN.as_dict()} - {"name", "source"})), min_size=1, max_size=4),
     factor=st.floats(0.999, 1.001, exclude_min=True),
 )
-@settings(max_examples=60)
 def test_other_values_give_the_platform_that_replace_gives(names: set[str], factor: float) -> None:
     """Expected: all numbers of `replace`; the original stays as it was, and arrays are read-only."""
     before = UNEVEN.as_dict()
     known = {name: getattr(UNEVEN, name) for name in names}
-    values: dict[str, Any] = {
-        name: None if value is None else np.asarray(value) * factor for name, value in known.items()
-    }
+    values: dict[str, Any] = {name: np.asarray(value) * factor for name, value in known.items()}
     found, expected = UNEVEN.with_parameters(values), replace(UNEVEN, **values)
     assert found == expected
     with pytest.raises(GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
@@ -329,7 +324,7 @@ VARIED: dict[str, list[Any]] = {
 }
 
 
-@pytest.mark.parametrize("number", [1, 6, 13])
+@pytest.mark.parametrize("number", [1, 13])
 @pytest.mark.parametrize("fixed", [FREE, {}, {"leg_coulomb_friction": [1.0, 2, 3, 4, 5, 6], "leg_armature": 3.0}])
 @pytest.mark.parametrize("name", VARIED)
 def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str, Any], number: int) -> None:
@@ -383,20 +378,3 @@ def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
     assert rows["leg_viscous_friction_factor"][:2] == ["0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "1"]
     assert list(rows) == list(UNEVEN.as_dict())[2:]
     assert html.fragment_fromstring(replace(UNEVEN, source="")._repr_html_()).findtext("caption") == "Platform uneven"
-
-
-def test_help_lists_the_parameters_of_a_platform() -> None:
-    """Expected: every number of a platform with its unit, as the file of a platform has them."""
-    text = inspect.getdoc(Platform) or ""
-    assert [name for name in UNEVEN.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
-    assert "\nplatform_inertia : (3, 3) [kg.m2]\n" in text
-
-
-def test_a_stepping_model_says_where_it_is() -> None:
-    """Expected: home at 0 s; later the state's own numbers."""
-    plant = SteppingModel(UNEVEN)
-    at_home = "<SteppingModel of uneven at 0 s: position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad>"
-    assert repr(plant) == at_home
-    plant.do_step(0.0, 0.125)
-    x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
-    assert repr(plant).startswith(f"<SteppingModel of uneven at 0.125 s: position ({x}) m")

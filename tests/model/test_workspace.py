@@ -19,8 +19,6 @@ from gough_stewart import (
     mass_matrix,
     static_leg_forces,
 )
-from gough_stewart.model import workspace as module
-from gough_stewart.model.workspace import limits_at
 from tests.support.lagrangian import FloatArray
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
@@ -68,25 +66,6 @@ def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     assert np.isfinite(weightless.force_margin)
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
     assert one_sided.limit == Limit.LEG_TOO_LONG
-
-
-def test_chunks_and_leading_axes_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the same poses all at once; progress counts them."""
-    rng = np.random.default_rng(1)
-    position = DESKTOP.home_position + 0.04 * rng.normal(size=(3, 7, 3))
-    soft = replace(DESKTOP, leg_armature=0.2, leg_stiffness=1e6)
-    whole = evaluate_poses(soft, position, LEVEL)
-    monkeypatch.setattr(module, "CHUNK", 4)
-    done: list[int] = []
-    parts = evaluate_poses(soft, position, LEVEL, done.append)
-    assert done == [4, 8, 12, 16, 20, 21]
-    for a, b in zip(whole, parts, strict=True):
-        assert a is not None
-        assert b is not None
-        assert a.shape == (3, 7)
-        assert np.allclose(a, b, rtol=1e-12)
-    assert np.array_equal(whole.limit, limits_at(DESKTOP, position, LEVEL))
-    assert evaluate_poses(DESKTOP, np.zeros((0, 3)), LEVEL).limit.shape == (0,)
 
 
 # Six different poses about and beyond the limits of the uneven platform.
