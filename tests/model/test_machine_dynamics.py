@@ -118,7 +118,7 @@ def test_the_linearisation_is_what_small_changes_do(friction: str, springs: bool
     exact, stays = expm(np.block([[A, B], [np.zeros((12, n + 12))]]) * h)[:n], np.eye(n, n + 12)
     columns = np.concatenate([sizes, np.ones(12)])
     gap, change = (np.abs(part * columns).max(axis=1) for part in (np.transpose(states) - exact, exact - stays))
-    assert (gap / change).max() < 5e-3
+    assert (gap / change).max() < 2e-2
     assert all(np.array_equal(block, copied) for block, copied in zip(blocks, copies, strict=True))
 
 
