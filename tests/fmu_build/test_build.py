@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.commands import invoke
 from tests.support.fake_zig import FakeZig
 from tests.support.fmu_plants import Fmu, plant
 from tests.support.uneven import UNEVEN
@@ -415,20 +414,3 @@ def test_a_place_that_cannot_be_written_is_an_error_before_anything_is_built(tmp
         with pytest.raises(gs.GoughStewartError, match=expected):
             gs.build(place, progress=told.append)
     assert told == []
-
-
-def test_the_command_line_builds_and_complains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = invoke("build", "--fmi", "3.0", "--out", "fmus")
-    assert done.exit_code == 0, done.stderr
-    assert "gough_stewart_fmi3.fmu" in done.stdout
-    assert {f.name for f in (tmp_path / "fmus").iterdir()} == {"gough_stewart_fmi3.fmu", "report.json"}
-    for arguments, expected, code in (
-        (["--fmi", "1.0"], "1.0", 2),  # not one of the choices, which is an error of use
-        (["--preset", "nothing"], "nothing", 2),
-        (["--platform", "missing.toml"], "missing.toml", 1),
-        (["--preset", "liu2000", "--platform", "x.toml"], "exclude", 2),
-    ):
-        done = invoke("build", *arguments)
-        assert done.exit_code == code
-        assert expected in done.stderr

@@ -62,16 +62,6 @@ def test_a_library_is_compiled_again_if_anything_differs_on_which_its_bytes_depe
     assert names == ["lanes", "lanes-springs", "lanes-bristles", "lanes-bristles-springs"]
 
 
-@pytest.mark.usefixtures("compiled")
-def test_another_processor_or_source_has_machine_code_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    library = vector_library("other", lambda: Sources({}, {}))
-    paths = {machine_code(library).path}
-    for name in ("_processor", "state_of_sources"):
-        monkeypatch.setattr(libraries, name, lambda: "another fma")
-        paths.add(machine_code(library).path)
-    assert len(paths) == 3
-
-
 # --- machine code that came with the package -------------------------------------------------------------------------
 
 
@@ -104,20 +94,6 @@ def test_a_processor_takes_the_highest_level_that_it_has_and_that_loads(found: C
         library = found(level, files)
         assert library.path.read_bytes() == expected, (level, files)
         assert ("x86-64-v" in library.features) == expected.startswith(b"level")
-
-
-def test_code_that_came_with_the_package_needs_no_cache(found: Carried, tmp_path: Path) -> None:
-    """Expected: the same code where the cache's folder is a file, which keeps even root from writing there."""
-    (tmp_path / "cache").write_text("a file")
-    library = found(3, {"loop-v3": b"level3"})
-    assert (library.path.read_bytes(), library.path.suffix) == (b"level3", ".so")
-    assert not library.path.is_relative_to(tmp_path / "cache")
-
-
-def test_a_file_that_is_no_library_is_named(tmp_path: Path) -> None:
-    (tmp_path / "broken").write_bytes(b"broken")
-    with pytest.warns(UserWarning, match=r"broken does not load here, and is compiled instead: "):
-        assert not libraries._loads(tmp_path / "broken")
 
 
 def test_every_target_has_code_for_its_processors() -> None:

@@ -1,7 +1,6 @@
 """Leg kinematics against closed forms, finite differences and known singular poses."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -40,24 +39,6 @@ def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: gs.Platform)
         singular = gs.evaluate_poses(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
         assert abs(singular.singular_margin) < 1e-15
         assert singular.condition_number > 1e15
-
-
-def test_poses_and_motions_may_be_lists(paper: gs.Platform) -> None:
-    """Expected: what the same numbers give as arrays."""
-    pose: Any = ([0.1, -0.2, 2.9], [0.05, -0.1, 0.2])
-    motion: Any = ([0.3, 0.1, -0.2], [0.1, 0.4, -0.3], [0.5, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-
-    def results(p: Any, o: Any, v: Any, w: Any, linear: Any, angular: Any, wrench: Any) -> list[np.ndarray]:
-        return [
-            gs.leg_geometry(paper, p, o).length,
-            gs.leg_jacobian(paper, p, o),
-            gs.mass_matrix(paper, p, o),
-            gs.static_leg_forces(paper, p, o, wrench),
-            gs.inverse_dynamics(paper, gs.State(p, o, v, w), gs.Acceleration(linear, angular)),
-        ]
-
-    for found, expected in zip(results(*pose, *motion), results(*map(np.array, (*pose, *motion))), strict=True):
-        np.testing.assert_array_equal(found, expected)
 
 
 def test_a_leg_of_length_zero_is_a_singular_pose_that_its_neighbours_do_not_feel(paper: gs.Platform) -> None:

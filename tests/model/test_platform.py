@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lxml import html
 from scipy.spatial.transform import Rotation
 
 from gough_stewart import GoughStewartError, Platform, evaluate_poses, leg_geometry, load_preset, preset_names
@@ -204,23 +203,6 @@ def test_a_change_may_contradict_what_stays() -> None:
     refused(UNEVEN, "^leg_lower_com: is 2 m", home_position=home * [1, 1, 0.5], leg_lower_com=2.0, **FREE)
 
 
-def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platform) -> None:
-    """Expected: NumPy's condition number with scaled angles of yaws beside Fichter's singular pose at 90°."""
-    for off, is_singular in ((5e-8, False), (3e-8, True)):
-        orientation = np.array([0.0, 0.0, np.pi / 2 - off])
-        turn = np.array([[np.sin(off), -np.cos(off), 0], [np.cos(off), np.sin(off), 0], [0, 0, 1]])
-        arm = paper.platform_points @ turn.T
-        l = paper.home_position + arm - paper.base_points
-        u = l / np.linalg.norm(l, axis=1)[:, None]
-        number = np.linalg.cond(np.hstack([u, np.cross(arm, u)]))  # all joints 1 m from Op
-        assert (number > 1e8) == is_singular
-        if is_singular:
-            text = r"singular at the home pose \(condition number .*below 1e\+08"
-            refused(paper, text, home_orientation=orientation)
-        else:
-            assert replace(paper, home_orientation=orientation).home_orientation[2] == orientation[2]
-
-
 # With all that an ideal plant does not have, so that no number is 0.
 REAL = replace(
     UNEVEN,
@@ -365,16 +347,3 @@ def test_a_platform_is_told_in_exactly_these_lines() -> None:
     alike = load_preset("liu2000")
     assert "2 m about the base's middle, 1 m about the platform's" in repr(alike)
     assert repr(alike).splitlines()[3].endswith("rad, legs 3.246 m")
-
-
-def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
-    """Expected: the numbers by hand, in the rows of their names; texts that are markup stay texts."""
-    page = html.fragment_fromstring(replace(UNEVEN, name="<b>", source="a & b")._repr_html_())
-    rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
-    assert [cell.text_content() for cell in page.findall(".//thead/tr/th")] == ["parameter", "value", "unit", "meaning"]
-    assert page.findtext("caption") == "Platform <b> – a & b"
-    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg·m²"]
-    assert rows["leg_upper_com"] == ["0.58", "m", "upper part's centre of mass, from the platform joint along the leg"]
-    assert rows["leg_viscous_friction_factor"][:2] == ["0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "1"]
-    assert list(rows) == list(UNEVEN.as_dict())[2:]
-    assert html.fragment_fromstring(replace(UNEVEN, source="")._repr_html_()).findtext("caption") == "Platform uneven"
