@@ -7,7 +7,6 @@ import csv
 import html
 import re
 import zipfile
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -122,25 +121,6 @@ def test_variables_are_those_of_the_table_element_by_element(fmu: Fmu) -> None:
             assert declared.derivative is by_name[declared.name.removeprefix("der(").removesuffix(")")]
             unit = declared.derivative.unit
             assert declared.unit == f"{unit}/s" if "/s" not in unit else f"{unit}2"
-
-
-def test_units_have_the_dimensions_of_their_names_and_are_shown_in_degrees_and_millimetres(fmu: Fmu) -> None:
-    """Expected: N = kg m/s², J = N m, and the rest read off the name."""
-    bases: dict[str, dict[str, int]] = {"1": {}, "N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
-    units = {unit.get("name", ""): unit for unit in xml(fmu).iter("Unit")}
-    assert set(units) == {v.unit for v in fmu.description.modelVariables if v.unit}
-    for name, unit in units.items():
-        expected = Counter[str]()
-        for part, sign in zip(name.partition("/")[::2], (1, -1), strict=True):
-            for factor in filter(None, part.split(".")):
-                symbol, power = (factor[:-1], 2) if factor.endswith("2") else (factor, 1)
-                for base, exponent in bases.get(symbol, {symbol: 1}).items():
-                    expected[base] += sign * power * exponent
-        (exponents,) = unit.iter("BaseUnit")
-        assert {base: int(n) for base, n in exponents.items()} == {b: n for b, n in expected.items() if n}, name
-        displays = {display.get("name"): float(display.get("factor", 1)) for display in unit.iter("DisplayUnit")}
-        scale = 1000 if name[0] == "m" else 180 / np.pi
-        assert displays == ({DISPLAYED[name]: pytest.approx(scale, rel=1e-15)} if name in DISPLAYED else {})
 
 
 Shown = dict[str, dict[str, bool]]

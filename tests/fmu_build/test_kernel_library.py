@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import gough_stewart as gs
 from gough_stewart.fmu_build.toolchain import native
 from gough_stewart.harness.prebuilt import write_prebuilt
 from gough_stewart.model import kernel
@@ -119,15 +118,6 @@ def test_code_that_is_not_what_it_should_be_is_named_and_not_used(case: str, fol
         with pytest.warns(UserWarning, match=warning):
             assert kernel_library() is None
     assert kernel_library() is None
-
-
-def test_an_interrupted_build_leaves_nothing_that_is_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: files of before are gone with their manifest, and the new one has not come; no compiler runs."""
-    (folder / "blocked").write_text("")
-    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(folder / "blocked"))
-    with pytest.raises((OSError, gs.GoughStewartError)):
-        write_prebuilt(folder, [native()], only_kernel=True)
-    assert not (folder / installed.MANIFEST).exists()
 
 
 def test_the_command_prints_one_path_that_is_kept() -> None:

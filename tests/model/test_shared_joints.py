@@ -1,15 +1,11 @@
 """Joints that two legs share at one end, as in 6-3 and 3-3 platforms: the physics, poses, files, and what is said."""
 
-from dataclasses import replace
-from itertools import permutations
-
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from tests.support.platform_files import loaded, written
-from tests.support.shared_joints import SHARED, SIX_THREE, THREE_THREE
+from tests.support.shared_joints import SHARED
 from tests.support.uneven import UNEVEN
 
 both = pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
@@ -57,26 +53,3 @@ def test_two_legs_in_one_place_are_refused() -> None:
             continue
         with pytest.raises(gs.GoughStewartError, match=r"legs 2 and 5 share both joints, at \(-0.61, 1.88, -0.03\) m"):
             UNEVEN.with_parameters(changed)
-
-
-def test_the_hint_names_the_legs_that_share_and_the_order_is_still_looked_at() -> None:
-    """Expected: pairs by hand; no legs that touch; of a bad order a better one, found by NumPy's condition numbers."""
-    (hint,) = THREE_THREE.hints
-    assert hint.startswith(
-        "legs share a base joint (legs 1 and 2, 3 and 4, 5 and 6) and a platform joint (legs 1 and 4, 2 and 5, 3 and "
-        "6); real joints need room"
-    )
-    assert "legs that share a joint collide is not looked at" in hint
-
-    def condition(order: tuple[int, ...]) -> float:
-        tips = SIX_THREE.platform_points[[*order]]
-        u = SIX_THREE.home_position + tips @ rotation.T - SIX_THREE.base_points
-        u = u / np.linalg.norm(u, axis=1, keepdims=True)
-        jacobian = np.hstack([u, np.cross(tips @ rotation.T, u) / SIX_THREE.characteristic_length])
-        return float(np.linalg.cond(jacobian))
-
-    rotation = Rotation.from_euler("xyz", SIX_THREE.home_orientation).as_matrix()
-    bad = max((order for order in permutations(range(6)) if condition(order) < 1e3), key=condition)
-    hints = replace(SIX_THREE, platform_points=SIX_THREE.platform_points[[*bad]]).hints
-    (better,) = (line for line in hints if "in the order" in line)
-    assert better.startswith(f"the leg Jacobian has a condition number of {condition(bad):.3g} at home")
