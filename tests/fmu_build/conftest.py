@@ -1,5 +1,7 @@
 """The native FMUs of the uneven platform, one by one."""
 
+from typing import Any
+
 import pytest
 
 import gough_stewart as gs
@@ -9,7 +11,7 @@ from tests.support.shared import shared_folder
 from tests.support.uneven import UNEVEN
 
 # Softer than a machine's, so that its reference results take a fourth of the time; tests set their own.
-SOFT = {"leg_bristle_stiffness": 1e5, "leg_bristle_damping": 40.0, "leg_stribeck_velocity": 0.05}
+SOFT: dict[str, Any] = {"leg_bristle_stiffness": 1e5, "leg_bristle_damping": 40.0, "leg_stribeck_velocity": 0.05}
 
 
 @pytest.fixture(scope="session")

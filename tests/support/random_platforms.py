@@ -82,7 +82,7 @@ def random_state(platform: Platform, rng: np.random.Generator) -> State:
 def random_inputs(platform: Platform, rng: np.random.Generator) -> NDArray[np.float64]:
     """Forces and a wrench (12,) of the order of the weight."""
     weight, size = 10 * platform.platform_mass, platform.characteristic_length
-    return weight * rng.uniform(-1, 1, 12) * np.repeat([1.0, size], [9, 3])
+    return np.asarray(weight * rng.uniform(-1, 1, 12) * np.repeat([1.0, size], [9, 3]))
 
 
 def random_sample(n: int, seed: int) -> Sample:

@@ -32,8 +32,11 @@ def half(path: Path) -> None:
     raise OSError(28, "No space left on device", str(path))
 
 
-def drawn(path: Path) -> None:
-    path.write_bytes(b"drawn")
+def write_and_draw(folder: Path) -> None:
+    def draw(path: Path) -> None:
+        path.write_bytes(b"drawn")
+
+    write_files(folder, {"table": b"new", "figure": draw}, ["page"])
 
 
 def fail_after_the_table(folder: Path) -> None:
@@ -45,12 +48,7 @@ def fail_after_the_table(folder: Path) -> None:
 
 # How a new set is written over the older one, the error, and what is there then beside the user's file.
 SETS: dict[str, tuple[Callable[[Path], None], type[BaseException] | None, dict[str, bytes]]] = {
-    "whole": (
-        lambda folder: write_files(
-            folder, {"table": b"new", "figure": lambda path: path.write_bytes(b"drawn")}, ["page"]
-        ),
-        *(None, {"table": b"new", "figure": b"drawn"}),
-    ),
+    "whole": (*(write_and_draw, None, {"table": b"new", "figure": b"drawn"}),),
     "interrupted": (fail_after_the_table, KeyboardInterrupt, {"table": b"new"}),
     "half": (
         lambda folder: write_files(folder, {"table": b"new", "figure": half, "page": b"new"}),
