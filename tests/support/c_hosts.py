@@ -14,7 +14,7 @@ import fmpy
 
 from gough_stewart import load_preset
 from gough_stewart.fmu_build.component import UnitComponent
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling, place_of
 
