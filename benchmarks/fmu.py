@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.cached import cached_build
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.model import interface

@@ -24,9 +24,9 @@ from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
-from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import ModelPlant
+from gough_stewart.harness.plants.unit import FmuPlant
 
 ROUNDS = 5
 SETTINGS = ["loop.duration=10"]

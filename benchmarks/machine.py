@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members

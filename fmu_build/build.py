@@ -19,7 +19,7 @@ from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.mjcf import mjcf, mjcf_name
-from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
+from gough_stewart.fmu_build.plant.plant_component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
 from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform, load_preset

@@ -168,6 +168,17 @@ def _environment() -> "Environment":
         texts = ((name, xml_text(str(value))) for name, value in values.items() if value is not None)
         return Markup("".join(f" {name}={quoteattr(text)}" for name, text in texts))
 
+    def number(value: float) -> str:
+        return f"{value + 0.0:.6g}".replace("-", "−")
+
+    def lines(values: Array | None) -> Sequence[str]:
+        """Numbers with six digits, a line for every row of a matrix; one number if all digits are equal."""
+        if values is None:
+            return ()
+        rows = [" ".join(map(number, row)) for row in (values if values.ndim == 2 else values.reshape(1, -1))]
+        words = {word for row in rows for word in row.split()}
+        return list(words) if len(words) == 1 else rows
+
     environment = Environment(
         loader=PackageLoader("gough_stewart.fmu_build"),
         autoescape=True,
@@ -179,25 +190,12 @@ def _environment() -> "Environment":
     # numbers, or several with blanks between, with all digits; places with two; none is a negative zero
     environment.filters |= {
         "attributes": attributes,
-        "lines": _lines,
-        "number": _number,
+        "lines": lines,
+        "number": number,
         "place": lambda value: f"{round(float(value), 2) + 0.0:g}",
         "exact": lambda values: " ".join(repr(float(value) + 0.0) for value in np.ravel(values)),
     }
     return environment
-
-
-def _lines(values: Array | None) -> Sequence[str]:
-    """Numbers with six digits, a line for every row of a matrix; one number if all digits are equal."""
-    if values is None:
-        return ()
-    rows = [" ".join(map(_number, row)) for row in (values if values.ndim == 2 else values.reshape(1, -1))]
-    words = {word for row in rows for word in row.split()}
-    return list(words) if len(words) == 1 else rows
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.6g}".replace("-", "−")
 
 
 def xml_text(text: str) -> str:

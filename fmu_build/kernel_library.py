@@ -35,7 +35,7 @@ def kernel_code(variant: Variant = IDEAL) -> Library:
 def kernel_sources(variant: Variant = IDEAL) -> Sources:
     """The C of the plant's component with its stepper, and of the ideal plant the kernel's functions."""
     from gough_stewart.fmu_build.codegen import function_source
-    from gough_stewart.fmu_build.plant.component import plant_component
+    from gough_stewart.fmu_build.plant.plant_component import plant_component
     from gough_stewart.fmu_build.sources import c_folder, defines, filled, sources
     from gough_stewart.model import traced
 

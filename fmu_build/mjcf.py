@@ -10,7 +10,6 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.vectors import FloatArray
 
 _OF_LEGS = (
     *("leg_lower_mass", "leg_upper_mass", "leg_lower_com", "leg_upper_com", "leg_armature"),
@@ -44,8 +43,19 @@ def mjcf(platform: Platform) -> bytes:
                 "is 0 kg; MuJoCo needs a mass in each moving body, and closes loops of nearly massless ones badly: "
                 f"set {name} to {1e-3 * platform.platform_mass:.3g} kg or more, a thousandth of the platform",
             )
+    from scipy.spatial.transform import Rotation
+
     home = leg_geometry(platform, platform.home_position, platform.home_orientation)
     R, first = matrix_from_orientation(platform.home_orientation), platform.platform_points[0]
+    inertias = {
+        part: np.maximum(of_legs(platform, f"leg_{part}_inertia"), _LEAST_INERTIA) for part in ("lower", "upper")
+    }
+    # a frame whose third axis is along a leg
+    across = np.cross(home.direction, np.eye(3)[np.argmin(np.abs(home.direction), axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    frames = np.stack([across, np.cross(home.direction, across), home.direction], axis=2)
+    # scalar first
+    quaternions = np.roll(Rotation.from_matrix([*frames, frames[0].T @ R]).as_quat(), 1, axis=1)
     legs = []
     for k in range(6):
         length = float(home.length[k])
@@ -54,13 +64,12 @@ def mjcf(platform: Platform) -> bytes:
             {
                 "number": k + 1,
                 "base": platform.base_points[k],
-                "quaternion": _quaternion(_along(home.direction[k])),
+                "quaternion": quaternions[k],
                 "length": length,
                 "range": (low - length, high - length) if np.isfinite([low, high]).all() else None,
                 "force": (-force, force) if np.isfinite(force) else None,
                 **{name.removeprefix("leg_"): of_legs(platform, name)[k] for name in _OF_LEGS},
-                "lower_inertia": _transverse(float(of_legs(platform, "leg_lower_inertia")[k])),
-                "upper_inertia": _transverse(float(of_legs(platform, "leg_upper_inertia")[k])),
+                **{f"{part}_inertia": (*np.full(2, inertias[part][k]), _LEAST_INERTIA) for part in inertias},
                 "from_first": platform.platform_points[k] - first,
             }
         )
@@ -73,7 +82,7 @@ def mjcf(platform: Platform) -> bytes:
         legs=legs,
         radius=0.01 * float(home.length.mean()),
         # leg 1's frame to that of the platform
-        platform_quaternion=_quaternion(_along(home.direction[0]).T @ R),
+        platform_quaternion=quaternions[6],
         com=platform.platform_com - first,
         op=-first,
         inertia=inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
@@ -95,21 +104,3 @@ def left_out(platform: Platform) -> list[str]:
     if platform.leg_stiffness:
         lines.append("the legs' springs: their motors are rigid in the model")
     return lines
-
-
-def _along(direction: FloatArray) -> FloatArray:
-    """A rotation whose third column is a direction (3,)."""
-    across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(direction, across), direction], axis=1)
-
-
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    """(w, x, y, z) of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(np.roll(Rotation.from_matrix(rotation).as_quat(), 1))
-
-
-def _transverse(inertia: float) -> tuple[float, float, float]:
-    return max(inertia, _LEAST_INERTIA), max(inertia, _LEAST_INERTIA), _LEAST_INERTIA

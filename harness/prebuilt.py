@@ -32,7 +32,12 @@ from gough_stewart.fmu_build.libraries import (
     lanes_code,
     machine_library,
 )
-from gough_stewart.fmu_build.plant.component import DEPENDENCIES, KERNEL_SOURCE, plant_component, traced_dependencies
+from gough_stewart.fmu_build.plant.plant_component import (
+    DEPENDENCIES,
+    KERNEL_SOURCE,
+    plant_component,
+    traced_dependencies,
+)
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, Target, chosen_targets
 from gough_stewart.harness.export.machine_c import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.libraries import loop_code

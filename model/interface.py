@@ -13,9 +13,8 @@ in all variants.
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -117,53 +116,47 @@ class Variant:
 
     bristles: bool = False
     springs: bool = False
+    # names of its parts
+    parts: tuple[Part, ...] = field(init=False, compare=False, repr=False)
+    # in the order of x; outputs and locals in that of y, those of the ideal plant first; the parameters that act, of p
+    states: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
+    results: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
+    parameters: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
+    # parameters that may change during a run
+    tunable: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
+    # scalar names of the results
+    columns: tuple[str, ...] = field(init=False, compare=False, repr=False)
+    # by which absolute tolerances of the states are scaled (n,): 1, less for bristles
+    scales: tuple[float, ...] = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        names: tuple[Part, ...] = ("bristles", "springs")
+        parts = tuple(part for part in names if getattr(self, part))
+        of_parts = [v for v in OF_PARTS if v.part in parts]
+        states = (*STATES, *(v for v in of_parts if v.is_state))
+        results = (*RESULTS, *(v for v in of_parts if v.causality == "output"))
+        parameters = tuple(row for row in PHYSICAL if row.part is None or row.part in parts)
+        for name, value in (
+            ("parts", parts),
+            ("states", states),
+            ("results", results),
+            ("parameters", parameters),
+            ("tunable", tuple(v for v in parameters if v.variability == "tunable")),
+            ("columns", tuple(name for v in results for name in v.scalar_names)),
+            ("scales", tuple(v.nominal / NOMINAL for v in states for _ in range(v.size))),
+        ):
+            object.__setattr__(self, name, value)
 
     @classmethod
     def of(cls, platform: Any) -> "Variant":
         """Variant of a platform: bristles unless `leg_friction_model` is smooth, springs if `leg_stiffness` is > 0."""
         return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
 
-    @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        """Names of its parts."""
-        parts: tuple[Part, ...] = ("bristles", "springs")
-        return tuple(part for part in parts if getattr(self, part))
-
     @property
     def words(self) -> str:
         """What such a platform has, for messages."""
         friction = "with stiction" if self.bristles else "with smooth friction"
         return f"{friction} and {'elastic legs' if self.springs else 'rigid legs'}"
-
-    @cached_property
-    def states(self) -> tuple[Variable, ...]:
-        """The states, in the order of x."""
-        return (*STATES, *(v for v in OF_PARTS if v.part in self.parts and v.is_state))
-
-    @cached_property
-    def results(self) -> tuple[Variable, ...]:
-        """Outputs and locals, in the order of y: those of the ideal plant first."""
-        return (*RESULTS, *(v for v in OF_PARTS if v.part in self.parts and v.causality == "output"))
-
-    @cached_property
-    def parameters(self) -> tuple[Variable, ...]:
-        """The platform's parameters that act, in the order of p."""
-        return tuple(row for row in PHYSICAL if row.part is None or row.part in self.parts)
-
-    @cached_property
-    def tunable(self) -> tuple[Variable, ...]:
-        """The parameters that may change during a run."""
-        return tuple(v for v in self.parameters if v.variability == "tunable")
-
-    @cached_property
-    def columns(self) -> tuple[str, ...]:
-        """Scalar names of the results."""
-        return tuple(name for v in self.results for name in v.scalar_names)
-
-    @cached_property
-    def scales(self) -> tuple[float, ...]:
-        """By which absolute tolerances of the states are scaled (n,): 1, less for bristles."""
-        return tuple(v.nominal / NOMINAL for v in self.states for _ in range(v.size))
 
 
 IDEAL = Variant()

@@ -122,7 +122,12 @@ def rotation_between(orientation: Array, to: Array) -> Array:
     and ρ = 2 atan(|v|/w) v/|v|. Machine code has NumPy's bits, since both compute sines and arctangents by series.
     """
     half, mean = (to - orientation) / 2, (to + orientation) / 2
-    sine, cosine = _sine_and_cosine(np.concatenate([half, mean[..., 1:]], axis=-1))
+    # sines and cosines, by series for a quarter of each angle, doubled twice
+    quarter = nearest_angle(np.concatenate([half, mean[..., 1:]], axis=-1), 0.0) / 4
+    square = quarter * quarter
+    sine, cosine = quarter * np.polyval(_SINE, square), np.polyval(_COSINE, square)
+    for _ in range(2):
+        sine, cosine = 2 * sine * cosine, 1 - 2 * sine * sine
     sa, sb, sc, s_pitch, s_yaw = (sine[..., k] for k in range(5))
     ca, cb, cc, c_pitch, c_yaw = (cosine[..., k] for k in range(5))
     w, x, y, z = ca * cb, sa * c_pitch, ca * sb, -(sa * s_pitch)
@@ -135,16 +140,6 @@ def rotation_between(orientation: Array, to: Array) -> Array:
         share = share / (1 + np.sqrt(1 + share * share * square))
     factor = 16 * share * np.polyval(_ARCTANGENT, share * share * square)
     return np.asarray(where(less(w, 0.0), -factor, factor)[..., None] * v)
-
-
-def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
-    """Sine and cosine of angles [rad], by series for a quarter of each, doubled twice."""
-    quarter = nearest_angle(angle, 0.0) / 4
-    square = quarter * quarter
-    sine, cosine = quarter * np.polyval(_SINE, square), np.polyval(_COSINE, square)
-    for _ in range(2):
-        sine, cosine = 2 * sine * cosine, 1 - 2 * sine * sine
-    return sine, cosine
 
 
 def matrix_from_quaternion(quaternion: Array) -> Array:

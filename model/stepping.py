@@ -228,7 +228,7 @@ class SteppingModel:
         targets = {**interface.unpack(interface.INPUTS, u), **interface.unpack(self._variant.states, x)}
         for name, value in values.items():
             variable, element = interface.find(name)
-            self._refuse_unsettable(variable)
+            self._refuse(variable, to_set=True)
             if variable.causality == "parameter" and variable.name not in parameters:
                 parameters[variable.name] = np.array(getattr(self._platform, variable.name))
             target = parameters[variable.name] if variable.causality == "parameter" else targets[variable.name]
@@ -289,8 +289,7 @@ class SteppingModel:
         elif variable.causality == "parameter" and hasattr(self._platform, variable.name):
             values = np.array(getattr(self._platform, variable.name))
         else:
-            self._refuse_absent(variable)
-            raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
+            self._refuse(variable, to_set=False)
         if element is not None:
             return float(values.reshape(-1)[element])
         return values.copy() if variable.shape else float(values)
@@ -324,8 +323,20 @@ class SteppingModel:
         end = time + step
         if time != self._time or not end > time:
             end = end_of_step(time, step, self._time)
-        if not self._started:
-            self._check_start()
+        lengths = None if self._started else leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
+        # at the start the parts of each leg fit into it, and motors are near their legs: others are of another pose; a
+        # leg that has collapsed fails the step
+        if lengths is not None and lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
+            check_leg_com_offsets(self._platform, lengths, "start")
+            motors = self._current.get("motor_position", lengths)
+            leg = int(np.argmax(np.abs(motors - lengths) / lengths))
+            if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:
+                raise InterfaceError(
+                    f"motor_position[{leg + 1}]",
+                    f"is {motors[leg]:g} m, but leg_length[{leg + 1}] {lengths[leg]:g} m at the start; expected a "
+                    f"stretch of at most {100 * LARGEST_STRETCH:g} %: set motor_position with the pose, to leg length "
+                    "+ force/stiffness",
+                )
         self._stepper.step(time, step)
         self._time, self._started = end, True
 
@@ -352,40 +363,20 @@ class SteppingModel:
 
     __setstate__ = restore_state
 
-    def _check_start(self) -> None:
-        """At the start the parts of each leg fit into it, and motors are near their legs: others are of another pose.
-
-        A leg that has collapsed fails the step.
-        """
-        lengths = leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
-        if not lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
-            return
-        check_leg_com_offsets(self._platform, lengths, "start")
-        motors = self._current.get("motor_position", lengths)
-        leg = int(np.argmax(np.abs(motors - lengths) / lengths))
-        if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:
-            raise InterfaceError(
-                f"motor_position[{leg + 1}]",
-                f"is {motors[leg]:g} m, but leg_length[{leg + 1}] {lengths[leg]:g} m at the start; expected a stretch "
-                f"of at most {100 * LARGEST_STRETCH:g} %: set motor_position with the pose, to leg length + "
-                "force/stiffness",
-            )
-
-    def _refuse_unsettable(self, variable: Variable) -> None:
-        name, kind = variable.name, "state" if variable.is_state else "fixed parameter"
-        if name == "fixed_step_size":
+    def _refuse(self, variable: Variable, *, to_set: bool) -> None:
+        """Refuse a variable that is not to be had, or cannot be set now."""
+        name, part, kind = variable.name, variable.part, "state" if variable.is_state else "fixed parameter"
+        if to_set and name == "fixed_step_size":
             raise InterfaceError(name, "is a parameter of the FMU; of the stepping model it is an argument")
-        self._refuse_absent(variable)
+        # those that choose the parts of a platform are there
+        if part is not None and part not in self._variant.parts and name not in CHOOSING:
+            raise InterfaceError(name, f"is nothing that this platform has: {_ABSENT[part]}")
+        if not to_set:
+            raise InterfaceError(name, f"{variable.description}; the stepping model has none")
         if variable in self._variant.results and not variable.is_state:
             raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")
         if self._started and (variable.is_state or variable.variability == "fixed"):
             raise InterfaceError(name, f"is a {kind}, which can only be set before the first step; call reset() first")
-
-    def _refuse_absent(self, variable: Variable) -> None:
-        """Refuse a variable of a part that the platform does not have, but for those that choose its parts."""
-        part = variable.part
-        if part is not None and part not in self._variant.parts and variable.name not in CHOOSING:
-            raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
 
 
 class CompiledStepper:

@@ -406,7 +406,27 @@ def sweep(
     over = dict.fromkeys(usual) if over is None else dict(over)
     at = {} if at is None else dict(at)
     home = home_of(platform)
-    _check(over, at, home)
+    for name in (*over, *at):
+        if name not in COORDINATES:
+            raise WorkspaceError(f"unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+    if len(over) not in POINTS:
+        raise WorkspaceError(f"{len(over)} swept coordinates; expected two for maps, or three for a volume")
+    for name in (name for name in over if name in at):
+        raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
+    ends = [(name, end) for name, limits in over.items() for end in limits or ()]
+    for name, value in (*ends, *at.items()):
+        if not np.isfinite(value):
+            raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
+        # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
+        turns = max(1.0, np.ceil(abs(home[name]) / np.pi + 0.5)) if name != "pitch" else 1.0
+        most = LARGEST_ANGLES.get(name, np.inf) * turns
+        if abs(value) > most * (1 + 1e-12):
+            stated, limit = f"{name} is {value:g} rad, {np.degrees(value):g}°", f"{np.degrees(most):g}°"
+            raise WorkspaceError(f"{stated}; expected from −{limit} to {limit}; numbers without a unit are in rad")
+    for name, limits in over.items():
+        if limits is not None and not limits[0] < limits[1]:
+            low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)
+            raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
     count, largest = POINTS[len(over)] if points is None else points, int(round(LARGEST_GRID ** (1 / len(over)), 9))
     if not 2 <= count <= largest:
         total = f", in all {count ** len(over):,} poses," if count > largest else ""
@@ -521,27 +541,3 @@ def _poses(swept: Mapping[str, FloatArray], fixed: Mapping[str, float]) -> Float
     return np.stack(
         np.broadcast_arrays(*(grid[name] if name in grid else np.array(fixed[name]) for name in COORDINATES)), axis=-1
     )
-
-
-def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapping[str, float]) -> None:
-    for name in (*over, *at):
-        if name not in COORDINATES:
-            raise WorkspaceError(f"unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
-    if len(over) not in POINTS:
-        raise WorkspaceError(f"{len(over)} swept coordinates; expected two for maps, or three for a volume")
-    for name in (name for name in over if name in at):
-        raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
-    ends = [(name, end) for name, limits in over.items() for end in limits or ()]
-    for name, value in (*ends, *at.items()):
-        if not np.isfinite(value):
-            raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
-        # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
-        turns = max(1.0, np.ceil(abs(home[name]) / np.pi + 0.5)) if name != "pitch" else 1.0
-        most = LARGEST_ANGLES.get(name, np.inf) * turns
-        if abs(value) > most * (1 + 1e-12):
-            found, largest = f"{name} is {value:g} rad, {np.degrees(value):g}°", f"{np.degrees(most):g}°"
-            raise WorkspaceError(f"{found}; expected from −{largest} to {largest}; numbers without a unit are in rad")
-    for name, limits in over.items():
-        if limits is not None and not limits[0] < limits[1]:
-            low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)
-            raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")

@@ -16,7 +16,6 @@ from tests.support.browser import CHROMIUM, chromium
 from tests.support.demo import Demo, run_demo
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
-from tests.support.random_platforms import Sample, random_sample
 from tests.support.shared import shared_folder
 
 # derandomize: a failure in CI is the same failure at home. `make evidence` searches wider.
@@ -43,12 +42,6 @@ def pytest_xdist_auto_num_workers() -> int:
 def paper() -> Platform:
     """The published platform."""
     return load_preset("liu2000")
-
-
-@pytest.fixture(scope="session")
-def thousand() -> Sample:
-    """1,000 random platforms in random states."""
-    return random_sample(1000, seed=2000)
 
 
 @pytest.fixture(scope="session")

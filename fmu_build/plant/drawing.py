@@ -58,11 +58,13 @@ class Label(NamedTuple):
 def drawing_svg(platform: Platform) -> str:
     """The platform in its home pose with its frames, and names and signs at one leg, as an `svg` element."""
     B, P, t, R = _home(platform)
+    # root mean squares of the distances from the middle
+    radii = [float(np.sqrt(((ring - ring.mean(axis=0)) ** 2).sum(axis=1).mean())) for ring in (B, P)]
     # short enough not to reach the platform
     gap = float(np.abs(P.mean(axis=0) - B.mean(axis=0)).max())
     # origin and tips of the axes, (4, 3)
-    world_frame = np.vstack([np.zeros(3), np.eye(3)]) * 0.5 * min(_radius(B), gap)
-    platform_frame = t + 0.75 * _radius(P) * np.vstack([np.zeros(3), R.T])
+    world_frame = np.vstack([np.zeros(3), np.eye(3)]) * 0.5 * min(radii[0], gap)
+    platform_frame = t + 0.75 * radii[1] * np.vstack([np.zeros(3), R.T])
     on_paper = _fit(np.concatenate([B, P, world_frame, platform_frame]), _DRAWING_BOX)
     strokes = _mechanism(B, P, on_paper, (1.5, 7.0, 3.5, 8.0))
     labels = [Label(on_paper(platform_frame)[0] + np.array([-13.0, 11.0]), "O_p", _INK)]
@@ -71,11 +73,40 @@ def drawing_svg(platform: Platform) -> str:
         for tip, name in zip(frame[1:], names, strict=True):
             strokes += _arrow(frame[0], tip, _INK)
             labels.append(Label(tip + 13 * _direction(tip - frame[0]), name, _INK))
-    leg_strokes, leg_labels = _annotated_leg(on_paper(B), on_paper(P))
+
+    # arrows and names beside the leg at the right edge of the picture
+    feet, tips = on_paper(B), on_paper(P)
+    i = int(np.argmax(feet[:, 0] + tips[:, 0]))
+    along, length = _direction(tips[i] - feet[i]), float(np.hypot(*(tips[i] - feet[i])))
+    across = np.array([-along[1], along[0]])
+    if across[0] < 0:
+        across = -across
+
+    def at(share: float, distance: float) -> Points:
+        return np.asarray(feet[i] + share * length * along + distance * across)
+
+    reach = min(0.2 * length, 50.0) / length
+    beside = 54 + 14 * abs(float(along[0]))  # keep texts clear of an inclined line
+    strokes += [
+        *_arrow(at(_SLEEVE + 0.02, 15), at(_SLEEVE + 0.02 + reach, 15), _FORCE),
+        *_arrow(at(_SLEEVE - 0.02, 15), at(_SLEEVE - 0.02 - reach, 15), _FORCE),
+        *_arrow(at(0.06, 15), at(0.06 + reach, 15), _INK),
+        *(PenStroke(np.stack([at(end, 8), at(end, 50)]), _BASE, 0.8) for end in (0.0, 1.0)),
+        *_arrow(at(0.5, 44), at(1, 44), _BASE, 1),
+        *_arrow(at(0.5, 44), at(0, 44), _BASE, 1),
+    ]
+    labels += [
+        Label(at(0.06 + reach / 2, 27), "u_i", _INK),
+        Label(at(0.8, beside), "leg_length", _BASE, "start"),
+        Label(at(_SLEEVE, beside) - np.array([0.0, 8.0]), "actuator_force > 0", _FORCE, "start"),
+        Label(at(_SLEEVE, beside) + np.array([0.0, 8.0]), "pushes both parts apart", _FORCE, "start"),
+        Label(feet[i] + np.array([4.0, 17.0]), "B_i", _BASE),
+        Label(tips[i] + np.array([11.0, -12.0]), "P_i", _TOP),
+    ]
+
     title = "Gough–Stewart platform with its frames and the signs of a leg"
     width, height = DRAWING_SIZE
-    content = {"strokes": [*strokes, *leg_strokes], "labels": [*labels, *leg_labels]}
-    return rendered("picture.svg", title=title, width=width, height=height, **content).decode()
+    return rendered("picture.svg", title=title, width=width, height=height, strokes=strokes, labels=labels).decode()
 
 
 def icon_of(platform: Platform) -> Icon:
@@ -136,38 +167,6 @@ def _mechanism(B: Points, P: Points, on_paper: View, widths: tuple[float, float,
     ]
 
 
-def _annotated_leg(B: Points, P: Points) -> tuple[list[PenStroke], list[Label]]:
-    """Arrows and names beside the leg at the right edge of the picture, of joints (6, 2) on paper."""
-    i = int(np.argmax(B[:, 0] + P[:, 0]))
-    along, length = _direction(P[i] - B[i]), float(np.hypot(*(P[i] - B[i])))
-    across = np.array([-along[1], along[0]])
-    if across[0] < 0:
-        across = -across
-
-    def at(share: float, distance: float) -> Points:
-        return np.asarray(B[i] + share * length * along + distance * across)
-
-    reach = min(0.2 * length, 50.0) / length
-    beside = 54 + 14 * abs(float(along[0]))  # keep texts clear of an inclined line
-    strokes = [
-        *_arrow(at(_SLEEVE + 0.02, 15), at(_SLEEVE + 0.02 + reach, 15), _FORCE),
-        *_arrow(at(_SLEEVE - 0.02, 15), at(_SLEEVE - 0.02 - reach, 15), _FORCE),
-        *_arrow(at(0.06, 15), at(0.06 + reach, 15), _INK),
-        *(PenStroke(np.stack([at(end, 8), at(end, 50)]), _BASE, 0.8) for end in (0.0, 1.0)),
-        *_arrow(at(0.5, 44), at(1, 44), _BASE, 1),
-        *_arrow(at(0.5, 44), at(0, 44), _BASE, 1),
-    ]
-    labels = [
-        Label(at(0.06 + reach / 2, 27), "u_i", _INK),
-        Label(at(0.8, beside), "leg_length", _BASE, "start"),
-        Label(at(_SLEEVE, beside) - np.array([0.0, 8.0]), "actuator_force > 0", _FORCE, "start"),
-        Label(at(_SLEEVE, beside) + np.array([0.0, 8.0]), "pushes both parts apart", _FORCE, "start"),
-        Label(B[i] + np.array([4.0, 17.0]), "B_i", _BASE),
-        Label(P[i] + np.array([11.0, -12.0]), "P_i", _TOP),
-    ]
-    return strokes, labels
-
-
 def _arrow(start: Points, end: Points, colour: str, width: float = 1.8) -> list[PenStroke]:
     """A line with a head; nothing where it points at the viewer."""
     if np.hypot(*(end - start)) < 10:
@@ -176,10 +175,6 @@ def _arrow(start: Points, end: Points, colour: str, width: float = 1.8) -> list[
     across, neck = np.array([-along[1], along[0]]), end - 9 * along
     head = np.stack([end, neck + 3.5 * across, neck - 3.5 * across])
     return [PenStroke(np.stack([start, neck]), colour, width), PenStroke(head, colour, 0.5, colour)]
-
-
-def _radius(points: Points) -> float:
-    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _direction(vector: Points) -> Points:

@@ -4,8 +4,9 @@ For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_
 `_start.csv` (start values to set, if they differ from those in modelDescription.xml).
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,34 +25,22 @@ TOLERANCE = 1e-12
 FOLDER = "extra/gough_stewart"
 
 
-@dataclass(frozen=True)
-class ReferenceCase:
-    """A platform, its start state and inputs over time."""
+class ReferenceRun(NamedTuple):
+    """A motion of a platform under inputs over time, and its results."""
 
     name: str
-    platform: Platform
-    start: State
+    variant: Variant
+    start: dict[str, Array]  # all states, by name
     time: FloatArray  # (n,) [s]
     inputs: FloatArray  # (n, N_INPUTS), linear between the times
-
-    @property
-    def variant(self) -> Variant:
-        """The variant of the platform."""
-        return Variant.of(self.platform)
-
-    @property
-    def states(self) -> dict[str, Array]:
-        """All states at the start, by name."""
-        return interface.start_values(self.variant.states, self.platform) | states_at(self.platform, self.start)
+    results: FloatArray  # (n, N_RESULTS)
 
 
-ReferenceRuns = tuple[tuple[ReferenceCase, FloatArray], ...]
-
-
-def reference_runs(platform: Platform) -> ReferenceRuns:
+def reference_runs(platform: Platform) -> tuple[ReferenceRun, ...]:
     """The paper's open loop on this platform, and varying inputs from the start values of the description.
 
-    Each with its results; a case ends where its motion cannot go on, at a singular pose.
+    The equations are integrated by SciPy instead of the unit; a run ends where its motion cannot go on, at a singular
+    pose.
     """
     case = case_of(platform)
     constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
@@ -64,55 +53,51 @@ def reference_runs(platform: Platform) -> ReferenceRuns:
     force = bump * weight * np.array([0.05, -0.03, 0.1])
     torque = bump * weight * platform.characteristic_length * np.array([0.01, 0.02, -0.01])
     varying = np.concatenate([actuators, force, torque], axis=1)
-    cases = (
-        ReferenceCase("open_loop", platform, case.start, case.time, constant),
-        ReferenceCase("varying_inputs", platform, home, case.time, varying),
-    )
-    runs = ((whole_case, _results(whole_case)) for whole_case in cases)
-    return tuple((replace(c, time=c.time[: len(y)], inputs=c.inputs[: len(y)]), y) for c, y in runs if len(y) > 1)
+
+    runs, variant, time = list[ReferenceRun](), Variant.of(platform), case.time
+    for name, begin, inputs in (("open_loop", case.start, constant), ("varying_inputs", home, varying)):
+        start = interface.start_values(variant.states, platform) | states_at(platform, begin)
+        judge = ScipyStepper(variant, TOLERANCE)
+        judge.x[:] = interface.pack(variant.states, start)
+        judge.u[:] = inputs[0]
+        judge.begin(platform, float(time[0]), None)
+        rows = [judge.find_results().copy()]
+        for (now, after), (first, last) in zip(pairwise(time.tolist()), pairwise(inputs), strict=True):
+            judge.input_rates[:] = (last - first) / (after - now)
+            try:
+                judge.step(now, after - now)
+            except StepError:
+                break
+            judge.u[:] = last
+            rows.append(judge.find_results().copy())
+        if len(rows) > 1:
+            runs.append(ReferenceRun(name, variant, start, time[: len(rows)], inputs[: len(rows)], np.array(rows)))
+    return tuple(runs)
 
 
-def _results(case: ReferenceCase) -> FloatArray:
-    """Results at the case's times, a column per scalar: the equations, integrated by SciPy instead of the unit."""
-    variant, judge = case.variant, ScipyStepper(case.variant, TOLERANCE)
-    judge.x[:] = interface.pack(variant.states, case.states)
-    judge.u[:] = case.inputs[0]
-    judge.begin(case.platform, float(case.time[0]), None)
-    rows = [judge.find_results().copy()]
-    for (start, end), (first, last) in zip(pairwise(case.time.tolist()), pairwise(case.inputs), strict=True):
-        judge.input_rates[:] = (last - first) / (end - start)
-        try:
-            judge.step(start, end - start)
-        except StepError:
-            break
-        judge.u[:] = last
-        rows.append(judge.find_results().copy())
-    return np.array(rows)
-
-
-def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> dict[str, bytes]:
+def reference_files(runs: Sequence[ReferenceRun], identifier: str, fmi_version: str) -> dict[str, bytes]:
     """All reference files by their path in the archive, named after the unit."""
-    rule = "LSODA" if any(case.variant.bristles for case, _ in runs) else "DOP853"
+    rule = "LSODA" if any(run.variant.bristles for run in runs) else "DOP853"
     readme = _README.format(identifier=identifier, rule=f"SciPy's {rule}", tolerance=TOLERANCE)
     files = {f"{FOLDER}/README.txt": readme.encode()}
-    for case, values in runs:
-        stem = f"{FOLDER}/{case.name}/{identifier}"
-        results = interface.unpack(case.variant.results, values)
-        inputs = interface.unpack(interface.INPUTS, case.inputs)
-        files[f"{stem}_in.csv"] = _csv(case.time, inputs, fmi_version)
-        outputs = {v.name: results[v.name] for v in case.variant.results if v.causality == "output"}
-        files[f"{stem}_ref.csv"] = _csv(case.time, outputs, fmi_version)
+    for run in runs:
+        stem, time = f"{FOLDER}/{run.name}/{identifier}", run.time
+        results = interface.unpack(run.variant.results, run.results)
+        outputs = {v.name: results[v.name] for v in run.variant.results if v.causality == "output"}
         options = {
-            "StartTime": case.time[0],
-            "StopTime": case.time[-1],
-            "StepSize": case.time[1] - case.time[0],
+            "StartTime": time[0],
+            "StopTime": time[-1],
+            "StepSize": time[1] - time[0],
             "RelTol": DEFAULT_TOLERANCE,
-            "OutputIntervalLength": case.time[1] - case.time[0],
+            "OutputIntervalLength": time[1] - time[0],
         }
         lines = (f"{name}, {float(value)!r}\n" for name, value in options.items())
-        files[f"{stem}_ref.opt"] = "".join(lines).encode()
-        starts = {name: value[None] for name, value in case.states.items()}
-        files[f"{stem}_start.csv"] = _csv(case.time[:1], starts, fmi_version)
+        files |= {
+            f"{stem}_in.csv": _csv(time, interface.unpack(interface.INPUTS, run.inputs), fmi_version),
+            f"{stem}_ref.csv": _csv(time, outputs, fmi_version),
+            f"{stem}_ref.opt": "".join(lines).encode(),
+            f"{stem}_start.csv": _csv(time[:1], {name: x[None] for name, x in run.start.items()}, fmi_version),
+        }
     return files
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from gough_stewart.fmu_build.build import chosen_versions, unit_archives
 from gough_stewart.fmu_build.cache import check_installed
 from gough_stewart.fmu_build.component import UnitComponent
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.toolchain import chosen_targets
 from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.errors import ExportError

@@ -143,7 +143,7 @@ class IsolatedFmu(Plant):
     ) -> None:
         self.path, self.columns = Path(path), Variant.of(platform).columns
         arguments = (self.path, platform, start, tolerance, fixed_step_size)
-        self._isolated = Isolated(self.path, "gough_stewart.harness.plants.fmu:FmuPlant", arguments)
+        self._isolated = Isolated(self.path, "gough_stewart.harness.plants.unit:FmuPlant", arguments)
         self.fmi_version: str = self._isolated.call("__getattribute__", "fmi_version")
 
     def set_inputs(self, inputs: FloatArray) -> None:

@@ -75,7 +75,7 @@ def open_plant(
         raise PlantError(f"plant is {kind!r}; expected one of {', '.join(get_args(PlantKind))}")
     version = FMI_VERSIONS[kind]
     if fmu is None:
-        from gough_stewart.harness.plants.fmu import FmuPlant  # imports FMPy
+        from gough_stewart.harness.plants.unit import FmuPlant  # imports FMPy
 
         built = _cached_unit(cached_build(version, progress, Variant.of(platform)))
         return FmuPlant(built, platform, start, tolerance, fixed_step_size)

@@ -14,7 +14,7 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from gough_stewart.fmu_build.plant.component import IDENTIFIER
+from gough_stewart.fmu_build.plant.plant_component import IDENTIFIER
 from gough_stewart.fmu_build.plant.reference_results import FOLDER
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.unit import FmiType, FmuInstance, UnitFile, check_archive

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.harness.report.document import File, Note, Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import COUNT, NUMBER
 from gough_stewart.harness.report.table import Cell, Column, Table

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gough_stewart import load_preset
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, native
 from gough_stewart.harness.export.design import designed

@@ -8,8 +8,8 @@ import pytest
 import gough_stewart as gs
 from gough_stewart import build
 from gough_stewart.fmu_build.build import build_units
-from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of

@@ -6,7 +6,6 @@ import signal
 import struct
 import sys
 import tempfile
-import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -18,7 +17,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.commands import invoke
 from tests.support.fake_zig import FakeZig
 from tests.support.fmu_plants import Fmu, plant
 from tests.support.uneven import UNEVEN
@@ -246,35 +244,6 @@ def test_objects_that_the_compiler_stumbles_over_are_made_anew(zig: FakeZig, tmp
     assert (zig.cache / "gough_stewart").exists()
 
 
-def test_objects_are_not_removed_while_a_compiler_works_with_them(zig: FakeZig, tmp_path: Path) -> None:
-    """Expected: who stumbles waits; a compiler whose objects disappear never ends."""
-    built(tmp_path)  # makes start values for both
-    shutil.rmtree(zig.cache / "gough_stewart")
-    zig.rule(
-        "objects.mkdir(exist_ok=True)\n"
-        "if 'aarch64' in target:\n"
-        "    (objects / 'mine').write_text('')\n"
-        "    (folder / 'working').write_text('')\n"
-        "    while not (folder / 'go').exists(): time.sleep(0.02)\n"
-        "    assert (objects / 'mine').exists()\n" + fails(LINKER, "'x86' in target and (objects / 'mine').exists()")
-    )
-    threads = [
-        threading.Thread(target=built, args=(tmp_path / k, f"{k}-linux"), daemon=True) for k in ("aarch64", "x86_64")
-    ]
-    try:
-        threads[0].start()
-        wait_for((zig.folder / "working").exists)
-        threads[1].start()
-        wait_for(lambda: len(zig.calls(forget=False)) == 3)
-        time.sleep(0.3)
-    finally:
-        (zig.folder / "go").write_text("")
-    for thread in threads:
-        thread.join(20)
-    assert len(list(tmp_path.rglob("*/*.fmu"))) == 2
-    assert len(zig.calls()) == 4
-
-
 def wait_for(condition: Callable[[], bool]) -> None:
     """Until it holds, for at most twenty seconds."""
     given_up = time.monotonic() + 20
@@ -391,44 +360,3 @@ def test_a_wrong_option_is_named(tmp_path: Path) -> None:
         with pytest.raises(gs.GoughStewartError, match=expected):
             gs.build(tmp_path, **options)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_machine_that_is_none_of_the_targets_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: names as Linux, Windows and macOS have them are known; no others."""
-    for machine, system, name in (
-        *(("AMD64", "Windows", "x86_64-windows"), ("arm64", "Darwin", "aarch64-darwin")),
-        *(("aarch64", "Linux", "aarch64-linux"), ("riscv64", "Linux", None), ("x86_64", "Plan9", None)),
-    ):
-        monkeypatch.setattr("platform.machine", lambda machine=machine: machine)
-        monkeypatch.setattr("platform.system", lambda system=system: system)
-        with pytest.raises(gs.GoughStewartError) as caught:
-            gs.build(tmp_path, targets=["native"] if name is None else ["native", "vax"])
-        expected = f"this machine is {machine}-{system.lower()}; expected one of" if name is None else "no target 'vax'"
-        assert expected in str(caught.value)
-
-
-def test_a_place_that_cannot_be_written_is_an_error_before_anything_is_built(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    (tmp_path / "gough_stewart_fmi3.fmu").mkdir()
-    told: list[str] = []
-    for place, expected in ((tmp_path / "file" / "fmus", "is a file"), (tmp_path, "is a folder there")):
-        with pytest.raises(gs.GoughStewartError, match=expected):
-            gs.build(place, progress=told.append)
-    assert told == []
-
-
-def test_the_command_line_builds_and_complains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = invoke("build", "--fmi", "3.0", "--out", "fmus")
-    assert done.exit_code == 0, done.stderr
-    assert "gough_stewart_fmi3.fmu" in done.stdout
-    assert {f.name for f in (tmp_path / "fmus").iterdir()} == {"gough_stewart_fmi3.fmu", "report.json"}
-    for arguments, expected, code in (
-        (["--fmi", "1.0"], "1.0", 2),  # not one of the choices, which is an error of use
-        (["--preset", "nothing"], "nothing", 2),
-        (["--platform", "missing.toml"], "missing.toml", 1),
-        (["--preset", "liu2000", "--platform", "x.toml"], "exclude", 2),
-    ):
-        done = invoke("build", *arguments)
-        assert done.exit_code == code
-        assert expected in done.stderr

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.support.fmu_plants import DISCARD, ERROR, OK, STATES, Fmu, Plant, plant, refused
 from tests.support.lagrangian import FloatArray
@@ -20,29 +18,6 @@ INPUTS = tuple(INPUT_VALUES)
 U = np.concatenate(list(INPUT_VALUES.values()))
 
 # --- saved states ----------------------------------------------------------------------------------------------------
-
-
-@given(before=st.lists(st.floats(1e-4, 0.05), min_size=1, max_size=6), after=st.floats(1e-4, 0.1))
-def test_a_restored_state_has_the_same_future_from_any_history(
-    fmus: dict[str, Fmu], before: list[float], after: float
-) -> None:
-    """Expected: the bits of a step before the rollback to its begin; also in the other version of FMI."""
-    with plant(fmus["2.0"]) as p, plant(fmus["2.0"]) as fresh, plant(fmus["3.0"]) as other:
-        p.start(MOVING)
-        for step in before:
-            p.do_step(p.time, step)
-        blob, state = p.serialized(), p.fmu.getFMUState()
-        p.do_step(time := p.time, after)
-        once = p.serialized()
-        p.set("actuator_force", 0.0)
-        p.fmu.setFMUState(state)
-        p.fmu.freeFMUState(state)
-        p.do_step(time, after)
-        assert p.serialized() == once
-        for instance in (fresh, other):
-            instance.restore(blob)
-            instance.do_step(time, after)
-            assert instance.serialized() == once
 
 
 def test_a_restored_state_goes_on_where_it_was_in_every_respect(fmu: Fmu) -> None:
@@ -216,18 +191,6 @@ def test_output_derivatives_are_difference_quotients_over_time(fmu: Fmu) -> None
         for name in outputs:
             expected = (points[2][name] - points[0][name]) / (2 * h)
             assert rates[name] == pytest.approx(expected, rel=1e-5, abs=1e-5), name
-
-
-def test_inputs_go_on_with_their_rates_until_they_get_others(fmu2: Fmu) -> None:
-    """Expected: forces linear in time; test_modes_together.py has motions under these."""
-    rates = np.array([5.0, -3.0, 8.0, 2.0, -6.0, 4.0])
-    with plant(fmu2) as p:
-        p.start(MOVING)
-        p.set_input_rates("actuator_force", rates)
-        for k in range(3):
-            p.do_step(0.1 * k, 0.1)
-            expected = MOVING["actuator_force"] + 0.1 * (k + 1) * rates
-            assert p.get("actuator_force") == pytest.approx(expected, rel=1e-12)
 
 
 def test_rates_of_other_orders_or_other_variables_are_errors(fmu2: Fmu) -> None:

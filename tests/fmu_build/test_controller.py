@@ -2,7 +2,6 @@
 
 import zipfile
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -104,25 +103,3 @@ def test_the_description_names_the_loop_and_offers_no_model_exchange(prompt: dic
         gain = found[f"proportional_gain{first}"]
         assert (gain.causality, gain.variability, gain.unit) == ("parameter", "tunable", "N/m")
         assert complaints_of_schemas(unit) == {}
-
-
-def terminals(unit: Fmu) -> dict[str, tuple[str, dict[str, str]]]:
-    """Descriptions and members by name."""
-    root = ET.parse(unit.folder / "terminalsAndIcons/terminalsAndIcons.xml").getroot()
-    return {
-        terminal.attrib["name"]: (
-            terminal.attrib["description"],
-            {member.attrib["memberName"]: member.attrib["variableName"] for member in terminal},
-        )
-        for terminal in root.iter("Terminal")
-    }
-
-
-def test_terminals_hold_the_actuators_and_what_is_measured_of_the_legs(prompt: dict[str, Fmu], late: Fmu) -> None:
-    """Expected: members by name, of each leg where variables are scalars."""
-    names = ("actuator_force", "leg_length")
-    assert terminals(prompt["3.0"]) == {"actuators": ("the six actuators", dict(zip(names, names, strict=True)))}
-    legs = {f"actuator_{k}": (f"actuator of leg {k}", {name: f"{name}[{k}]" for name in names}) for k in range(1, 7)}
-    assert terminals(prompt["2.0"]) == legs
-    assert late.version == "3.0"
-    assert terminals(late) == legs

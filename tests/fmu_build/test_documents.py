@@ -5,14 +5,10 @@ Expected values are those of the table of variables and of the platform, of the 
 
 import csv
 import html
-import io
-import posixpath
 import re
 import zipfile
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib.metadata import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -21,7 +17,6 @@ import numpy as np
 import pytest
 from fmpy.util import read_csv
 from fmpy.validation import validate_fmu
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
@@ -32,7 +27,6 @@ from tests.support.schemas import complaints_of_schemas
 from tests.support.uneven import MOVING, UNEVEN
 
 ROOT = Path(__file__).parents[2]
-PACKAGE = metadata("gough-stewart")
 TABLE = {v.name: v for v in gs.VARIABLES}
 INPUTS = ("actuator_force", "external_force", "external_torque")
 # Whose names are to be escaped, and whose z axis points at the viewer of its picture.
@@ -64,23 +58,6 @@ def test_every_document_follows_the_standard(any_fmu: Fmu) -> None:
     """Expected: the schemas of the standard, and FMPy's validation beyond them."""
     assert validate_fmu(str(any_fmu.path)) == []
     assert complaints_of_schemas(any_fmu) == {}
-
-
-def test_the_head_names_model_package_licence_and_experiment(fmu: Fmu) -> None:
-    """Expected: pyproject.toml through the installed metadata, and the names that users type."""
-    root = xml(fmu)
-    assert dict(root.attrib) == {
-        **{"fmiVersion": fmu.version, "modelName": "GoughStewart", "variableNamingConvention": "structured"},
-        **{"description": PACKAGE["Summary"], "version": PACKAGE["Version"], "license": "BSD-3-Clause"},
-        **{"copyright": "the gough-stewart authors", "generationTool": f"gough-stewart {PACKAGE['Version']}"},
-        **({"guid": fmu.token, "numberOfEventIndicators": "0"} if fmu.is_fmi2 else {"instantiationToken": fmu.token}),
-    }
-    assert [len(part) for part in fmu.token.strip("{}").split("-")] == [8, 4, 4, 4, 12]
-    assert fmu.token.startswith("{") == fmu.is_fmi2
-    (experiment,) = root.iter("DefaultExperiment")
-    assert experiment.attrib == {"startTime": "0", "stopTime": "1", "tolerance": "1e-08", "stepSize": "0.001"}
-    categories = [category.get("name") for category in root.iter("Category")]
-    assert categories == ["logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"]
 
 
 def test_declared_capabilities_are_those_that_are_tested(fmu: Fmu) -> None:
@@ -144,25 +121,6 @@ def test_variables_are_those_of_the_table_element_by_element(fmu: Fmu) -> None:
             assert declared.derivative is by_name[declared.name.removeprefix("der(").removesuffix(")")]
             unit = declared.derivative.unit
             assert declared.unit == f"{unit}/s" if "/s" not in unit else f"{unit}2"
-
-
-def test_units_have_the_dimensions_of_their_names_and_are_shown_in_degrees_and_millimetres(fmu: Fmu) -> None:
-    """Expected: N = kg m/s², J = N m, and the rest read off the name."""
-    bases: dict[str, dict[str, int]] = {"1": {}, "N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
-    units = {unit.get("name", ""): unit for unit in xml(fmu).iter("Unit")}
-    assert set(units) == {v.unit for v in fmu.description.modelVariables if v.unit}
-    for name, unit in units.items():
-        expected = Counter[str]()
-        for part, sign in zip(name.partition("/")[::2], (1, -1), strict=True):
-            for factor in filter(None, part.split(".")):
-                symbol, power = (factor[:-1], 2) if factor.endswith("2") else (factor, 1)
-                for base, exponent in bases.get(symbol, {symbol: 1}).items():
-                    expected[base] += sign * power * exponent
-        (exponents,) = unit.iter("BaseUnit")
-        assert {base: int(n) for base, n in exponents.items()} == {b: n for b, n in expected.items() if n}, name
-        displays = {display.get("name"): float(display.get("factor", 1)) for display in unit.iter("DisplayUnit")}
-        scale = 1000 if name[0] == "m" else 180 / np.pi
-        assert displays == ({DISPLAYED[name]: pytest.approx(scale, rel=1e-15)} if name in DISPLAYED else {})
 
 
 Shown = dict[str, dict[str, bool]]
@@ -282,29 +240,6 @@ def test_the_archive_is_complete_portable_and_of_no_day(fmu: Fmu) -> None:
     assert (f"fmi{'3' if fmu.is_fmi2 else '2'}.c" in compiled) is False
 
 
-def test_the_manifest_lists_all_reference_results_with_their_inputs_beside(fmu: Fmu) -> None:
-    """Expected: FMI-LS-REF 1.0.0-beta.1, whose schema `tests/evidence/test_layered_standard.py` reads."""
-    place = "extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml"
-    root = xml(fmu, place)
-    assert root.tag == "fmiReferences"
-    prefix = "{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-"
-    assert root.attrib[f"{prefix}name"] == "org.fmi-standard.fmi-ls-ref"
-    assert root.attrib[f"{prefix}version"] == "1.0.0-beta.1"
-    listed: dict[str, list[str]] = {}
-    for related in root:
-        path = posixpath.normpath(str(PurePosixPath(place).parent / related.attrib["source"]))
-        assert (fmu.folder / path).is_file(), path
-        suffixes = {"csv": "text/csv", "txt": "text/plain", "html": "text/html"}
-        assert related.attrib["type"] == suffixes[path.split(".")[-1]]
-        listed.setdefault(related.attrib["role"], []).append(path)
-        for suffix in ("_in.csv", "_start.csv", "_ref.opt") if related.attrib["role"] == "result" else ():
-            assert suffix in related.attrib["description"]
-            assert list((fmu.folder / path).parent.glob(f"*{suffix}"))
-    results = {str(file.relative_to(fmu.folder)) for file in fmu.folder.glob("extra/**/*_ref.csv")}
-    assert set(listed["result"]) == results
-    assert listed["document"] == ["extra/gough_stewart/README.txt", "documentation/index.html"]
-
-
 def columns(fmu: Fmu, case: str, kind: str) -> dict[str, FloatArray]:
     """Whole variables (rows, n) of a file in the form of the cross-check."""
     table, found = read_csv(fmu.folder / f"extra/gough_stewart/{case}/gough_stewart_{kind}.csv"), dict[str, list[Any]]()
@@ -370,10 +305,6 @@ def page_of(fmu: Fmu) -> str:
     return (fmu.folder / "documentation/index.html").read_text()
 
 
-def words_of(page: str) -> str:
-    return " ".join("".join(ET.fromstring(page).itertext()).split())
-
-
 def test_the_pages_table_has_every_variable_with_its_numbers(fmu: Fmu) -> None:
     """Expected: six digits of the platform's numbers; one number stands for equal ones, a matrix has its rows."""
     body = ET.fromstring(page_of(fmu)).find(".//{*}tbody")
@@ -398,50 +329,6 @@ def test_the_pages_table_has_every_variable_with_its_numbers(fmu: Fmu) -> None:
     first = rows["platform_points"][0]
     last = " platform_points[1,1] … platform_points[6,3]" if fmu.is_fmi2 else ""
     assert first == f"platform_points{last}"
-
-
-def test_the_page_needs_nothing_else_and_has_the_equations_beside_the_code(fmu: Fmu) -> None:
-    """Expected: no script, no place but names of namespaces; each formula of model/task_space.md, none of its marks."""
-    page = page_of(fmu)
-    for element in ET.fromstring(page).iter():
-        assert element.tag.split("}")[-1] not in {"script", "link", "img", "iframe", "object", "embed"}
-        assert not {"src", "href", "onload", "onclick"} & set(element.attrib)
-    namespaces = {"1999/xhtml", "2000/svg", "1998/Math/MathML"}
-    assert set(re.findall(r"https?://[^\"'<\s]+", page)) == {f"http://www.w3.org/{name}" for name in namespaces}
-    assert "url(" not in page
-    source, formula = (ROOT / "model/task_space.md").read_text(), r"\$\$.+?\$\$|\$[^$\n]+\$"
-    assert page.count("<math ") == len(re.findall(formula, source, re.S)) > 30
-    assert page.count('display="block"') == source.count("$$") / 2
-    assert not re.search(r"\$|\\[a-z]|\*\*|<p>#", page)
-    text = words_of(re.sub(r"<math.*?</math>", "", page, flags=re.S)).replace(" ", "")
-    for paragraph in source.split("\n\n"):  # what is around the formulas
-        plain = re.sub(rf"{formula}|[#*`\s]", "", paragraph, flags=re.S)
-        assert plain in text, paragraph
-
-
-def test_the_page_says_what_an_importer_of_its_version_has_to_know(fmus: dict[str, Fmu]) -> None:
-    """Expected: functions, modes and derivatives of the standard's two versions; limits of the integrator."""
-    tunable = ", ".join(v.name for v in gs.VARIABLES if v.variability == "tunable")
-    own = {
-        "2.0": (
-            *("fmi2SetRealInputDerivatives;", "in event and continuous-time mode", "Exact directional derivatives"),
-            *("fmi2Terminated is true", "FMI 2.0 has scalars only"),
-        ),
-        "3.0": (
-            *("intermediate-update callback", "in event mode in Model Exchange)", "directional and adjoint derivat"),
-            *("lastSuccessfulTime is the start of the step. The importer", "Arrays are listed row by row."),
-        ),
-    }
-    for version, other in (("2.0", "3.0"), ("3.0", "2.0")):
-        text, major = words_of(page_of(fmus[version])), version[0]
-        assert not any(words in text for words in (*own[other], f"fmi{other[0]}"))
-        for words in (
-            *own[version],
-            *(f"fmi{major}CompletedIntegratorStep requests termination", f"fmi{major}Discard", f"fmi{major}Error"),
-            *("from 1e-13 to 1e-2, by default 1e-8", "more than 20,000 internal steps (1,000,000 fixed ones)"),
-            *("the platform stands still", "Kutta’s 3/8 rule", UNEVEN.name, f": {tunable}."),
-        ):
-            assert words in text, words
 
 
 def test_the_example_of_the_page_runs_as_it_stands(
@@ -518,36 +405,3 @@ def test_joints_and_axes_are_where_rotations_have_them(pictured: tuple[gs.Platfo
         away = tips - (dots[0] + scale * (origin - seen[0]))
         across = np.abs(away[:, 0] * axis[1] - away[:, 1] * axis[0]) / np.hypot(*axis)
         assert (across < 0.03).sum() == 1
-
-
-def test_nearer_legs_cover_those_behind_and_the_png_shows_the_same(pictured: tuple[gs.Platform, Fmu]) -> None:
-    """Expected: depths at 54 % of the legs; base first, platform last; dots' colours where no later one covers them.
-
-    A text of the platform is escaped; 0 for the pitch of −0.0 with which one of the platforms is at home.
-    """
-    platform, fmu = pictured
-    page = page_of(fmu)
-    assert "<script" not in page
-    assert f"{platform.name} ({platform.source})" in words_of(page)
-    assert not {"-0", "−0"} & set(" ".join(ET.fromstring(page).itertext()).split())
-    root = next(pictures_of(fmu))
-    assert [e.tag.removeprefix(SVG) for e in root][1:] == ["polygon", *["polyline"] * 12] * 2
-    base, top = joints_of(platform)
-    depth = VIEW.apply(base + 0.54 * (top - base))[:, 2]
-    feet = np.array([points_of(line)[0] for line in root.findall(f"{SVG}polyline")[1:12:2]])
-    dots = dots_of(root)
-    order = [int(np.abs(np.array([d[0] for d in dots[:6]]) - foot).sum(axis=1).argmin()) for foot in feet]
-    assert (np.diff(depth[order]) > -1e-9).all()
-    image = np.asarray(Image.open(io.BytesIO((fmu.folder / "terminalsAndIcons/icon.png").read_bytes())).convert("RGBA"))
-    assert image.shape == (128, 128, 4)
-    assert (image[[0, 0, -1, -1], [0, -1, 0, -1], 3] == 0).all()
-    visible = [
-        (image[int(y), int(x), :3], colour)
-        for k, ((x, y), radius, colour) in enumerate(dots)
-        if all(np.hypot(x - other[0], y - other[1]) > radius + 1 for other, _, _ in dots[k + 1 :])
-    ]
-    assert len(visible) >= 4
-    assert all("#{:02X}{:02X}{:02X}".format(*shown) == colour for shown, colour in visible)
-    for stroke in root.iter(f"{SVG}polyline"):
-        x, y = points_of(stroke).mean(axis=0).astype(int)
-        assert image[y, x, 3] == 255

@@ -9,12 +9,12 @@ from fmpy import simulate_fmu
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model.formulations import kane
 from tests.support.fmu_plants import ERROR, OK, STATES, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
+from tests.support.plain_motion import trajectory
 from tests.support.real_platforms import real_platform
 from tests.support.shared_joints import SHARED
-from tests.support.uneven import INPUT_VALUES, INPUTS, MOVING, STATE, UNEVEN
+from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
 OWN_STATES = ("leg_bristle", "motor_position", "motor_velocity")
 
@@ -25,85 +25,6 @@ def at_home(platform: gs.Platform) -> dict[str, Any]:
 
 
 # --- legs with stiction or compliance --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("friction", "version"), [("elasto_plastic", "2.0"), ("lugre", "3.0")])
-def test_the_unit_moves_as_the_stepping_model_does(whole: dict[str, Fmu], friction: str, version: str) -> None:
-    """Expected: the model at a tolerance of 1e-11; the bristles move. Fixed steps have errors of their own.
-
-    Forces break every leg loose and let it stick again, each at its own frequency.
-    """
-    platform, times = real_platform(friction, springs=True), 2e-3 * np.arange(60)
-    waves = 45.0 * np.sin(2 * np.pi * times[:, None] * np.arange(3.0, 9.0) + np.arange(6))
-    forces = platform.home_actuator_force + waves
-    load = {"external_force": [3.0, -2.0, 5.0], "external_torque": [0.3, 0.1, -0.2]}
-    model = gs.SteppingModel(platform, 1e-11, integrator="scipy")
-    model.set_many(load)
-    for time, force in zip(times.tolist(), forces, strict=True):
-        model.set("actuator_force", force)
-        model.do_step(time, 2e-3)
-    assert np.abs(model.get("leg_bristle")).max() > 1e-6
-    for tolerance, fixed, bound in ((1e-10, 0.0, 2e-9), (1e-8, 1e-3, 2e-6)):
-        with plant(whole[version]) as p:
-            p.start({**at_home(platform), **load, "fixed_step_size": fixed}, tolerance, platform=platform)
-            for time, force in zip(times.tolist(), forces, strict=True):
-                p.set("actuator_force", force)
-                p.do_step(time, 2e-3)
-            for name in ("position", "orientation", "leg_length", "motor_position", "leg_bristle"):
-                assert p.get(name) == pytest.approx(np.asarray(model.get(name)), abs=bound), name
-
-
-@pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
-def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(
-    whole: dict[str, Fmu], sticking: Fmu, springs: bool
-) -> None:
-    """Expected: the model, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
-    platform, h = real_platform("lugre", springs=springs), 1e-3
-    model = gs.SteppingModel(platform, 1e-8, integrator="scipy")
-    force = np.asarray(platform.home_actuator_force) + 60.0
-    model.set("actuator_force", force)
-    model.do_step(0.0, 40 * h)
-    with plant(whole["3.0"] if springs else sticking) as p:
-        p.start({**at_home(platform), "fixed_step_size": h}, platform=platform)
-        p.set("actuator_force", force)
-        for k in range(40):
-            p.do_step(k * h, (k + 1) * h - k * h)
-        assert np.abs(model.get("velocity")).max() > 0.1
-        assert p.get("position") == pytest.approx(np.asarray(model.get("position")), abs=2e-6)
-
-
-def test_legs_that_stick_hold_a_platform(whole: dict[str, Fmu]) -> None:
-    """Closed form: below breakaway nothing moves.
-
-    `motion_base`, 100 N of friction, 50 N more on each leg than its weight; on smooth friction it rises 9.9 mm in 10 s.
-    """
-    platform = gs.load_preset("motion_base").with_parameters(
-        {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": 100.0, "leg_stiffness": 1e8}
-    )
-    heights = []
-    with plant(whole["2.0"]) as p:
-        p.start(at_home(platform), platform=platform)
-        p.set("actuator_force", platform.home_actuator_force + 50.0)
-        for k in range(10):
-            p.do_step(float(k), 1.0)
-            heights.append(p.get("position")[2])
-    assert heights[-1] - platform.home_position[2] > 1e-6  # it bends
-    assert abs(heights[-1] - heights[4]) < 1e-8
-
-
-def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(whole: dict[str, Fmu]) -> None:
-    """Expected: |h λ| = 2.6 at the fastest eigenvalue λ of the linear plant at rest, by NumPy; bristles are stiff."""
-    platform = real_platform("elasto_plastic", springs=True, leg_bristle_stiffness=2.9e10)
-    limit = 2.6 / np.abs(np.linalg.eigvals(gs.SteppingModel(platform).linearise().A)).max()
-    with plant(whole["3.0"]) as p:
-        p.start({**at_home(platform), "fixed_step_size": 0.01}, platform=platform)
-        refused(p.do_step, 0.0, 0.01)
-        (stated,) = re.findall(r"steps of 0\.01 s are too large.*at most (\S+) s", p.take_messages())
-        assert float(stated) == pytest.approx(limit, rel=0.03)
-    with plant(whole["3.0"]) as p:
-        p.start({**at_home(platform), "fixed_step_size": 0.98 * float(stated)}, platform=platform)
-        p.do_step(0.0, 0.01)
-        assert p.get("position")[2] == pytest.approx(platform.home_position[2], abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["model", "fmu3"])
@@ -122,23 +43,6 @@ def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kin
     long = gs.run("heave_step", {**settings, "loop.sample_time": "2 ms", "plant.fixed_step_size": "2 ms"})
     assert len(long["position"]) == 1
     assert re.search(r"0\.002 .*too large for legs with stiction.*at most 0\.001 s", long.metadata["outcome"]["cause"])
-
-
-def test_a_saved_state_has_the_bristles_and_motors(whole: dict[str, Fmu], sticking: Fmu) -> None:
-    """Expected: the same step in another instance, bit by bit; a unit of another kind refuses the state."""
-    platform = real_platform("lugre", springs=True)
-    with plant(whole["2.0"]) as p, plant(whole["3.0"]) as q, plant(sticking) as other:
-        p.start(at_home(platform), platform=platform)
-        p.set("actuator_force", platform.home_actuator_force + 40.0)
-        p.do_step(0.0, 0.02)
-        q.restore(p.serialized())
-        p.refuses("version", ERROR, p.restore, other.serialized())
-        for instance in (p, q):
-            instance.do_step(0.02, 0.02)
-        assert p.serialized() == q.serialized()
-        names = [*STATES, *OWN_STATES, "leg_force"]
-        assert p.get_all(names).tobytes() == q.get_all(names).tobytes()
-        assert np.abs(p.get_all(["leg_bristle", "motor_velocity", "leg_force"])).min() > 0
 
 
 def test_states_have_nominals_of_their_size(whole: dict[str, Fmu]) -> None:
@@ -240,15 +144,14 @@ def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu
 
 
 @pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
-def test_a_unit_with_shared_joints_moves_as_kane_does(fmu: Fmu, platform: gs.Platform) -> None:
-    """Expected: the constrained equations of motion of all bodies, integrated."""
-    start = kane.consistent_start(platform, STATE)
-    expected = kane.integrate(platform, *start, INPUTS, np.array([0.0, 0.2])).platform
+def test_a_unit_with_shared_joints_moves_as_the_lagrangian_does(fmu: Fmu, platform: gs.Platform) -> None:
+    """Expected: equations of motion from the places of all bodies, integrated."""
+    u = np.concatenate([*INPUT_VALUES.values()])
+    expected = trajectory(platform, np.concatenate(STATE), lambda _t: u, np.array([0.0, 0.2]))[-1]
     with plant(fmu) as p:
         p.start(MOVING, 1e-10, platform=platform)
         p.do_step(0.0, 0.2)
-        assert p.get("position") == pytest.approx(expected.position[-1], abs=2e-7)
-        assert p.get("orientation") == pytest.approx(expected.orientation[-1], abs=2e-7)
+        assert p.pose == pytest.approx(expected[:6], abs=2e-8)
 
 
 @pytest.mark.parametrize(("one", "other"), [(0, 5), (1, 3), (4, 2)])

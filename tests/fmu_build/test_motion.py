@@ -1,10 +1,8 @@
 """Motions of a unit in FMPy, in importers as they come, and its internal steps."""
 
 import zipfile
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 
 import gough_stewart as gs
-from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, Plant, by_element, plant, refused
+from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
 from tests.support.uneven import MOVING, UNEVEN
@@ -96,14 +94,6 @@ def test_fmpys_simulation_ends_where_the_lagrangian_does(fmu: Fmu, fmi_type: str
     time, poses = simulate(fmu, "paper", fmi_type)
     assert time[-1] == pytest.approx(CASES["paper"][2], rel=1e-12)
     assert np.abs(poses[-1] - end_of("paper")).max() <= 1e-7
-
-
-def test_errors_fall_with_the_tolerance_and_with_the_fourth_power_of_a_fixed_step(fmu: Fmu) -> None:
-    """Expected: about in proportion to the tolerance; 2⁴ for half the step of classical Runge–Kutta."""
-    errors = [np.abs(run(fmu, [0.5], tolerance=t) - end_of("uneven")).max() for t in (1e-5, 1e-7, 1e-9, 1e-11)]
-    assert all(later < earlier / 20 for earlier, later in pairwise(errors))
-    errors = [np.abs(run(fmu, [0.1] * 5, "smooth", fixed=h) - end_of("smooth")).max() for h in (0.02, 0.01, 0.005)]
-    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([4.0, 4.0], abs=0.3)
 
 
 # --- importers -------------------------------------------------------------------------------------------------------
@@ -188,81 +178,6 @@ def times_of(fmu: Fmu, case: str, steps: list[float], tolerance: float = 1e-8, t
             found.append(seen.copy())
             assert p.time == seen[-1] == time
     return found
-
-
-@pytest.fixture
-def asked(fmu3: Fmu) -> Iterator[Plant]:
-    """A unit in Model Exchange, whose derivatives SciPy integrates."""
-    with plant(fmu3, co_simulation=False) as p:
-        yield p
-
-
-class Kutta:
-    """Kutta's 3/8 rule with error control, on the derivatives of a unit (Hairer, Nørsett, Wanner, II.4)."""
-
-    def __init__(self, asked: Plant, case: str, tolerance: float) -> None:
-        platform, values, _ = CASES[case]
-        asked.start(values, platform=platform)
-        self.asked, self.tolerance, self.proposed = asked, tolerance, 0.0
-        self.t, self.x = 0.0, np.array(asked.get_states())
-
-    def slope(self, x: FloatArray) -> FloatArray:
-        """The derivatives at a state."""
-        self.asked.set_states(x)
-        return np.array(self.asked.state_rates())
-
-    def attempt(self, h: float) -> tuple[FloatArray, float]:
-        """The end of a step, and its error: of order 5 by quotients of differences of orders 4, 3 and 2."""
-        x, k1 = self.x, self.slope(self.x)
-        k2 = self.slope(x + h * k1 / 3)
-        k3 = self.slope(x + h * (k2 - k1 / 3))
-        k4 = self.slope(x + h * (k1 - k2 + k3))
-        end = x + h * (k1 + 3 * k2 + 3 * k3 + k4) / 8
-        third = np.abs(k1 - 3 * k2 + 3 * k3 + 3 * k4 - 4 * self.slope(end)) / 24
-        second, first = np.abs(k1 - 2 * k2 + k3), np.abs(k2 - k1)
-        one = third**2 / (third + second / 40 + 1e-200)
-        other = second**3 / (15 * (first + second + 1e-200) ** 2)
-        return end, float(np.max(h * np.maximum(one, other) / (1 + np.abs(x))))
-
-    def step_to(self, stop: float) -> list[float]:
-        """The ends of steps that end together; a step that was cut says little of the next one."""
-        ends = []
-        while self.t < stop:
-            left, proposed = stop - self.t, self.proposed or stop - self.t
-            h = left if proposed >= left else min(proposed, left / 2)
-            end, error = self.attempt(h)
-            ratio = error / self.tolerance
-            # the logarithm to base 2 is linear between powers
-            mantissa, exponent = np.frexp(np.clip(ratio, 1e-4, 2000))
-            logarithm = -0.2 * (2 * mantissa - 2 + exponent)
-            following = h * np.clip(0.9 * (1 + logarithm % 1) * 2.0 ** (logarithm // 1), 0.2, 5)
-            self.proposed = max(proposed, following) if ratio <= 1 and h < proposed else following
-            if ratio <= 1:
-                self.t, self.x = stop if h == left else self.t + h, end
-                ends.append(self.t)
-        return ends
-
-
-@pytest.mark.parametrize(
-    ("case", "tolerance", "steps"),
-    [
-        ("paper", 1e-4, [1.0]),
-        ("paper", 1e-8, [1.0]),
-        ("uneven", 1e-4, [0.5]),
-        # the size carries over, also from a step that was cut
-        ("uneven", 1e-6, [0.2, 1e-3, 1e-4, 0.1989, 0.1]),
-        ("sharp", 1e-6, [0.1]),
-    ],
-)
-def test_internal_steps_are_those_of_kuttas_rule(
-    fmu3: Fmu, asked: Plant, case: str, tolerance: float, steps: list[float]
-) -> None:
-    """Expected: the method and its control of sizes in NumPy, from the book."""
-    solver, stop = Kutta(asked, case, tolerance), 0.0
-    for seen, step in zip(times_of(fmu3, case, steps, tolerance), steps, strict=True):
-        stop += step
-        # rounding of the error estimate, which is a small difference, moves a step by more than its share
-        assert seen == pytest.approx(solver.step_to(stop), rel=1e-4)
 
 
 @pytest.mark.parametrize(("start", "parts"), [(0.0, 1), (0.01, 5), (-0.1, 3), (-0.1, 7), (1e6, 100), (-1e9, 10)])

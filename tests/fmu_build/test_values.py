@@ -1,14 +1,11 @@
 """Values of a unit, and what it refuses, by FMPy. Every message names quantity, value and expectation."""
 
-import re
 from collections.abc import Callable
 from ctypes import POINTER, byref, c_double, c_uint32
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from tests.support.fmu_plants import (
@@ -23,7 +20,7 @@ from tests.support.fmu_plants import (
     refused,
 )
 from tests.support.lagrangian import FloatArray
-from tests.support.uneven import MOVING, STATE, UNEVEN
+from tests.support.uneven import MOVING, UNEVEN
 
 HOME = {"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation}
 FIXED = ("base_points", "leg_lower_mass", "position", "fixed_step_size")
@@ -40,34 +37,6 @@ def computed_names(fmu: Fmu) -> list[str]:
 
 
 # --- values ----------------------------------------------------------------------------------------------------------
-
-
-def test_results_are_those_of_the_stepping_model(fmu: Fmu) -> None:
-    """Expected: the model's variables of the same names, of an uneven platform and of one with all parameters changed.
-
-    Nothing is integrated.
-    """
-    changed = UNEVEN.with_parameters(
-        {
-            name: np.array(getattr(UNEVEN, name)) * (1.02 + 0.01 * k)
-            for k, name in enumerate(names_of(fmu, "parameter"))
-            if name != "fixed_step_size"
-        }
-    )
-    for platform in (UNEVEN, changed):
-        model = gs.SteppingModel(platform)
-        model.set_many(MOVING)
-        with plant(fmu) as p:
-            p.start(MOVING, platform=platform)
-            for name in computed_names(fmu):
-                if name.startswith("der("):
-                    continue
-                expected = np.asarray(model.get(name))
-                scale = np.abs(expected).max()
-                assert p.get(name) == pytest.approx(expected, rel=1e-11, abs=1e-11 * scale), name
-            assert np.array_equal(p.get("der(position)"), STATE.velocity)
-            assert np.array_equal(p.get("der(velocity)"), p.get("acceleration"))
-            assert np.array_equal(p.get("der(angular_velocity)"), p.get("angular_acceleration"))
 
 
 # What is computed first decides what is kept for the next.
@@ -127,15 +96,6 @@ def test_what_is_kept_of_earlier_computations_never_shows(fmu: Fmu, order: str) 
             assert_fresh(p, order)
 
 
-def test_a_reset_goes_back_to_the_start_values(fmu: Fmu) -> None:
-    with plant(fmu) as p:
-        untouched = p.everything()
-        p.start({"platform_mass": 30.0, "actuator_force": 60.0, "fixed_step_size": 0.01})
-        p.do_step(0.0, 0.5)
-        p.fmu.reset()
-        assert all(np.array_equal(value, untouched[name]) for name, value in p.everything().items())
-
-
 # --- values that are refused -----------------------------------------------------------------------------------------
 
 BAD_VALUES = [
@@ -180,26 +140,6 @@ def test_what_is_fixed_or_computed_cannot_be_set(fmu: Fmu) -> None:
         for name in FIXED:
             p.refuses(name, ERROR, p.set, name, p.get(name))
             assert "step mode" in p.messages[-1].text
-
-
-def test_messages_name_each_element_as_the_description_does_and_one_bad_value_among_many_changes_nothing(
-    fmu2: Fmu,
-) -> None:
-    """Expected: the names of modelDescription.xml, `joint_force[4,2]`, `der(velocity[3])`, by value reference."""
-    with plant(fmu2) as p:
-        before, good = p.everything(), p.references("platform_mass")
-        for v in fmu2.description.modelVariables:
-            if v.causality in ("input", "parameter"):
-                p.refuses(
-                    f": {v.name} = nan {v.unit} rejected; expected a finite number",
-                    DISCARD,
-                    p.fmu.setReal,
-                    [*good, v.valueReference],
-                    [12.0, np.nan],
-                )
-            elif not v.start:
-                p.refuses(f": {v.name} is computed", ERROR, p.fmu.setReal, [*good, v.valueReference], [12.0, 0.0])
-        assert all(np.array_equal(value, before[name]) for name, value in p.everything().items())
 
 
 # --- platforms and poses that cannot be -------------------------------------------------------------------------------
@@ -247,101 +187,6 @@ def test_an_inertia_is_symmetric_and_that_of_a_body(fmu: Fmu) -> None:
         assert "triangle" in p.take_messages()
         p.set("platform_inertia", np.diag([1.0, 1.0, 1.5]))
         p.do_step(0.0, 0.01)
-
-
-@pytest.mark.parametrize("part", ["lower", "upper"])
-def test_a_centre_of_mass_lies_on_the_shortest_leg_of_the_start(fmu: Fmu, part: str) -> None:
-    shortest = float(gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length.min())
-    for share, status in ((0.999, OK), (1.001, ERROR)):
-        with plant(fmu) as p:
-            assert refused(p.start, {**MOVING, f"leg_{part}_com": share * shortest}) == status
-            told = f"leg_{part}_com is {share * shortest:g} m; expected at most"
-            assert re.search(rf"{told}.*shortest leg length at the start, {shortest:g} m|^$", p.take_messages())
-
-
-def jacobian(yaw: float) -> FloatArray:
-    """∂L̇/∂(v, ω) at home, but turned, with angles scaled to lengths by the root-mean-square arm."""
-    scale = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
-    J = gs.leg_jacobian(UNEVEN, UNEVEN.home_position, np.array([0.0, 0.0, yaw]))
-    return np.asarray(J / np.repeat([1.0, scale], 3))
-
-
-SINGULAR_YAW = float(brentq(lambda yaw: np.linalg.det(jacobian(yaw)), 1.0, 2.5, xtol=1e-15))
-
-
-def turned(yaw: float, rate: float = 0.0) -> dict[str, Any]:
-    """Start values at a yaw, with no other motion."""
-    pose = {"position": UNEVEN.home_position, "orientation": [0.0, 0.0, yaw]}
-    return {**pose, "velocity": 0.0, "angular_velocity": [0.0, 0.0, rate]}
-
-
-def test_a_pose_is_refused_from_the_condition_number_of_numpy_on(fmu: Fmu) -> None:
-    """Expected: ‖J‖‖J⁻¹‖ by NumPy's inverse, in Frobenius norms; 1e8 is the limit, on both sides of a singular pose."""
-    seen = set()
-    for side in (-1, 1):
-        for distance in (1e-9, 3e-9, 1e-8, 2e-8, 5e-8, 1e-7, 1e-6, 1e-3):
-            J = jacobian(yaw := SINGULAR_YAW + side * distance)
-            number = np.linalg.norm(J) * np.linalg.norm(np.linalg.inv(J))
-            if 0.95 < number / 1e8 < 1.05:  # rounding decides
-                continue
-            with plant(fmu) as p:
-                status = refused(p.start, turned(yaw))
-                assert status == (OK if number < 1e8 else ERROR), (number, yaw)
-                seen.add((side, status))
-                if status == ERROR:
-                    (shown,) = re.findall(r"condition number of the leg Jacobian = (\S+): ", p.messages[-1].text)
-                    assert float(shown) == pytest.approx(number, rel=1e-4)
-    assert len(seen) == 4
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_either_assembly_goes_on_in_its_own_half_and_cannot_pass_to_the_other(fmu: Fmu, side: int) -> None:
-    """Expected: det J by NumPy has another sign on the other side, to which one large step would go."""
-    yaw = SINGULAR_YAW + side * 0.1
-    assert np.linalg.det(jacobian(yaw)) * np.linalg.det(jacobian(yaw - 0.2 * side)) < 0
-    with plant(fmu) as p:
-        p.start({**turned(yaw), "actuator_force": 0.0})
-        p.do_step(0.0, 1e-3)
-        p.fmu.reset()
-        p.start({**turned(yaw, -side * 2000.0), "fixed_step_size": 1e-4})
-        p.refuses("the platform has passed a singular pose since the last internal step", DISCARD, p.do_step, 0.0, 1e-4)
-        assert p.get("orientation")[2] == yaw
-
-
-def test_a_leg_has_collapsed_below_a_thousandth_of_the_arms_and_may_lean_anyhow(fmu: Fmu) -> None:
-    """Expected: said of this leg, with its length; a leg upright, with zeros in the Jacobian, is no singular pose."""
-    turn = Rotation.from_euler("z", 0.2)
-    for leg in range(6):
-        for share, is_refused in ((0.99, True), (1.01, False)):
-            length = share * 1e-3 * np.sqrt((UNEVEN.platform_points**2).sum() / 6)
-            foot = UNEVEN.base_points[leg] - turn.apply(np.array(UNEVEN.platform_points[leg]))
-            with plant(fmu, co_simulation=False) as p:
-                p.start()
-                p.set_states([*(foot + length * np.array([0.6, 0.0, 0.8])), 0.0, 0.0, 0.2, *[0.0] * 6])
-                refused(p.fmu.completedIntegratorStep)
-                expected = f"leg_length[{leg + 1}] = {length:.6g} m: the leg has collapsed"
-                assert (expected in p.take_messages()) == is_refused
-        base = np.array(UNEVEN.base_points)
-        base[leg, :2] = UNEVEN.platform_points[leg, :2]
-        with plant(fmu) as p:
-            p.start({"base_points": base, "position": [0.0, 0.0, 3.0], "orientation": 0.0})
-            p.do_step(0.0, 0.01)
-
-
-def test_derivatives_that_are_not_finite_are_told_and_those_of_other_poses_given_again(fmu: Fmu) -> None:
-    """Expected: a leg of no length has no direction, so no derivatives; at home again those of before."""
-    home = np.concatenate([UNEVEN.home_position, np.zeros(9)])
-    collapsed = np.concatenate([UNEVEN.base_points[3] - UNEVEN.platform_points[3], np.zeros(9)])
-    told = "derivatives are not finite; the pose is singular or the forces are too large"
-    with plant(fmu, co_simulation=False) as p:
-        p.start({"position": home[:3], "orientation": 0.0}, time=7.3)
-        before = p.state_rates()
-        p.set_states(collapsed)
-        for call in (p.state_rates, lambda: p.get("der(position)"), lambda: p.get("der(velocity)")):
-            p.refuses(told, DISCARD, call)
-        p.set_states(home)
-        assert np.array_equal(p.state_rates(), before)
-        assert np.abs(before[6:]).min() > 1e-3
 
 
 @pytest.mark.parametrize("co_simulation", [True, False])
@@ -519,18 +364,3 @@ def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:
             p.fmu.setDebugLogging(False, [])
             refused(p.set, "platform_mass", -1.0)
             assert p.messages == []
-
-
-def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu) -> None:
-    """Expected: as many whole characters as fit into 400 bytes with the zero at the end, for each length in UTF-8."""
-    with plant(fmu) as p:
-        for character in ("a", "\u0080", "\u07ff", "\u0800", "\uffff", "\U00010000", "\U0010ffff"):
-            for shift in range(4):
-                text = "x" * shift + character * 700
-                assert refused(p.fmu.setDebugLogging, True, [text]) == ERROR
-                shown = p.messages[-1].text
-                assert shown.endswith(character)
-                assert text.startswith(shown[shown.index("'") + 1 :])
-                assert 399 - len(character.encode()) < len(shown.encode()) <= 399
-        refused(p.fmu.setDebugLogging, True, ["100%s%n"])
-        assert "%" not in p.messages[-1].text  # leaves nothing for the importer to format

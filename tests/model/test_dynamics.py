@@ -1,7 +1,5 @@
 """Task-space dynamics and energies: a Lagrangian by automatic differentiation, sums over bodies, invariants."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +11,7 @@ import gough_stewart as gs
 from tests.support.documented_loop import twist_of_rates
 from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
 from tests.support.random_platforms import random_platform, random_state
-from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
+from tests.support.uneven import MOVING, STATE, UNEVEN
 
 HOME = UNEVEN.home_position, UNEVEN.home_orientation
 
@@ -62,19 +60,6 @@ def test_forces_of_any_motion_are_those_of_a_lagrangian_and_of_friction(seed: in
     assert np.linalg.eigvalsh(M).min() > 0
 
 
-def test_published_platform_at_zero_yaw_is_held_by_equal_forces(paper: gs.Platform) -> None:
-    """Expected: vertical balance by hand, with cos θ = 3/L the legs' inclination.
-
-    Each leg rests on P with m2 g cos θ along u and (h/L) g sin θ across u, and carries a sixth of the platform.
-    """
-    L = np.sqrt(14 - 2 * np.sqrt(3))
-    cos = 3 / L
-    h = 2 * 0.4144 + 1 * (L - 0.4144)
-    vertical = 10 * 9.81 / 6 + 1 * 9.81 * cos**2 + h / L * 9.81 * (1 - cos**2)
-    F = gs.static_leg_forces(paper, paper.home_position, paper.home_orientation)
-    assert np.allclose(F, vertical / cos, rtol=1e-14)
-
-
 def test_energies_of_an_uneven_platform_are_sums_over_its_bodies() -> None:
     """Expected: ½ m v² and ½ ωᵀ J ω of thirteen bodies and rotors, −m g·r of each; ½ [v; ω]ᵀ M [v; ω]."""
     R = Rotation.from_euler("xyz", STATE.orientation).as_matrix()
@@ -100,21 +85,6 @@ def test_energies_of_an_uneven_platform_are_sums_over_its_bodies() -> None:
     model.set_many(MOVING)
     assert model.get("kinetic_energy") == pytest.approx(kinetic, rel=1e-12)
     assert model.get("potential_energy") == pytest.approx(potential, rel=1e-12)
-
-
-def test_energy_without_friction_is_the_work_of_the_forces() -> None:
-    """Expected: constant forces times the way of the legs and of Op; free of the integrator's own power."""
-    model = gs.SteppingModel(replace(UNEVEN, leg_viscous_friction=0.0, leg_coulomb_friction=0.0), 1e-12)
-    model.set_many({**MOVING, "external_torque": np.zeros(3)})
-    start, work = model.results(), []
-    for _ in range(8):
-        model.do_step(model.time, 0.1)
-        now = model.results()
-        gained = sum(now[name] - start[name] for name in ("kinetic_energy", "potential_energy"))
-        legs = INPUT_VALUES["actuator_force"] @ (now["leg_length"] - start["leg_length"])
-        work.append(legs + INPUT_VALUES["external_force"] @ (now["position"] - start["position"]))
-        assert gained == pytest.approx(work[-1], abs=1e-9)
-    assert np.ptp(work) > 1
 
 
 def results(platform: gs.Platform, state: gs.State, linear: FloatArray, angular: FloatArray) -> list[FloatArray]:

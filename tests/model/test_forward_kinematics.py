@@ -54,13 +54,11 @@ def test_residuals_are_relative_to_the_longest_leg_and_stop_at_the_tolerance() -
     ("guess", "text"),
     [
         ({"position": [0.0, 0.0]}, r"^position is \[0.0, 0.0\]; expected 3 numbers of m, x, y, z"),
-        ({"orientation": [0.0, 0.0]}, r"^orientation is \[0.0, 0.0\]; expected 3 numbers of rad, roll, pitch, yaw"),
         ({"orientation": [0.0, np.pi / 2, 0.0]}, "±90°"),
         ({"platform": PAPER, "position": [0, 0, 3.0], "orientation": [0, 0, np.pi / 2]}, "singular"),
         ({"tolerance": 1.1e-3}, r"^tolerance: is 0.0011; expected in \(0, 1e-3\], for example 1e-12$"),
         *(({"tolerance": bad}, r"^tolerance: is .*; expected in") for bad in (np.nan, np.inf, -1.0, 0.0)),
         ({"leg_length": [3.0] * 5}, r"^leg_length is \[.*\]; expected 6 numbers of m, one for each leg"),
-        ({"leg_length": "long"}, "^leg_length is 'long'; expected 6 numbers of m"),
         ({"max_iterations": -1}, r"^max_iterations: is -1; expected at least 0$"),
         (
             {"leg_length": [3.0] * 5 + [0.0]},
@@ -72,22 +70,6 @@ def test_wrong_arguments_are_told_by_name(guess: dict[str, object], text: str) -
     arguments: dict[str, object] = {"platform": UNEVEN, "leg_length": np.full(6, 3.0), **guess}
     with pytest.raises(GoughStewartError, match=text):
         forward_kinematics(**arguments)  # type: ignore[arg-type]
-
-
-def test_either_part_of_a_guess_may_be_left_out() -> None:
-    """Expected: what is left out is that of home; the iteration begins with the lengths there."""
-    lengths = leg_geometry(UNEVEN, STATE.position, STATE.orientation).length
-    for guess, pose in (
-        ({"position": STATE.position}, (STATE.position, UNEVEN.home_orientation)),
-        ({"orientation": STATE.orientation}, (UNEVEN.home_position, STATE.orientation)),
-        ({}, (UNEVEN.home_position, UNEVEN.home_orientation)),
-    ):
-        found = forward_kinematics(UNEVEN, lengths, **guess)  # type: ignore[arg-type]
-        assert found.residual_history[0] == pytest.approx(
-            np.abs(leg_geometry(UNEVEN, *pose).length - lengths).max(), rel=1e-12
-        )
-        assert found.position == pytest.approx(STATE.position, abs=1e-9)
-        assert found.orientation == pytest.approx(STATE.orientation, abs=1e-9)
 
 
 def test_angles_are_counted_in_the_turns_of_the_guess() -> None:
@@ -156,22 +138,3 @@ def test_a_row_far_from_the_one_before_is_found_and_one_that_no_pose_has_is_name
     lengths[1, 12, 0] = -1.0
     with pytest.raises(GoughStewartError, match=r"^leg_length: is -1.0 m in row 1, 12; expected lengths > 0, or NaN$"):
         forward_kinematics(UNEVEN, lengths)
-
-
-def test_a_row_far_from_its_guess_stays_on_the_side_of_the_guess() -> None:
-    """Expected: the sign of det J of the guess, or an error, of far guesses near singular poses; most are found."""
-    number = 0
-    for seed in range(140):
-        rng = np.random.default_rng(seed)
-        pose = np.array([0, 0, 3.0]) + rng.uniform(-1, 1, 3), rng.uniform(-0.5, 0.5, 3)
-        lengths = leg_geometry(UNEVEN, *pose).length
-        guess = np.array([0, 0, 1.2]) + rng.uniform(-1, 1, 3), rng.uniform(-1.2, 1.2, 3)
-        try:
-            found = forward_kinematics(UNEVEN, lengths[None], *guess)
-        except GoughStewartError:
-            continue
-        number += 1
-        ends = (guess, (found.position[0], found.orientation[0]))
-        at_guess, at_end = (np.linalg.det(leg_jacobian(UNEVEN, *end)) for end in ends)
-        assert at_guess * at_end > 0
-    assert number > 80

@@ -1,9 +1,6 @@
 """The interface table: the names that are promised, and how they are packed."""
 
-import re
-
 import numpy as np
-import pytest
 
 import gough_stewart as gs
 from tests.support.uneven import UNEVEN
@@ -57,19 +54,3 @@ def test_results_are_packed_in_the_order_of_the_variables_by_names_of_fmi_2() ->
     last = joint.element(17)
     assert (joint.size, last.name, last.shape, last.size) == (18, "joint_force[6,3]", (), 1)
     assert (last.unit, last.causality, last.description) == (joint.unit, joint.causality, joint.description)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "text"),
-    [
-        ("leg_lenght", 1, "leg_lenght: no such variable; did you mean 'leg_length'?"),
-        ("base_points[7,1]", 1, "base_points[7,1]: no such variable; did you mean 'base_points[6,1]'?"),
-        ("qqqqq", 1, "qqqqq: no such variable; expected one of actuator_force, external_force, external_torque, posi"),
-        ("gravity", [0, 0], "gravity: has shape (2,); expected numbers of shape (3,) [m/s2], acceleration of gravity"),
-        ("platform_mass", "1", "platform_mass: is '1'; expected one number [kg], mass of the platform with payload"),
-    ],
-)
-def test_unknown_names_and_unfit_values_are_told_in_whole_sentences(name: str, value: object, text: str) -> None:
-    with pytest.raises(gs.GoughStewartError, match=f"^{re.escape(text)}") as caught:
-        gs.SteppingModel(UNEVEN).set(name, value)
-    assert vars(caught.value)["name"] == name

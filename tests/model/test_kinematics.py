@@ -1,17 +1,12 @@
 """Leg kinematics against closed forms, finite differences and known singular poses."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model import kinematics, vectors
-from tests.support.random_platforms import random_platform, random_state
 from tests.support.uneven import STATE, UNEVEN
 
 
@@ -46,54 +41,6 @@ def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: gs.Platform)
         assert singular.condition_number > 1e15
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_rates_and_accelerations_are_the_derivatives_along_a_motion(seed: int) -> None:
-    """Expected: central differences along t + v t + v̇ t²/2 and exp(ω t + ω̇ t²/2) R, of lengths, directions, rates."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    state = random_state(platform, rng)
-    linear, angular = rng.normal(size=(2, 3))
-    h = 1e-5
-
-    def at(t: float) -> tuple[kinematics.LegGeometry, kinematics.LegRates]:
-        turn = Rotation.from_rotvec(t * state.angular_velocity + 0.5 * t * t * angular)
-        o = (turn * Rotation.from_euler("xyz", state.orientation)).as_euler("xyz")
-        p = state.position + t * state.velocity + 0.5 * t * t * linear
-        moving = gs.State(p, o, state.velocity + t * linear, state.angular_velocity + t * angular)
-        return kinematics.leg_geometry(platform, p, o), kinematics.leg_rates(platform, moving)
-
-    (ahead, fast), (legs, rates), (behind, slow) = at(h), at(0.0), at(-h)
-    joints = kinematics.joint_accelerations(legs, state.angular_velocity, linear, angular)
-    for found, one, other in (
-        (rates.length_rate, ahead.length, behind.length),
-        (rates.direction_rate, ahead.direction, behind.direction),
-        (kinematics.leg_accelerations(legs, state, linear, angular), fast.length_rate, slow.length_rate),
-    ):
-        expected = (one - other) / (2 * h)
-        assert found == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))
-    further = 1e-4
-    expected = (at(further)[0].vector - 2 * legs.vector + at(-further)[0].vector) / further**2
-    assert joints == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))
-
-
-def test_poses_and_motions_may_be_lists(paper: gs.Platform) -> None:
-    """Expected: what the same numbers give as arrays."""
-    pose: Any = ([0.1, -0.2, 2.9], [0.05, -0.1, 0.2])
-    motion: Any = ([0.3, 0.1, -0.2], [0.1, 0.4, -0.3], [0.5, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-
-    def results(p: Any, o: Any, v: Any, w: Any, linear: Any, angular: Any, wrench: Any) -> list[np.ndarray]:
-        return [
-            gs.leg_geometry(paper, p, o).length,
-            gs.leg_jacobian(paper, p, o),
-            gs.mass_matrix(paper, p, o),
-            gs.static_leg_forces(paper, p, o, wrench),
-            gs.inverse_dynamics(paper, gs.State(p, o, v, w), gs.Acceleration(linear, angular)),
-        ]
-
-    for found, expected in zip(results(*pose, *motion), results(*map(np.array, (*pose, *motion))), strict=True):
-        np.testing.assert_array_equal(found, expected)
-
-
 def test_a_leg_of_length_zero_is_a_singular_pose_that_its_neighbours_do_not_feel(paper: gs.Platform) -> None:
     """Expected: joints of leg 1 that meet to the last bit at the origin; a warning would fail the test."""
     base, points = paper.base_points.copy(), paper.platform_points.copy()
@@ -113,23 +60,3 @@ def test_a_leg_of_length_zero_is_a_singular_pose_that_its_neighbours_do_not_feel
         one = gs.evaluate_poses(met, position[k], o)
         assert (many.limit[k], many.condition_number[k]) == (0, pytest.approx(one.condition_number, rel=1e-12))
         assert gs.leg_jacobian(met, position, o)[k] == pytest.approx(gs.leg_jacobian(met, position[k], o), rel=1e-13)
-
-
-def test_the_bound_of_the_condition_number_is_above_it_and_not_by_much() -> None:
-    """Expected: κ ≤ ‖A‖ ‖A⁻¹‖ ≤ n κ in Frobenius norms, with κ by singular values; no bound where a matrix has none."""
-    matrices = np.random.default_rng(4).normal(size=(50, 6, 6)) * np.geomspace(1e-3, 1e3, 6)
-    exact, bound = np.linalg.cond(matrices), kinematics.condition_number_bound(matrices)
-    assert (exact <= bound).all()
-    assert (bound <= 6 * exact).all()
-    assert kinematics.condition_number_bound(np.zeros((2, 6, 6))).tolist() == [np.inf, np.inf]
-
-
-def test_the_first_of_equal_peaks_is_told_whatever_the_rounding() -> None:
-    """Expected: by hand; the second peak is larger by rounding, the third by more."""
-    peaks = np.array(
-        [[1.0, -3.0, np.nan, 2.0, np.inf], [2.0, -2.0, 7.0, np.nan, 1.0], [2.0 + 4e-16, -2.0, 8.0, 3.0, np.inf]]
-    )
-    assert vectors.first_of_largest(peaks).tolist() == [1, 1, 0, 1, 0]
-    assert vectors.first_of_largest(np.array([2.0, 2.0 + 1e-8])) == 1
-    assert vectors.first_of_largest(np.array([0.0, -0.0, 0.0])) == 0
-    assert vectors.first_of_largest(np.array([-np.inf, -5.0, -5.0 + 1e-14])) == 1

@@ -2,14 +2,12 @@
 
 import re
 import tomllib
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from lxml import etree
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError, Platform
@@ -202,67 +200,3 @@ def test_six_values_beside_factors_are_refused_wherever_a_platform_is_made(uneve
         replace(uneven, **{name: both[name]})
     alone = Platform(**{**uneven.as_dict(), name: SIX, f"{name}_factor": [1] * 6})
     assert alone == uneven.with_parameters({name: SIX})
-
-
-class Unit(NamedTuple):
-    """Elements of a unit's description by name, and its page."""
-
-    declared: dict[str, Any]
-    page: str
-
-
-@pytest.fixture(scope="module")
-def units(uneven: Platform, tmp_path_factory: pytest.TempPathFactory) -> tuple[Unit, Unit]:
-    """Of FMI 2.0 and 3.0."""
-    read = []
-    for path, tag in zip(gs.build(tmp_path_factory.mktemp("units"), platform=uneven), TAGS, strict=True):
-        with zipfile.ZipFile(path) as archive:
-            elements = etree.fromstring(archive.read("modelDescription.xml")).iter(tag)
-            page = archive.read("documentation/index.html").decode()
-        read.append(Unit({str(e.get("name")): e for e in elements}, page))
-    return read[0], read[1]
-
-
-TAGS = ("ScalarVariable", "Float64")
-
-
-def test_both_units_declare_every_parameter_and_name_it_in_their_page(
-    uneven: Platform, units: tuple[Unit, Unit]
-) -> None:
-    """Expected: unit, variability, range and start values; FMI 2.0 by element, row by row."""
-    two, three = (unit.declared for unit in units)
-    for name, expected in PHYSICAL.items():
-        array, own = three[name], np.ravel(getattr(uneven, name)).tolist()
-        assert [int(d.get("start")) for d in array.iter("Dimension")] == list(expected.shape)
-        assert [float(text) for text in array.get("start").split()] == own
-        indices = np.ndindex(*expected.shape) if expected.shape else [()]
-        elements = [name + (f"[{','.join(str(i + 1) for i in at)}]" if at else "") for at in indices]
-        reals = [two[element].find("Real") for element in elements]
-        assert [float(real.get("start")) for real in reals] == own
-        for kind, number in ((two[elements[0]], reals[0]), (array, array)):
-            assert kind.get("causality") == "parameter"
-            assert kind.get("variability") == ("tunable" if expected.is_tunable else "fixed")
-            assert number.get("unit") == expected.unit
-            # the standard has no open bound: the least that can be set is just above 0
-            assert (number.get("min") is not None) == (expected.bound is not None)
-        assert all(f"<code>{name}</code>" in unit.page for unit in units)
-    parameters = {name.split("[")[0] for name, e in two.items() if e.get("causality") == "parameter"}
-    assert parameters == {*PHYSICAL, "fixed_step_size"}
-    for unit in units:
-        tunable = re.search(r"During the run\s.*?</li>", unit.page, re.S)
-        assert tunable
-        assert re.findall(r"<code>(\w+)</code>", tunable[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]
-    # value references are those of version 0.1: inputs, results and the first fifteen parameters
-    older = {"position": (12, 3), "leg_length": (24, 7), "base_points": (62, 14), "gravity": (120, 28)}
-    # those of factors that were added later stand after time
-    older |= {"leg_coulomb_friction_factor": (130, 31), "der(position": (137, 33), "leg_lower_mass_factor": (150, 38)}
-    for name, references in older.items():
-        first = next(n for n in two if n.startswith(f"{name}["))
-        array = three[f"{name})" if name.startswith("der(") else name]
-        assert (int(two[first].get("valueReference")), int(array.get("valueReference"))) == references
-
-
-def test_the_guide_of_the_fmu_names_what_is_tunable() -> None:
-    text = (DOCS / "fmu.md").read_text(encoding="utf-8")
-    sentence = next(line for line in text.splitlines() if "are tunable" in line)
-    assert re.findall(r"`(\w+)`", sentence.split("are tunable")[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]

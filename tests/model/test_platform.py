@@ -1,6 +1,5 @@
 """What a Platform accepts, refuses, promises and shows, alone and among many."""
 
-import inspect
 import pickle
 import re
 from copy import deepcopy
@@ -9,14 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from lxml import html
-from scipy.spatial.transform import Rotation
 
-from gough_stewart import GoughStewartError, Platform, SteppingModel, leg_geometry, load_preset, preset_names
-from gough_stewart.model.kinematics import conditioning
-from gough_stewart.model.parameters import PHYSICAL, TABLE
+from gough_stewart import GoughStewartError, Platform, evaluate_poses, leg_geometry, load_preset, preset_names
+from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import platforms_with
 from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
@@ -62,8 +58,8 @@ def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str,
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_are_well_conditioned_and_cite_a_source(name: str) -> None:
     platform = load_preset(name)
-    home = platform, platform.home_position, platform.home_orientation
-    assert conditioning(*home).condition_number < 10
+    home = platform.home_position, platform.home_orientation
+    assert evaluate_poses(platform, *home).condition_number < 10
     assert platform.name == name
     assert platform.source
 
@@ -79,13 +75,6 @@ def test_published_preset_follows_the_formulas_of_the_appendix(paper: Platform) 
             top.append([np.sin(near), np.cos(near), 0])
     assert np.allclose(paper.base_points, base, atol=1e-15)
     assert np.allclose(paper.platform_points, top, atol=1e-15)
-
-
-def test_desktop_preset_has_the_published_leg_length() -> None:
-    """Expected: 0.170350 m, a number of the source that the file does not hold."""
-    platform = load_preset("desktop_hexapod")
-    length = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    assert np.allclose(length, 0.170350, atol=1e-6)
 
 
 def test_motion_base_masses_are_those_of_the_sources_cylinders() -> None:
@@ -206,23 +195,6 @@ def test_a_change_may_contradict_what_stays() -> None:
     refused(UNEVEN, "^leg_lower_com: is 2 m", home_position=home * [1, 1, 0.5], leg_lower_com=2.0, **FREE)
 
 
-def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platform) -> None:
-    """Expected: NumPy's condition number with scaled angles of yaws beside Fichter's singular pose at 90°."""
-    for off, is_singular in ((5e-8, False), (3e-8, True)):
-        orientation = np.array([0.0, 0.0, np.pi / 2 - off])
-        turn = np.array([[np.sin(off), -np.cos(off), 0], [np.cos(off), np.sin(off), 0], [0, 0, 1]])
-        arm = paper.platform_points @ turn.T
-        l = paper.home_position + arm - paper.base_points
-        u = l / np.linalg.norm(l, axis=1)[:, None]
-        number = np.linalg.cond(np.hstack([u, np.cross(arm, u)]))  # all joints 1 m from Op
-        assert (number > 1e8) == is_singular
-        if is_singular:
-            text = r"singular at the home pose \(condition number .*below 1e\+08"
-            refused(paper, text, home_orientation=orientation)
-        else:
-            assert replace(paper, home_orientation=orientation).home_orientation[2] == orientation[2]
-
-
 # With all that an ideal plant does not have, so that no number is 0.
 REAL = replace(
     UNEVEN,
@@ -278,17 +250,14 @@ def test_a_platform_and_its_copies_are_read_only_and_share_no_memory_with_what_t
 
 
 @given(
-    names=st.sets(st.sampled_from(sorted(TABLE)), min_size=1, max_size=4),
+    names=st.sets(st.sampled_from(sorted({*UNEVEN.as_dict()} - {"name", "source"})), min_size=1, max_size=4),
     factor=st.floats(0.999, 1.001, exclude_min=True),
 )
-@settings(max_examples=60)
 def test_other_values_give_the_platform_that_replace_gives(names: set[str], factor: float) -> None:
     """Expected: all numbers of `replace`; the original stays as it was, and arrays are read-only."""
     before = UNEVEN.as_dict()
     known = {name: getattr(UNEVEN, name) for name in names}
-    values: dict[str, Any] = {
-        name: None if value is None else np.asarray(value) * factor for name, value in known.items()
-    }
+    values: dict[str, Any] = {name: np.asarray(value) * factor for name, value in known.items()}
     found, expected = UNEVEN.with_parameters(values), replace(UNEVEN, **values)
     assert found == expected
     with pytest.raises(GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
@@ -329,7 +298,7 @@ VARIED: dict[str, list[Any]] = {
 }
 
 
-@pytest.mark.parametrize("number", [1, 6, 13])
+@pytest.mark.parametrize("number", [1, 13])
 @pytest.mark.parametrize("fixed", [FREE, {}, {"leg_coulomb_friction": [1.0, 2, 3, 4, 5, 6], "leg_armature": 3.0}])
 @pytest.mark.parametrize("name", VARIED)
 def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str, Any], number: int) -> None:
@@ -350,53 +319,3 @@ def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str
         for row in PHYSICAL:
             assert np.array_equal(getattr(found.parameters, row.name)[k], getattr(alone, row.name)), row.name
             assert np.array_equal(found[np.array([k, 0])].field(row.name)[0], getattr(alone, row.name)), row.name
-
-
-def test_a_platform_is_told_in_exactly_these_lines() -> None:
-    """Expected: written by hand from the numbers of the uneven platform; ranges by NumPy from the joints."""
-    base, top = UNEVEN.base_points, UNEVEN.platform_points
-    R = Rotation.from_euler("xyz", UNEVEN.home_orientation).as_matrix()
-    legs = np.linalg.norm(UNEVEN.home_position + top @ R.T - base, axis=1)
-    radii = [np.linalg.norm(points - np.mean(points, axis=0), axis=1) for points in (base, top)]
-    assert repr(UNEVEN).splitlines() == [
-        "Platform uneven",
-        "  masses   platform 11.5 kg, legs 6 × (2.3 + 1.2) kg",
-        f"  joints   {min(radii[0]):.4g} to {max(radii[0]):.4g} m about the base's middle, {min(radii[1]):.4g} to "
-        f"{max(radii[1]):.4g} m about the platform's",
-        f"  home     position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad, legs {min(legs):.4g} to "
-        f"{max(legs):.4g} m",
-        "  limits   leg_length_min 2.3 m, leg_length_max 3.9 m, actuator_force_max 640 N, joint_angle_max 0.7 rad",
-    ]
-    alike = load_preset("liu2000")
-    assert "2 m about the base's middle, 1 m about the platform's" in repr(alike)
-    assert repr(alike).splitlines()[3].endswith("rad, legs 3.246 m")
-
-
-def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
-    """Expected: the numbers by hand, in the rows of their names; texts that are markup stay texts."""
-    page = html.fragment_fromstring(replace(UNEVEN, name="<b>", source="a & b")._repr_html_())
-    rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
-    assert [cell.text_content() for cell in page.findall(".//thead/tr/th")] == ["parameter", "value", "unit", "meaning"]
-    assert page.findtext("caption") == "Platform <b> – a & b"
-    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg·m²"]
-    assert rows["leg_upper_com"] == ["0.58", "m", "upper part's centre of mass, from the platform joint along the leg"]
-    assert rows["leg_viscous_friction_factor"][:2] == ["0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "1"]
-    assert list(rows) == list(UNEVEN.as_dict())[2:]
-    assert html.fragment_fromstring(replace(UNEVEN, source="")._repr_html_()).findtext("caption") == "Platform uneven"
-
-
-def test_help_lists_the_parameters_of_a_platform() -> None:
-    """Expected: every number of a platform with its unit, as the file of a platform has them."""
-    text = inspect.getdoc(Platform) or ""
-    assert [name for name in UNEVEN.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
-    assert "\nplatform_inertia : (3, 3) [kg.m2]\n" in text
-
-
-def test_a_stepping_model_says_where_it_is() -> None:
-    """Expected: home at 0 s; later the state's own numbers."""
-    plant = SteppingModel(UNEVEN)
-    at_home = "<SteppingModel of uneven at 0 s: position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad>"
-    assert repr(plant) == at_home
-    plant.do_step(0.0, 0.125)
-    x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
-    assert repr(plant).startswith(f"<SteppingModel of uneven at 0.125 s: position ({x}) m")

@@ -1,35 +1,14 @@
 """Joints that two legs share at one end, as in 6-3 and 3-3 platforms: the physics, poses, files, and what is said."""
 
-from dataclasses import replace
-from itertools import permutations
-
 import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.model.dynamics import plant_equations
-from gough_stewart.model.formulations import kane, newton_euler
-from gough_stewart.model.interface import IDEAL
-from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.platform_files import loaded, written
-from tests.support.shared_joints import SHARED, SIX_THREE, THREE_THREE
-from tests.support.uneven import INPUTS, STATE, UNEVEN
+from tests.support.shared_joints import SHARED
+from tests.support.uneven import UNEVEN
 
 both = pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
-
-
-@both
-def test_accelerations_and_joint_forces_are_those_of_kane_and_newton_euler(platform: gs.Platform) -> None:
-    """Expected: the formulations that close each leg at its own joint; legs that share one have forces of their own."""
-    rates, results = plant_equations(IDEAL, platform, STATE.to_vector(), INPUTS)
-    wrench = np.concatenate(INPUTS[1:])
-    by_kane = kane.solve(platform, *kane.consistent_start(platform, STATE), INPUTS.actuator_force, wrench)
-    rotation = matrix_from_orientation(STATE.orientation)
-    by_newton = newton_euler.solve(platform, STATE.position, rotation, *STATE[2:], *INPUTS)
-    assert rates[6:] == pytest.approx(by_kane.platform_acceleration, rel=1e-10)
-    assert rates[6:] == pytest.approx(np.concatenate([by_newton.linear, by_newton.angular]), rel=1e-10)
-    assert results["joint_force"] == pytest.approx(by_kane.joint_force, rel=1e-9, abs=1e-9)
-    assert results["joint_force"] == pytest.approx(by_newton.joint_force, rel=1e-9, abs=1e-9)
 
 
 @both
@@ -74,26 +53,3 @@ def test_two_legs_in_one_place_are_refused() -> None:
             continue
         with pytest.raises(gs.GoughStewartError, match=r"legs 2 and 5 share both joints, at \(-0.61, 1.88, -0.03\) m"):
             UNEVEN.with_parameters(changed)
-
-
-def test_the_hint_names_the_legs_that_share_and_the_order_is_still_looked_at() -> None:
-    """Expected: pairs by hand; no legs that touch; of a bad order a better one, found by NumPy's condition numbers."""
-    (hint,) = THREE_THREE.hints
-    assert hint.startswith(
-        "legs share a base joint (legs 1 and 2, 3 and 4, 5 and 6) and a platform joint (legs 1 and 4, 2 and 5, 3 and "
-        "6); real joints need room"
-    )
-    assert "legs that share a joint collide is not looked at" in hint
-
-    def condition(order: tuple[int, ...]) -> float:
-        tips = SIX_THREE.platform_points[[*order]]
-        u = SIX_THREE.home_position + tips @ rotation.T - SIX_THREE.base_points
-        u = u / np.linalg.norm(u, axis=1, keepdims=True)
-        jacobian = np.hstack([u, np.cross(tips @ rotation.T, u) / SIX_THREE.characteristic_length])
-        return float(np.linalg.cond(jacobian))
-
-    rotation = matrix_from_orientation(SIX_THREE.home_orientation)
-    bad = max((order for order in permutations(range(6)) if condition(order) < 1e3), key=condition)
-    hints = replace(SIX_THREE, platform_points=SIX_THREE.platform_points[[*bad]]).hints
-    (better,) = (line for line in hints if "in the order" in line)
-    assert better.startswith(f"the leg Jacobian has a condition number of {condition(bad):.3g} at home")

@@ -4,9 +4,8 @@ What both integrators promise is asked of both, of the four variants of a platfo
 `compiled`, not the integration; the equations have tests of their own, and one here against a Lagrangian.
 """
 
-import pickle
 import re
-from copy import copy, deepcopy
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -19,13 +18,10 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError, State, StepError, SteppingModel, leg_geometry, leg_jacobian, mass_matrix
-from gough_stewart.fmu_build.cached import cached_build
-from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.model import stepping
 from tests.support.documented_loop import accelerations, twist_of_rates
 from tests.support.plain_motion import trajectory
 from tests.support.real_platforms import real_platform
-from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, Integrator, forces, moving, stepped
+from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, Integrator, moving, stepped
 from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
 FORCES = INPUT_VALUES["actuator_force"].tolist()
@@ -179,51 +175,7 @@ def test_results_are_those_of_independent_equations_under_the_present_inputs(int
     assert M @ moved == pytest.approx(np.concatenate([change, np.zeros(3)]), abs=1e-10)
 
 
-@by_both
-def test_the_linearisation_predicts_a_small_step(integrator: Integrator) -> None:
-    """Expected: x(h) = x + h (ẋ + A h ẋ/2) and y(h) − y = C (x(h) − x), ẋ by differences; copies."""
-    model, h = started(1e-13, integrator), 1e-4
-    A, B, C, D = blocks = model.linearise()
-    assert (A.shape, B.shape, C.shape, D.shape) == ((12, 12), (12, 12), (50, 12), (50, 12))
-    copies, x, y = [block.copy() for block in blocks], model.state, model.result_vector()
-    short = started(1e-13, integrator)
-    short.do_step(0.0, h / 100)
-    rate = (short.state - x) / (h / 100)
-    model.do_step(0.0, h)
-    assert model.state == pytest.approx(x + h * rate + 0.5 * h * h * A @ rate, abs=3e-8)
-    assert model.state - x != pytest.approx(h * rate, abs=3e-8)
-    assert model.result_vector() - y == pytest.approx(C @ (model.state - x), abs=1e-5 * np.abs(y).max())
-    change = np.linspace(-1.0, 2.0, 12)
-    model.reset()
-    model.set_many(MOVING)
-    model.set_inputs(INPUTS + change)
-    assert model.result_vector() - y == pytest.approx(D @ change, abs=1e-9)
-    model.linearise()
-    assert all(np.array_equal(block, before) for block, before in zip(blocks, copies, strict=True))
-
-
 # --- rules 5 and 6: time and integration ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("name", "fixed"), [*product(PLATFORMS, (0.0, 4e-4))])
-def test_compiled_steps_have_the_bits_of_the_unit(name: str, fixed: float) -> None:
-    """Expected: FMPy's steps of the FMI 3.0 unit, uneven in length, with inputs that stay and a mass that changes."""
-    platform, rest = PLATFORMS[name], np.zeros(3)
-    start = State(platform.home_position, platform.home_orientation, rest, rest)
-    start = start._replace(**{key: np.array(value) for key, value in MOTION.items()})
-    model = SteppingModel(platform, 1e-7, fixed)
-    model.set_many(start._asdict())
-    with FmuPlant(cached_build("3.0", None, model.variant), platform, start, 1e-7, fixed) as unit:
-        for k in range(40):
-            for plant in (model, unit):
-                if k % 3 == 0:
-                    plant.set_inputs(forces(platform, k))
-                if k == 25:
-                    plant.set_parameters({"platform_mass": 12.0}) if plant is unit else model.set("platform_mass", 12.0)
-            now, step = model.time, 1e-3 * (1 + k % 3)
-            model.do_step(now, step)
-            unit.do_step(now, step)
-            assert unit.results().tobytes() == model.result_vector().tobytes(), k
 
 
 @of_both
@@ -477,32 +429,6 @@ def test_the_side_of_singular_poses_is_forgotten_with_what_is_set_or_restored(in
 # --- rule 9: saved states, copies ----------------------------------------------------------------------------------
 
 
-@of_both
-def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str, integrator: Integrator) -> None:
-    """Expected: the same bytes from a snapshot, of this and another model, from each kind of copy; no effect back."""
-    model = moving(name, 1e-6, integrator=integrator)
-    stepped(model, 3)
-    snapshot = model.save_state()
-    assert (snapshot.time, snapshot.x, snapshot.started) == (model.time, tuple(model.state.tolist()), True)
-    # LSODA chooses its first step anew
-    restarts = integrator == "scipy" and model.variant.bristles
-    assert snapshot.internal_step is None if restarts else snapshot.internal_step > 1e-5  # type: ignore[operator]
-    copies = [deepcopy(model), copy(model), pickle.loads(pickle.dumps(model))]
-    other = SteppingModel(model.platform, 1e-6, integrator=integrator)
-    other.restore_state(snapshot)
-
-    def future(model: SteppingModel) -> bytes:
-        model.set("platform_mass", 15.0)
-        return stepped(model, 3).tobytes() + model.result_vector().tobytes()
-
-    once = future(model)
-    assert [future(twin) for twin in (other, *copies)] == [once] * 4
-    model.restore_state(snapshot)
-    assert model.platform == PLATFORMS[name]
-    assert model.save_state() == snapshot
-    assert future(model) == once
-
-
 def test_a_copy_takes_the_fixed_steps_that_its_model_takes() -> None:
     """Expected: what was stable in the first step stays so, also in poses whose own limit is below it."""
     step = 0.000673707  # 0.1 % below the largest at home, above that of poses further down
@@ -554,20 +480,6 @@ def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     assert model.get("motor_position") == pytest.approx(legs, rel=1e-15)
 
 
-@pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
-def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
-    """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
-    platform = real_platform(friction, springs)
-    models = SteppingModel(platform, fixed_step_size=1e-3), SteppingModel(platform, 1e-10, integrator="scipy")
-    for model in models:
-        model.set_many(MOTION)
-    ours, theirs = (stepped(model, 40) for model in models)
-    assert np.abs(ours - theirs)[:6].max() < 2e-7
-    assert np.abs(ours - theirs)[6:12].max() < (8e-5 if springs else 2e-6)
-    reach = np.max(platform.leg_static_friction) / platform.leg_bristle_stiffness
-    assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
-
-
 @pytest.mark.parametrize(("friction", "fixed"), [*product(("elasto_plastic", "lugre"), (0.0, 1e-3))])
 def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str, fixed: float) -> None:
     """40 N ± 20 N on each leg more than its weight, 100 N of friction. Expected: stands within 1 nm; creeps further."""
@@ -587,15 +499,3 @@ def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str,
     assert 3e-6 < heights[0] < 2e-5
     drift = heights[-1] - heights[-2]
     assert drift > 1e-8 if friction == "lugre" else abs(drift) < 1e-9
-
-
-def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the extra that brings a compiler, and the other integrator, which steps."""
-    stepping.stepper_library.cache_clear()
-    monkeypatch.setattr(stepping, "kernel_library", lambda: None)
-    monkeypatch.setattr(stepping, "_COMPILER", "gough_stewart.no_such_module")
-    for platform in (UNEVEN, PLATFORMS["both"]):
-        with pytest.raises(GoughStewartError, match=r"gough-stewart\[compile\]', or choose integrator=\"scipy\"$"):
-            SteppingModel(platform)
-        stepped(SteppingModel(platform, integrator="scipy"), 1)
-    stepping.stepper_library.cache_clear()

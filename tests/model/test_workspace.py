@@ -9,7 +9,6 @@ import pytest
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-import gough_stewart as gs
 from gough_stewart import (
     GoughStewartError,
     compliance,
@@ -17,10 +16,7 @@ from gough_stewart import (
     leg_geometry,
     load_preset,
     mass_matrix,
-    static_leg_forces,
 )
-from gough_stewart.model import workspace as module
-from gough_stewart.model.workspace import limits_at
 from tests.support.lagrangian import FloatArray
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
@@ -68,25 +64,6 @@ def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     assert np.isfinite(weightless.force_margin)
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
     assert one_sided.limit == Limit.LEG_TOO_LONG
-
-
-def test_chunks_and_leading_axes_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the same poses all at once; progress counts them."""
-    rng = np.random.default_rng(1)
-    position = DESKTOP.home_position + 0.04 * rng.normal(size=(3, 7, 3))
-    soft = replace(DESKTOP, leg_armature=0.2, leg_stiffness=1e6)
-    whole = evaluate_poses(soft, position, LEVEL)
-    monkeypatch.setattr(module, "CHUNK", 4)
-    done: list[int] = []
-    parts = evaluate_poses(soft, position, LEVEL, done.append)
-    assert done == [4, 8, 12, 16, 20, 21]
-    for a, b in zip(whole, parts, strict=True):
-        assert a is not None
-        assert b is not None
-        assert a.shape == (3, 7)
-        assert np.allclose(a, b, rtol=1e-12)
-    assert np.array_equal(whole.limit, limits_at(DESKTOP, position, LEVEL))
-    assert evaluate_poses(DESKTOP, np.zeros((0, 3)), LEVEL).limit.shape == (0,)
 
 
 # Six different poses about and beyond the limits of the uneven platform.
@@ -159,16 +136,6 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
     assert 0 < np.count_nonzero(found.payload) < 6
 
 
-def test_the_payload_is_what_brings_the_first_leg_to_its_limit() -> None:
-    """Expected: of a platform whose load far aside pulls at some legs: the largest force with the payload added."""
-    position, orientation = POSES[5, :3], POSES[5, 3:]
-    platform = replace(UNEVEN, platform_com=np.array([2.5, 2.0, 1.0]), actuator_force_max=300.0)
-    payload = evaluate_poses(platform, position, orientation).payload
-    wrench = -float(np.asarray(payload)) * np.append(UNEVEN.gravity, np.zeros(3))
-    added = np.linalg.solve(gs.leg_jacobian(platform, position, orientation).T, wrench)
-    assert np.abs(static_leg_forces(platform, position, orientation) + added).max() == pytest.approx(300, rel=1e-9)
-
-
 def _static_forces(position: FloatArray, R: Rotation) -> FloatArray:
     """Leg forces at rest: weight of platform, of upper parts along the legs, of all leg parts by moments about B."""
     g = UNEVEN.gravity
@@ -207,25 +174,6 @@ def test_a_pose_beyond_several_limits_is_out_of_reach_by_the_first() -> None:
     turned = replace(narrow, joint_angle_max=0.02)
     tilted = evaluate_poses(turned, home, level + np.array([0.05, 0.0, 0.0]))
     assert tilted.limit == Limit.PLATFORM_JOINT
-
-
-def test_poses_at_a_limit_can_be_reached() -> None:
-    """Expected: a margin of nothing is within, the least of all beyond is not; for strokes and for forces."""
-    pose = UNEVEN.home_position + np.array([0.5, 0.3, 0.02]), UNEVEN.home_orientation
-    free = replace(UNEVEN, joint_angle_max=None)
-    length = leg_geometry(free, *pose).length
-    exact = replace(free, leg_length_min=float(length.min()), leg_length_max=float(length.max()))
-    exact_limits = [(exact, Limit.NONE)]
-    for name, end, limit in (("leg_length_min", 9.0, Limit.LEG_TOO_SHORT), ("leg_length_max", 0.0, Limit.LEG_TOO_LONG)):
-        beyond: dict[str, Any] = {name: float(np.nextafter(getattr(exact, name), end))}
-        exact_limits.append((replace(exact, **beyond), limit))
-    for platform, limit in exact_limits:
-        assert evaluate_poses(platform, *pose).limit == limit
-    force = np.abs(static_leg_forces(UNEVEN, *pose)).max()
-    for share, is_held in ((1 + 1e-9, True), (1 - 1e-9, False)):
-        q = evaluate_poses(replace(UNEVEN, actuator_force_max=float(share * force)), *pose)
-        assert q.force_margin is not None
-        assert (q.force_margin > 0) == is_held
 
 
 SOFT = real_platform("smooth", True)

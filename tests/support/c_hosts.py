@@ -5,14 +5,17 @@ import os
 import re
 import subprocess
 import sys
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import fmpy
+
 from gough_stewart import load_preset
 from gough_stewart.fmu_build.component import UnitComponent
-from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources, standard_headers
+from gough_stewart.fmu_build.plant.plant_component import plant_component
+from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling, place_of
 
 HOSTS = Path(__file__).parent / "hosts"
@@ -51,18 +54,30 @@ def compile_host(
     linked = plant_component(load_preset("liu2000")) if component is None else component
     units, headers = sources(linked, tokens=(TOKEN, TOKEN))
     # zig's cache knows a file by its place: what has not changed is not compiled again
-    include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
-    command = [*compiler, "-std=c11", "-I", str(include), *files, *map(str, host)]
     with compiling():
-        done = subprocess.run(
-            [*command, "-lm", "-lpthread", "-o", str(program)],
-            capture_output=True,
-            text=True,
-            check=False,
-            cwd=program.parent,
-            env=compiler_environment(),
-        )
+        return _linked([*compiler, "-I", str(place_of(headers)), *files], host, program, compiler_environment())
+
+
+def compile_built(host: Sequence[Path], program: Path, compiler: Sequence[str], archives: Sequence[Path]) -> Path:
+    """A host linked with the sources in the archives of both FMI versions as one unit, compiled once for all hosts."""
+    folder, general = program.parent / "sources", (*compiler, "-std=c11", "-I", str(program.parent / "sources"))
+    if not folder.exists():
+        folder.mkdir()
+        tokens = re.compile(r'\{"[^"\n]*", "[^"\n]*"\}(?=,\n    \{)')
+        for archive in map(zipfile.ZipFile, archives):
+            for name in archive.namelist():
+                if re.match(r"sources/.*[.][ch]$", name):
+                    text = tokens.sub(f'{{"{TOKEN}", "{TOKEN}"}}', archive.read(name).decode())
+                    (folder / Path(name).name).write_text(text)
+        for file in folder.glob("*.c"):
+            subprocess.run([*general, "-c", str(file), "-o", str(file.with_suffix(".o"))], check=True)
+    return _linked([*general, *map(str, sorted(folder.glob("*.o")))], host, program, dict(os.environ))
+
+
+def _linked(command: Sequence[str], host: Sequence[Path], program: Path, variables: dict[str, str]) -> Path:
+    command = [*command, "-std=c11", *map(str, host), "-lm", "-lpthread", "-o", str(program)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=program.parent, env=variables)
     assert done.returncode == 0, done.stderr
     return program
 
@@ -83,12 +98,13 @@ def fuzz(program: Path, sequences: int, seeds: Sequence[int] = (1,)) -> dict[str
 
 
 def functions_of_the_standards() -> set[str]:
-    """As the headers declare them."""
-    found = set[str]()
-    for version in ("2.0", "3.0"):
-        header = standard_headers(version)[f"fmi{version[0]}Functions.h"]
-        found |= set(re.findall(r"^\s*FMI[23]_Export\s+\w+\s+(fmi[23]\w+);", header, re.M))
-    return found
+    """As the headers declare them, which FMPy's wheel carries."""
+    headers = (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}Functions.h" for version in "23")
+    return {
+        name
+        for header in headers
+        for name in re.findall(r"^\s*FMI[23]_Export\s+\w+\s+(\w+);", header.read_text(), re.M)
+    }
 
 
 def run_instances(program: Path, number: int, threads: int) -> dict[str, Any]:

@@ -2,15 +2,15 @@
 
 import inspect
 import re
+import subprocess
+import sys
+import tempfile
 import zipfile
 from enum import IntEnum
 from pathlib import Path
 
 import fmpy.fmi2
 
-from gough_stewart.fmu_build.plant.component import IDENTIFIER
-from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.fmu_build.toolchain import chosen_targets, compile_library
 from tests.support.fmu_plants import Fmu
 
 # From this time on a step fails [s].
@@ -115,17 +115,19 @@ API void fmi2FreeInstance(void* c) {
 
 def failing_unit(fmu: Fmu, target: Path) -> Path:
     """The archive of an FMU, FMI 2.0, with the binary replaced."""
-    (native,) = chosen_targets(["native"])
-    source = _SOURCE.replace("FIXED_STEP_SIZE", str(PLANT.by_name["fixed_step_size"].first))
-    source = source.replace("FAILS_AT", str(FAILS_AT))
+    (reference,) = fmu.variables["fixed_step_size"].references
+    source = _SOURCE.replace("FIXED_STEP_SIZE", str(reference)).replace("FAILS_AT", str(FAILS_AT))
     # what FMPy looks for and does not call here
-    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - set(
-        re.findall(r"fmi2\w+", source)
-    )
+    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2)))
+    others -= set(re.findall(r"fmi2\w+", source))
     source += "\n".join(f"API int {name}(void) {{ return 0; }}" for name in sorted(others))
-    library = compile_library(IDENTIFIER, {"unit.c": source}, {}, native)
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "unit.c").write_text(source)
+        command = [sys.executable, "-m", "ziglang", "cc", "-O1", "-shared", "-fPIC", "unit.c", "-o", "unit.so"]
+        subprocess.run(command, cwd=folder, check=True)
+        library = Path(folder, "unit.so").read_bytes()
     with zipfile.ZipFile(fmu.path) as old, zipfile.ZipFile(target, "w") as new:
         for name in old.namelist():
-            is_binary = name.startswith("binaries/") and Path(name).stem == IDENTIFIER
+            is_binary = name.startswith("binaries/") and not name.endswith("/")
             new.writestr(name, library if is_binary else old.read(name))
     return target

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart import GoughStewartError, Platform, State, leg_jacobian, stack
-from gough_stewart.model.state import Inputs
 
 # Agreement is asked for at regular poses: rounding grows with the condition number.
 REGULAR = 100.0
@@ -21,7 +20,7 @@ class Sample(NamedTuple):
     platforms: list[Platform]
     parameters: Any  # as `stack` gives them
     state: State
-    inputs: Inputs
+    inputs: NDArray[np.float64]  # (n, 12): forces of the legs, force and torque at Op
 
 
 def random_platform(rng: np.random.Generator) -> Platform:
@@ -80,10 +79,10 @@ def random_state(platform: Platform, rng: np.random.Generator) -> State:
             return State(position, orientation, size * rng.normal(size=3), rng.normal(size=3))
 
 
-def random_inputs(platform: Platform, rng: np.random.Generator) -> Inputs:
-    """Forces of the order of the weight."""
+def random_inputs(platform: Platform, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Forces and a wrench (12,) of the order of the weight."""
     weight, size = 10 * platform.platform_mass, platform.characteristic_length
-    return Inputs(weight * rng.uniform(-1, 1, 6), weight * rng.uniform(-1, 1, 3), weight * size * rng.uniform(-1, 1, 3))
+    return np.asarray(weight * rng.uniform(-1, 1, 12) * np.repeat([1.0, size], [9, 3]))
 
 
 def random_sample(n: int, seed: int) -> Sample:
@@ -96,7 +95,7 @@ def random_sample(n: int, seed: int) -> Sample:
         platforms,
         stack(platforms),
         State(*(np.stack(parts) for parts in zip(*states, strict=True))),
-        Inputs(*(np.stack(parts) for parts in zip(*inputs, strict=True))),
+        np.stack(inputs),
     )
 
 

@@ -70,10 +70,3 @@ def printed_law(platform: Platform, v: float, z: float, leg: int) -> tuple[float
         alpha = 0.5 + 0.5 * np.sin(np.pi * (abs(z) - (zss + zba) / 2) / (zss - zba))
     rate = v * (1 - alpha * z * np.sign(v) / zss)
     return s0 * z + s1 * rate + s2 * v, rate
-
-
-def start_of(platform: Platform, variant: Any, **states: FloatArray) -> FloatArray:
-    """The start vector of a variant, with some states replaced."""
-    from gough_stewart.model import interface
-
-    return interface.pack(variant.states, interface.start_values(variant.states, platform) | states)

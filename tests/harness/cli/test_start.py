@@ -76,7 +76,7 @@ def test_a_run_of_the_model_in_machine_code_does_without_casadi_and_scipy(tmp_pa
 
 def test_building_a_unit_does_without_casadi_and_scipy_if_its_code_is_there(tmp_path: Path) -> None:
     """Expected: with the traced tables given, as a wheel carries them, nothing else asks for CasADi or SciPy."""
-    given = """from gough_stewart.fmu_build.plant import component as c
+    given = """from gough_stewart.fmu_build.plant import plant_component as c
     sources, dependencies = c.Sources({}, {}), {}
     c._code, c.slot_dependencies = (lambda _: sources), (lambda _: dependencies)
     import gough_stewart.fmu_build.build, gough_stewart.model.kernel

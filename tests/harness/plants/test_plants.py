@@ -1,7 +1,9 @@
-"""Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
+"""Kinds of plants in runs and ensembles: the same motion, options that reach them, files that are refused."""
 
 import re
 import tempfile
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,112 +11,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart import GoughStewartError
-from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.open import ModelPlant, open_plant
-from gough_stewart.harness.plants.plant import Plant
 from tests.support.fmu_plants import Fmu
-from tests.support.uneven import INPUTS, STATE, UNEVEN
 from tests.support.uneven_loops import experiment_of
-
-KINDS = ("model", "2.0", "3.0")
-
-
-def plant_of(kind: str, fmus: dict[str, Fmu], *arguments: Any) -> Plant:
-    """A plant in this process: of a platform, a start, a tolerance and a fixed step."""
-    return ModelPlant(*arguments) if kind == "model" else FmuPlant(fmus[kind].path, *arguments)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_parameters_change_together_or_not_at_all(kind: str, fmus: dict[str, Fmu], paper: gs.Platform) -> None:
-    """Expected: rule 3; without gravity and forces nothing accelerates at rest."""
-
-    def rise(plant: Plant) -> float:
-        return float(plant.results()[plant.columns.index("acceleration[3]")])
-
-    with plant_of(kind, fmus, paper) as plant:
-        plant.set_inputs(np.zeros(12))
-        assert rise(plant) < -5
-        plant.do_step(0.0, 0.01)
-        plant.set_parameters({"gravity": np.zeros(3), "platform_mass": 20.0})
-        floating = rise(plant)
-        assert abs(floating) < 0.1
-        for name, value, reason in (
-            ("base_points", np.zeros((6, 3)), "base_points"),
-            ("platform_com", [1.0, 2.0], "platform_com"),
-            ("platform_inertia", np.diag([1.0, 1.0, 3.0]), "triangle"),
-        ):
-            with pytest.raises(GoughStewartError, match=reason):
-                plant.set_parameters({"platform_mass": 30.0, name: value})
-        plant.set_parameters({})
-        assert rise(plant) == floating
-
-
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_closed_or_refused_plant_leaves_nothing_and_refuses_calls(
-    version: str, fmus: dict[str, Fmu], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: rule 8; an error, not a crash of the process; the temporary folder is as empty as before."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    plant = FmuPlant(fmus[version].path, UNEVEN)
-    assert len(list(tmp_path.iterdir())) == 1
-    plant.close()
-    plant.close()
-    for call in (plant.results, plant.signals, lambda: plant.set_inputs(np.zeros(12))):
-        with pytest.raises(GoughStewartError, match="has been freed"):
-            call()
-    start = STATE._replace(orientation=np.array([0.0, 2.0, 0.0]))
-    with pytest.raises(GoughStewartError, match=r"\.fmu: start values refused: .*orientation"):
-        FmuPlant(fmus[version].path, UNEVEN, start)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu]) -> None:
-    """Expected: what does not fit to what, with a number or a file."""
-    two, three = (fmus[version].path for version in ("2.0", "3.0"))
-    for kind, file, text in (
-        ("model", three, f"plant 'model' does not accept the file {three}; choose the plant fmu2 or fmu3"),
-        ("fmu2", three, f"{three}: is FMI 3.0; expected FMI 2.0 for the plant fmu2"),
-        ("fmu3", two, f"{two}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
-    ):
-        with pytest.raises(GoughStewartError, match=re.escape(text)):
-            gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)  # type: ignore[arg-type]
-
-
-@pytest.mark.usefixtures("units_in_process")
-@pytest.mark.parametrize("kind", ["model", "fmu2", "fmu3", "file"])
-def test_open_plant_hands_on_start_tolerance_and_step(kind: str, fmus: dict[str, Fmu]) -> None:
-    """Expected: to the last bit the plants themselves with the same options; a file in a process of its own."""
-    version = {"fmu3": "3.0", "model": "model"}.get(kind, "2.0")
-    name: Any = "fmu2" if kind == "file" else kind
-    fmu, ends = fmus["2.0"].path if kind == "file" else None, set[bytes]()
-    for tolerance, step in ((1e-3, 0.0), (1e-9, 0.0), (1e-8, 0.004)):
-        opened = open_plant(name, UNEVEN, STATE, tolerance=tolerance, fixed_step_size=step, fmu=fmu)
-        with plant_of(version, fmus, UNEVEN, STATE, tolerance, step) as own, opened:
-            assert isinstance(opened, IsolatedFmu) == (kind == "file")
-            for plant in (own, opened):
-                plant.set_inputs(INPUTS.to_vector())
-                plant.do_step(0.0, 0.05)
-            assert np.array_equal(opened.results(), own.results())
-            assert np.array_equal(opened.signals(), own.results()[:24])
-            ends.add(own.results().tobytes())
-    assert len(ends) == 3
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_plant_of_one_platform_has_no_members(kind: str, fmus: dict[str, Fmu]) -> None:
-    """Expected: no leading axis; actions of members are refused by the name of the plant."""
-    with plant_of(kind, fmus, UNEVEN, STATE) as plant:
-        assert plant.shape == ()
-        assert plant.results().shape == (50,)
-        name, member = type(plant).__name__, np.array([True])
-        text = f"^{name} is a plant of one platform; expected a plant of many platforms for member actions$"
-        with pytest.raises(GoughStewartError, match=text):
-            plant.freeze(member)
-        with pytest.raises(GoughStewartError, match=text):
-            plant.set_parameters_of(member, {"platform_mass": 3.0})
-
 
 STEEL = {
     **{"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": 12.0, "leg_static_friction": 17.0},
@@ -162,3 +60,104 @@ def test_an_ensemble_of_machines_names_members_of_another_kind() -> None:
     assert rows["tracking.position.norm_peak"].n_unique() == 8
     rows = gs.ensemble(loop(STEEL, {"leg_stiffness": {"choice": [2.0e6, 0.0]}}), members=8).members
     assert set(rows["outcome"].to_list()) == {"completed", "impossible"}
+
+
+@pytest.mark.usefixtures("units_in_process")
+def test_tolerance_step_and_file_reach_the_plant(fmus: dict[str, Fmu]) -> None:
+    """Expected: with each other tolerance or step other bits, with the file in a process of its own the same."""
+    experiment, ends = loop({}, {}), set[bytes]()
+    for settings in ({"plant.tolerance": 1e-3}, {"plant.tolerance": 1e-9}, {"plant.fixed_step_size": "0.5 ms"}):
+        record = gs.run(experiment, {**settings, "plant.kind": "fmu2"})
+        ends.add(record["position"].tobytes())
+        if settings == {"plant.tolerance": 1e-9}:
+            other = gs.run(experiment, {**settings, "plant.kind": "fmu2"}, fmu=fmus["2.0"].path)
+            assert other["position"].tobytes() == record["position"].tobytes()
+    assert len(ends) == 3
+
+
+# --- files that are refused before anything is unpacked, or after ----------------------------------------------------
+
+
+def archive(path: Path, files: dict[str, bytes]) -> Path:
+    """An archive with these files, also with names that no library would write."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo("harmless")
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.filename = entry.orig_filename = name
+            made.writestr(entry, content)
+    return path
+
+
+def described(pattern: bytes, new: bytes) -> Callable[[dict[str, bytes]], dict[str, bytes]]:
+    """A changed description."""
+    name = "modelDescription.xml"
+    return lambda files: files | {name: re.sub(pattern, new, files[name], flags=re.DOTALL)}
+
+
+def with_entry(name: str, content: bytes = b"x") -> Callable[[dict[str, bytes]], dict[str, bytes]]:
+    return lambda files: files | {name: content}
+
+
+OUTSIDE = "points outside the archive; expected relative paths with slashes.*nothing was unpacked"
+# What is done to the files of an FMU, and why it is refused.
+FILES: dict[str, tuple[Callable[[dict[str, bytes]], dict[str, bytes]], str]] = {
+    "of another model": (described(rb"leg_upper_com", b"somewhat_else"), "is the FMU of another model.*leg_upper_com"),
+    "Model Exchange alone": (
+        described(rb"<CoSimulation\b[^>]*/>|<CoSimulation\b.*?</CoSimulation>", b""),
+        r"FMI 3.0, .*; expected Co-Simulation of FMI 2.0 or 3.0; make",
+    ),
+    "no binary": (
+        lambda files: {name: content for name, content in files.items() if not name.startswith("binaries")},
+        r"does not run on this machine",
+    ),
+    "a description that is too long": (
+        described(rb"$", b" " * 20_000_000),
+        r"its modelDescription\.xml has \d\d\.\d MB; expected at most 20 MB; nothing was parsed$",
+    ),
+    "a bomb": (with_entry("bomb", bytes(300_000_000)), r"300 MB of it the entry 'bomb'; expected at most 256 MB; not"),
+    "many files": (
+        lambda files: files | {f"resources/{k}": b"" for k in range(10_001)},
+        r"contains 10,\d+ files; expected an FMU of at most 10,000",
+    ),
+    **{
+        name: (with_entry(name), f"the entry {re.escape(repr(name))} {OUTSIDE}")
+        for name in ("/etc/unit", "resources/../../outside", "resources\\..\\outside", "c:outside", "a\0b")
+    },
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_a_file_that_is_no_unit_of_the_plant_is_refused(
+    case: str, fmus: dict[str, Fmu], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the reason; the temporary folder is as empty as before."""
+    change, reason = FILES[case]
+    with zipfile.ZipFile(fmus["3.0"].path) as opened:
+        files = {name: opened.read(name) for name in opened.namelist()}
+    path = archive(tmp_path / "unit.fmu", change(files))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with pytest.raises(gs.GoughStewartError, match=rf"unit\.fmu: {reason}|unit\.fmu: .*{reason}"):
+        gs.run("heave_step", {"loop.duration": 0.01}, plant="fmu3", fmu=path)
+    assert list((tmp_path / "temporary").iterdir()) == []
+
+
+def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """Expected: what does not fit to what, with a number or a file; a flipped byte by the archive's checksums."""
+    two, three = (fmus[version].path for version in ("2.0", "3.0"))
+    content, damaged = bytearray(three.read_bytes()), tmp_path / "damaged.fmu"
+    with zipfile.ZipFile(three) as opened:
+        binary = max((i for i in opened.infolist() if i.filename.startswith("binaries/")), key=lambda i: i.file_size)
+    content[binary.header_offset + binary.compress_size // 2] ^= 0xFF
+    damaged.write_bytes(content)
+    (tmp_path / "text.fmu").write_text("hello")
+    for kind, file, text in (
+        ("model", three, rf"plant 'model' does not accept the file {three}; choose the plant fmu2 or fmu3"),
+        ("fmu2", three, rf"{three}: is FMI 3.0; expected FMI 2.0 for the plant fmu2"),
+        ("fmu3", two, rf"{two}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
+        ("fmu3", damaged, r"damaged.fmu: cannot be unpacked .*; make one with `gough-stewart build`"),
+        ("fmu3", tmp_path / "text.fmu", r"text.fmu: is not an FMU \(File is not a zip file\)$"),
+    ):
+        with pytest.raises(gs.GoughStewartError, match=text):
+            gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)  # type: ignore[arg-type]

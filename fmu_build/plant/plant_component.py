@@ -113,7 +113,7 @@ def plant_component(
             name=_LAYERED_STANDARD,
             folder=FOLDER,
             identifier=IDENTIFIER,
-            cases=[case.name for case, _ in runs()],
+            cases=[run.name for run in runs()],
         )
         return {
             "documentation/index.html": page,
