@@ -1,6 +1,6 @@
 """Every pair of options of an experiment, against a loop written from the documentation."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations, product
@@ -22,6 +22,7 @@ from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
 
 FloatArray = NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("units_in_process")
 
 
 DURATION, SAMPLE_TIME = 0.15, 0.005
@@ -275,20 +276,18 @@ class _Both:
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Iterator[Callable[[int], _Both]]:
+def both(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], _Both]:
     """The record of a row of options, and what it should be; each is made once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gough_stewart.harness.plants.open.cached_build", lambda version, *_: fmus[version].path)
 
-        @cache
-        def made(number: int) -> _Both:
-            row = ROWS[number]
-            record = _recorded(row, tmp_path_factory.mktemp("options"))
-            # what noise was there is no matter of the loop: see the test of its size
-            readings = record["measured.leg_length"] if row["noise"] else None
-            return _Both(row, record, _expected(row, readings, _samples(record) if row["jitter"] else None))
+    @cache
+    def made(number: int) -> _Both:
+        row = ROWS[number]
+        record = _recorded(row, tmp_path_factory.mktemp("options"))
+        # what noise was there is no matter of the loop: see the test of its size
+        readings = record["measured.leg_length"] if row["noise"] else None
+        return _Both(row, record, _expected(row, readings, _samples(record) if row["jitter"] else None))
 
-        yield made
+    return made
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.harness.report.document import Report
-from gough_stewart.harness.report.table import Table
 from tests.support.commands import invoke
 from tests.support.documented_loop import linear
 from tests.support.uneven import UNEVEN
@@ -76,7 +74,7 @@ def found(experiment: Path) -> gs.LoopMargins:
 
 
 @pytest.fixture(scope="module")
-def report(found: gs.LoopMargins) -> Report:
+def report(found: gs.LoopMargins) -> Any:
     return found.report()
 
 
@@ -166,9 +164,9 @@ def test_margins_of_all_legs_bound_what_they_may_do_at_once(found: gs.LoopMargin
     assert 0.1 < found.disk.frequency < 0.5 / T
 
 
-def test_the_tables_have_these_numbers(found: gs.LoopMargins, report: Report) -> None:
+def test_the_tables_have_these_numbers(found: gs.LoopMargins, report: Any) -> None:
     """Expected: of each leg and of all alike; of the disk; of each channel; of the modes, the slowest first."""
-    tables = {part.title: part for part in report.parts() if isinstance(part, Table)}
+    tables = {part.title: part for part in report.parts() if type(part).__name__ == "Table"}
     alone, together, gains, modes = (tables[title] for title in list(tables)[:4])
     names = ["gain_down", "gain_up", "phase", "delay", "crossover"]
     assert [column.name for column in alone.columns] == ["leg", "gain", "to", "phase", "delay", "crossover"]
@@ -204,7 +202,7 @@ def test_the_text_has_the_least_of_the_legs(found: gs.LoopMargins) -> None:
     ]
 
 
-def test_the_verdict_says_what_all_legs_bear_alike_and_independently(found: gs.LoopMargins, report: Report) -> None:
+def test_the_verdict_says_what_all_legs_bear_alike_and_independently(found: gs.LoopMargins, report: Any) -> None:
     """Expected: gain in dB, phase and delay of the same change; the disk's; rounded down to two digits."""
     common, disk, legs, text = found.common, found.disk, found.legs, report.verdict.text
     numbers = [float(number) for number in re.findall(r"(?<= )[\d.]+(?= (?:dB|deg|Hz|ms))", text)]
@@ -229,7 +227,7 @@ def test_the_verdict_says_what_all_legs_bear_alike_and_independently(found: gs.L
         assert report.number(f"margins.{path}").value == pytest.approx(value)
 
 
-def test_charts_have_the_loops_of_the_legs(found: gs.LoopMargins, report: Report) -> None:
+def test_charts_have_the_loops_of_the_legs(found: gs.LoopMargins, report: Any) -> None:
     """Expected: gain and phase of each leg's loop by the formula for one leg cut; σ of S and T from L; units.
 
     The phase has no jump of half a turn, and gaps where the gain is negligible.
@@ -255,7 +253,7 @@ def test_charts_have_the_loops_of_the_legs(found: gs.LoopMargins, report: Report
     assert [chart.y_title for chart in (gain, phase)] == ["gain of L [1]", "phase of L [deg]"]
 
 
-def test_the_step_shows_each_legs_own_answer(found: gs.LoopMargins, report: Report) -> None:
+def test_the_step_shows_each_legs_own_answer(found: gs.LoopMargins, report: Any) -> None:
     """Expected: the closed loop from its difference equation, d = 1 on one leg: y = C x + D e, e = d − y."""
     step = report.charts[-1]
     A, B, C = (np.asarray(getattr(found.loop, name)) for name in "ABC")
