@@ -143,11 +143,11 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> 
         f"smallest coherence {min(measured.coherence):.3g}",
         f"  farthest from the linear model: S by {max(gap):.3g} at {f[int(gap.argmax())]:.4g} Hz",
     ]
-    report = found.report()
+    report: Any = found.report()
     (table,) = (part for part in report.parts() if type(part).__name__ == "Table")
     heads = ["f", "|S|", "|T|", "|L|", "∠L", "|L| model", "∠L model", "coherence"]
     assert [column.name for column in table.columns] == heads
-    at = [int(np.abs(f - row[0]).argmin()) for row in table.rows]  # type: ignore[operator]
+    at = [int(np.abs(f - row[0]).argmin()) for row in table.rows]
     assert (len(at), at[0], at[-1]) == (24, 0, len(f) - 1)
     assert np.ptp(np.diff(at)) <= 1
     size = np.abs(measured.S)
@@ -161,7 +161,8 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> 
     assert report.verdict.text.startswith(f"|S| peaks at {20 * np.log10(size.max()):.2g} dB at {f[peak]:.2g} Hz; ")
     # without a linear model there are no columns of it
     odd = gs.frf(shipped, controller=lambda _sample: np.zeros(6))
-    (table,) = (part for part in odd.report().parts() if type(part).__name__ == "Table")
+    odd_report: Any = odd.report()
+    (table,) = (part for part in odd_report.parts() if type(part).__name__ == "Table")
     assert [column.name for column in table.columns] == [*heads[:5], "coherence"]
     assert "no linear model to compare with: the controller is not linear" in " ".join(odd.notes)
     assert "predicted.L.gain" not in odd.table().columns
@@ -173,11 +174,14 @@ def test_an_l_that_cannot_be_known_is_not_shown_however_coherent(shipped: gs.Rec
 
     A circle about S that reaches its middle is no circle about 1/S.
     """
-    f, L = np.array([1.0, 4.0, 16.0, 64.0]), np.array([4, 2, 0.5, 0.01], dtype=complex)
+    f = np.array([1.0, 4.0, 16.0, 64.0])
+    L: Any = np.array([4, 2, 0.5, 0.01], dtype=complex)
     made = gs.frf(shipped)
     for radius, known in (([0.02] * 4, [1, 1, 1, 0]), ([0.15, 0.02, 0.02, 0.02], [0, 1, 1, 0])):
-        measured = made.measured._replace(S=1 / (1 + L), radius=np.array(radius), coherence=np.ones(4), periods=5)
-        report = replace(made, frequency=f, measured=measured, predicted=L * 1.001, notes=()).report()
+        measured = made.measured._replace(
+            S=np.asarray(1 / (1 + L)), radius=np.array(radius), coherence=np.ones(4), periods=5
+        )
+        report: Any = replace(made, frequency=f, measured=measured, predicted=np.asarray(L * 1.001), notes=()).report()
         (table,) = (part for part in report.parts() if type(part).__name__ == "Table")
         assert [int(row[3] is not None) for row in table.rows] == known
         assert report.number("L.crossover").value == pytest.approx(8.0)

@@ -65,16 +65,6 @@ def test_joint_errors_of_a_millimetre_are_seen_at_the_platform_as_geometry_predi
     assert np.abs(record["error.orientation"][-1] - expected[3:]).max() < 0.2 * np.abs(expected[3:]).max()
 
 
-def test_gains_come_from_the_belief_and_margins_from_the_machine() -> None:
-    """Expected: the same gains, whatever the machine is; a heavier machine has modes that are slower by its inertia."""
-    one, other = (gs.margins(experiment_with(machine)) for machine in ({}, {"platform_mass": 900.0}))
-    (gains, heavier), (believed, own) = ([found.as_dict()[k] for found in (one, other)] for k in ("gains", "margins"))
-    assert gains == heavier
-    assert other.as_dict()["believed"] == believed != own
-    designed = {"preset": "motion_base", "parameters": {"platform_mass": 900.0}}
-    assert gs.margins(experiment_with({}, platform=designed)).as_dict()["gains"] != gains
-
-
 def test_an_injection_is_in_the_record_and_in_the_command() -> None:
     """Expected: a function of the nominal time, in six legs apart; without it no such column."""
 

@@ -40,12 +40,18 @@ def push(*force: float) -> dict[str, Any]:
     return {"disturbance": [{"at": 0, "duration": 3, "force": list(force)}]}
 
 
+# The paper's platform, whose legs are alike, in a stiffer loop.
+STIFF: dict[str, Any] = {
+    "platform": {"preset": "liu2000"},
+    "controller": {"type": "pd", "bandwidth": 5, "damping_ratio": 0.5},
+    "loop": {"duration": 3, "sample_time": 1e-3},
+}
 PID = {"type": "pid", "bandwidth": 2, "damping_ratio": 1.2, "integral_time": 0.3}
 SLOW = {"type": "sine", "position_amplitude": [0, 0, 1e-3], "frequency": 0.1}
 # What differs from a platform whose PD carries its weight, and what is said of it.
 RESTS: dict[str, tuple[dict[str, Any], str]] = {
-    "its weight": ({"platform": {"preset": "liu2000"}}, "hangs {} below"),
-    "a force aside": ({"platform": {"preset": "liu2000"}, **push(60, 30, 0)}, "rests {} off"),
+    "its weight": (STIFF, "hangs {} below"),
+    "a force aside": ({**STIFF, **push(90, 40, 0)}, "rests {} off"),
     "gravity aslant": ({}, "rests {} off"),
     "a force up": (push(0, 0, 700), "rests {} off"),
     "an integral": ({"controller": PID}, ""),

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
@@ -17,7 +18,7 @@ def run_of(controller: Any = None, *, loop: Any = (), **tables: Any) -> gs.Recor
     return gs.run(experiment_of("pd", loop={**LOOP, **dict(loop)}, **tables), controller=controller)
 
 
-def starts_of(**loop: Any) -> FloatArray:
+def starts_of(**loop: Any) -> NDArray[np.intp]:
     """The rows at which samples act of a law whose forces are others at each."""
     count = iter(range(1, 100_000))
     seed = loop.pop("seed", 3)

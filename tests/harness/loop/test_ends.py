@@ -65,8 +65,10 @@ def run_of(machine: Any = None, controller: Any = None, **tables: Any) -> gs.Rec
         "loop": {"duration": STEPS * STEP, "sample_time": 2 * STEP, "plant_step": STEP},
         "limits": {"stroke": "ignore", "reference": "warn"},
     }
-    law = controller or (lambda _sample: FORCE)
-    return gs.run(gs.Experiment(**values | tables), plant=machine or Rail(), controller=law)
+    law, plant = controller or (lambda _sample: FORCE), machine or Rail()
+    run: Any = gs.run
+    record: gs.Record = run(gs.Experiment(**values | tables), plant=plant, controller=law)
+    return record
 
 
 def test_any_object_that_keeps_the_rules_is_a_plant() -> None:
@@ -128,7 +130,7 @@ def test_what_a_plant_breaks_is_said_of_the_plant(kind: type[Rail], at: int, nam
 
     def law(sample: gs.Sample) -> FloatArray:
         times.append(sample.time)
-        return FORCE + sample.measured["leg_length"][2]
+        return np.asarray(FORCE + sample.measured["leg_length"][2])
 
     plant = {"parameters": ELASTIC} if kind is Elastic else {}
     sensors = {"side": "motor"} if kind is Elastic else {}
