@@ -60,6 +60,7 @@ def experiments_command(
         from gough_stewart.harness.experiment.file import experiment_from, experiment_names, shipped_text
         from gough_stewart.harness.report.table import Column, Table
         from gough_stewart.harness.report.terminal import TerminalTable
+        from gough_stewart.model.formulations.cases import PAPER_PRESET
         from gough_stewart.model.process.toml import toml_values
 
         if name is not None:
@@ -67,7 +68,7 @@ def experiments_command(
                 typer.echo(shipped_text(name), nl=False)
             return
         shipped = {key: experiment_from(toml_values(shipped_text(key))) for key in experiment_names()}
-        rows = [(key, loaded.platform.preset_name, loaded.description) for key, loaded in shipped.items()]
+        rows = [(key, loaded.platform.preset or PAPER_PRESET, loaded.description) for key, loaded in shipped.items()]
         columns = (Column("name"), Column("platform"), Column("what"))
         Terminal().print(TerminalTable(Table("", columns, tuple(rows))))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import polars
@@ -378,8 +378,22 @@ def check(
     """
     experiment_checked = experiment_of(experiment, settings)
     nominal = nominal_platform(experiment_checked, experiment_checked.platform)
-    if payload is not None:
-        keys = _with_payload(nominal, payload, payload_height)
+    if payload is not None:  # mass, centre of mass, and inertia about it
+        try:
+            mass, above = number(payload, "kg"), number(payload_height, "m")
+        except ValueError as error:
+            raise MotionError(f"payload of {payload} at a height of {payload_height}: {error}") from None
+        if not (math.isfinite(mass) and mass > 0 and math.isfinite(above)):
+            raise MotionError(f"payload is {mass:g} kg at a height of {above:g} m; expected a mass > 0, finite numbers")
+        places = [np.asarray(nominal.platform_com), np.array([0.0, 0.0, above])]
+        masses = [float(nominal.platform_mass), mass]
+        com = np.average(places, axis=0, weights=masses)
+        inertia = np.array(nominal.platform_inertia, dtype=float)
+        for m, place in zip(masses, places, strict=True):
+            arm = place - com
+            inertia += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        values = {"platform_mass": sum(masses), "platform_com": com.tolist(), "platform_inertia": inertia.tolist()}
+        keys = {f"platform.parameters.{name}": value for name, value in values.items()}
         experiment_checked = experiment_of(experiment_checked, keys)
         nominal = nominal_platform(experiment_checked, experiment_checked.platform)
     platform = limited_platform(nominal, experiment_checked.actuators.force_limit)
@@ -392,29 +406,19 @@ def check(
     return MotionCheck(experiment_checked, platform, shares, needs, reference, motion, timing)
 
 
-def _with_payload(platform: Platform, payload: float | str, height: float | str) -> dict[str, Any]:
-    """Settings of an experiment whose platform carries a point mass: mass, centre of mass, and inertia about it."""
-    try:
-        mass, above = number(payload, "kg"), number(height, "m")
-    except ValueError as error:
-        raise MotionError(f"payload of {payload} at a height of {height}: {error}") from None
-    if not (math.isfinite(mass) and mass > 0 and math.isfinite(above)):
-        raise MotionError(f"payload is {mass:g} kg at a height of {above:g} m; expected a mass > 0, finite numbers")
-    places = [np.asarray(platform.platform_com), np.array([0.0, 0.0, above])]
-    masses = [float(platform.platform_mass), mass]
-    com = np.average(places, axis=0, weights=masses)
-    inertia = np.array(platform.platform_inertia, dtype=float)
-    for m, place in zip(masses, places, strict=True):
-        arm = place - com
-        inertia += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    values = {"platform_mass": sum(masses), "platform_com": com.tolist(), "platform_inertia": inertia.tolist()}
-    return {f"platform.parameters.{name}": value for name, value in values.items()}
-
-
 def _verdict(result: MotionCheck) -> Verdict:
     """Whether the motion can be done, what it needs most, and what would fit if it cannot."""
+    # what is used most, and when: "leg 3 needs 92 % of its speed at 4.2 s"
     peak = result.shares.largest
-    need, numbers = _need(peak), (_number(peak),)
+    at, numbers = f"at {peak.time:.4g} s", (_number(peak),)
+    if peak.limit == "side":
+        need = f"it leads through a singular pose {at}" if peak.share > 1 else f"no singular pose {at}"
+    elif peak.limit not in _OF_LEG:
+        need = f"the {LABELS[peak.limit]} is at {percent(peak.share)} of its limit {at}"
+    elif not math.isfinite(peak.share):
+        need = f"leg {peak.leg} has no finite {_OF_LEG[peak.limit]} {at}"
+    else:
+        need = f"leg {peak.leg} needs {percent(peak.share)} of its {_OF_LEG[peak.limit]} {at}"
     if result.within and result.keeps_margin:
         if not any(name in result.shares.of for name in _OF_LEG):  # only singular poses have been checked
             can = "can be done as far as is known: the platform states no limit of its legs"
@@ -428,18 +432,6 @@ def _verdict(result: MotionCheck) -> Verdict:
         beyond = f"can be done, but not with its margin of {percent(result.margin)}"
         return Verdict(sentence([beyond, need, ways]), "marginal", numbers)
     return Verdict(sentence(["cannot be done", need, ways]), "bad", numbers)
-
-
-def _need(peak: Peak) -> str:
-    """What is used most, and when: "leg 3 needs 92 % of its speed at 4.2 s"."""
-    at = f"at {peak.time:.4g} s"
-    if peak.limit == "side":
-        return f"it leads through a singular pose {at}" if peak.share > 1 else f"no singular pose {at}"
-    if peak.limit not in _OF_LEG:
-        return f"the {LABELS[peak.limit]} is at {percent(peak.share)} of its limit {at}"
-    if not math.isfinite(peak.share):
-        return f"leg {peak.leg} has no finite {_OF_LEG[peak.limit]} {at}"
-    return f"leg {peak.leg} needs {percent(peak.share)} of its {_OF_LEG[peak.limit]} {at}"
 
 
 def _number(peak: Peak) -> Number:

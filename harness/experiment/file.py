@@ -213,40 +213,36 @@ def digests(experiment: Experiment) -> dict[str, str]:
     """
     names = set(file_names(experiment).values())
     if isinstance(experiment.controller, PythonController) and experiment.controller.file is not None:
+        # what import statements reach, of a package all, and files that texts name
         file = experiment.folder / experiment.controller.file
-        names |= {_from(path, experiment.folder) for path in _files_beside(file)}
+        folder, seen, waiting = file.parent, set[Path](), [file]
+        while waiting:
+            path = waiting.pop()
+            if path in seen:
+                continue
+            seen.add(path)
+            try:
+                nodes = list(ast.walk(ast.parse(path.read_bytes()))) if path.suffix == ".py" else []
+            except (OSError, SyntaxError, ValueError):
+                continue  # executing it says so
+            for node in nodes:
+                imported = list[str]()
+                if isinstance(node, ast.Import):
+                    imported = [alias.name for alias in node.names]
+                elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                    imported = [node.module]
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    waiting += [folder / node.value] * os.path.isfile(folder / node.value)  # noqa: PTH113 - of any text
+                for name in imported:
+                    spec = PathFinder.find_spec(name.partition(".")[0], [str(folder)])
+                    if spec is not None and spec.submodule_search_locations is not None:
+                        for place in spec.submodule_search_locations:
+                            waiting += Path(place).rglob("*.py")
+                    elif spec is not None and spec.origin is not None:
+                        waiting.append(Path(spec.origin))
+        names |= {_from(path, experiment.folder) for path in seen - {file}}
     paths = {name: experiment.folder / name for name in sorted(names)}
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items() if path.is_file()}
-
-
-def _files_beside(file: Path) -> set[Path]:
-    """The modules beside a Python file that import statements reach, of a package all, and files that texts name."""
-    folder, seen, waiting = file.parent, set[Path](), [file]
-    while waiting:
-        path = waiting.pop()
-        if path in seen:
-            continue
-        seen.add(path)
-        try:
-            nodes = list(ast.walk(ast.parse(path.read_bytes()))) if path.suffix == ".py" else []
-        except (OSError, SyntaxError, ValueError):
-            continue  # executing it says so
-        for node in nodes:
-            imported = list[str]()
-            if isinstance(node, ast.Import):
-                imported = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                imported = [node.module]
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                waiting += [folder / node.value] * os.path.isfile(folder / node.value)  # noqa: PTH113 - of any text
-            for name in imported:
-                spec = PathFinder.find_spec(name.partition(".")[0], [str(folder)])
-                if spec is not None and spec.submodule_search_locations is not None:
-                    for place in spec.submodule_search_locations:
-                        waiting += Path(place).rglob("*.py")
-                elif spec is not None and spec.origin is not None:
-                    waiting.append(Path(spec.origin))
-    return seen - {file}
 
 
 def _from(file: Path, folder: Path) -> str:

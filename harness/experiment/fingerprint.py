@@ -71,9 +71,12 @@ def _held_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
     Objects of this package, such as platforms, do not count: they are constant, but keep what they compute on demand.
     """
     code, known_globals = function.__code__, function.__globals__
-    held: list[tuple[str, Any]] = [
-        (name, known_globals[name]) for name in sorted(_globals_of(code) & known_globals.keys())
-    ]
+    names, codes = set[str](), [code]
+    while codes:  # the globals that it names, also in the functions inside it
+        inside = codes.pop()
+        names |= {step.argval for step in dis.get_instructions(inside) if step.opname.endswith(("_GLOBAL", "_NAME"))}
+        codes += [constant for constant in inside.co_consts if isinstance(constant, CodeType)]
+    held: list[tuple[str, Any]] = [(name, known_globals[name]) for name in sorted(names & known_globals.keys())]
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         with suppress(ValueError):  # not bound yet
             held.append((name, cell.cell_contents))
@@ -84,12 +87,6 @@ def _held_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
         is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known_globals
         if not (is_ours or is_elsewhere or isinstance(value, type | ModuleType | BuiltinFunctionType)):
             yield name, value
-
-
-def _globals_of(code: CodeType) -> set[str]:
-    """The globals that code names, with the functions inside it."""
-    names = {step.argval for step in dis.get_instructions(code) if step.opname.endswith(("_GLOBAL", "_NAME"))}
-    return names.union(*(_globals_of(inner) for inner in code.co_consts if isinstance(inner, CodeType)))
 
 
 def _of_code(code: CodeType) -> Iterator[bytes]:

@@ -325,7 +325,12 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
         self._ended = ~going
         truncated = self._ended & ~waiting & ~terminated
-        rewards = np.array(self._reward(self._transition(actions, terminated)), dtype=float)
+        by_name, known = interface.unpack, dict[str, FloatArray]()
+        if self._reference is not None:
+            known = by_name(VARIABLES, self._reference_now()[: AT[NAMES[-1]].stop].T)
+        state, time = by_name(VARIABLES, self._plant.signals()), np.asarray(self._row * self._timing.plant_step)
+        after = Transition(time, state, known, actions, self._inputs[:, :N_LEGS], terminated)
+        rewards = np.array(self._reward(after), dtype=float)
         if rewards.shape != (n,):
             raise ArgumentError(f"rewards have shape {rewards.shape}; expected one for each member, ({n},)")
         rewards[waiting] = 0.0
@@ -361,12 +366,6 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if ended.any():
             going &= ~ended
             self._plant.freeze(ended)
-
-    def _transition(self, actions: FloatArray, terminated: BoolArray) -> Transition:
-        by_name = interface.unpack
-        known = {} if self._reference is None else by_name(VARIABLES, self._reference_now()[: AT[NAMES[-1]].stop].T)
-        state, time = by_name(VARIABLES, self._plant.signals()), self._row * self._timing.plant_step
-        return Transition(np.asarray(time), state, known, actions, self._inputs[:, :N_LEGS], terminated)
 
     def _reference_now(self) -> Any:
         """The reference at each member's row (30, N)."""

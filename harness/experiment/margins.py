@@ -185,7 +185,7 @@ class LoopMargins(Margins):
         """
         sections = [Section("Margins", _margin_tables(self)), Section("Design", _design_tables(self))]
         if charts:
-            sections.append(Section("Responses", (*_responses(self), _step(self.transfer))))
+            sections.append(Section("Responses", _responses(self)))
         numbers, disk, common = _numbers(self), self.disk, self.common
         by_path = {number.path: number for number in numbers}
         gain, guaranteed = (by_path[path].value for path in ("margins.gain", "margins.disk_gain"))
@@ -704,23 +704,7 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
         text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
         phases.append(Span(least.phase_at, low, high, text, role))
 
-    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
-    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
-    modes = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < shown[-1]]
-    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
-    alone, log = "one leg cut, the others closed", Axis("gain of L", _GAIN, scale="log")
-    return (
-        Chart(f"gain of L, {alone}", frequency, tuple(gain), y=log, marks=(*unity, *modes), spans=tuple(gains),
-              group="bode"),
-        Chart(f"phase of L, {alone}", frequency, tuple(phase), y=Axis("phase of L", ANGLE), group="bode",
-              spans=tuple(phases), marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
-        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
-              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
-    )  # fmt: skip
-
-
-def _step(L: StateSpace) -> Chart:
-    """The share that is compensated of a step of force on each leg, until the slowest mode has decayed to e⁻⁶."""
+    # the share that is compensated of a step of force on each leg, until the slowest mode has decayed to e⁻⁶
     closed = closed_loop(L)
     end = 6 / min((-mode.eigenvalue.real for mode in modes(closed)), default=6.0)
     time = float(closed.dt) * np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST), dtype=float)
@@ -732,9 +716,9 @@ def _step(L: StateSpace) -> Chart:
         states = closed.A @ states + closed.B
     # slow modes may hardly show: end soon after the response has settled
     moving = np.nonzero((np.abs(values - values[:, -1:]) > _SETTLED).any(axis=0))[0]
-    shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
-    rows = slice(0, shown, max(1, shown // _STEP_POINTS))
-    return Chart(
+    n_shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
+    rows = slice(0, n_shown, max(1, n_shown // _STEP_POINTS))
+    step = Chart(
         "a step of force on one leg: the share that the controller compensates",
         time_axis(time[rows]),
         tuple(Series(f"leg {k}", SHARE, answer[rows], leg=k) for k, answer in enumerate(values, 1)),
@@ -742,3 +726,18 @@ def _step(L: StateSpace) -> Chart:
         marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
         group="step",
     )
+
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
+    at_modes = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < shown[-1]]
+    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
+    alone, log = "one leg cut, the others closed", Axis("gain of L", _GAIN, scale="log")
+    return (
+        Chart(f"gain of L, {alone}", frequency, tuple(gain), y=log, marks=(*unity, *at_modes), spans=tuple(gains),
+              group="bode"),
+        Chart(f"phase of L, {alone}", frequency, tuple(phase), y=Axis("phase of L", ANGLE), group="bode",
+              spans=tuple(phases), marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
+        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
+              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
+        step,
+    )  # fmt: skip

@@ -20,7 +20,7 @@ from gough_stewart.harness.experiment.preparation import Batch, Preparation, Pre
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
-from gough_stewart.harness.sampling.design import SamplingDesign, correlated, correlation_of, in_turn, reordered
+from gough_stewart.harness.sampling.design import SamplingDesign, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.variation import Spread, VariedValue, normal
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.units import PLAIN
@@ -194,9 +194,12 @@ class Members:
         # a Latin hypercube is correlated as a whole, so that each layer keeps its member
         is_hypercube = self.choice.sampling == "latin_hypercube"
         u = self._hypercube[first:last] if is_hypercube else self.design.points(first, last)
-        if self.combinations > 1:
-            levels = [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))]
-            u = in_turn(u, levels, first)
+        if self.combinations > 1:  # grids go through all combinations of their levels, the last one fastest
+            u, index = u.copy(), np.arange(first, first + len(u))
+            for k in reversed(range(len(self.inputs))):
+                if n := self.inputs[k].spread.levels:
+                    u[:, self._ends[k]] = (index % n + 0.5) / n
+                    index = index // n
         for at, R in [] if is_hypercube else self._correlations:
             u[:, at] = correlated(u[:, at], R)
         columns, values = dict[str, Any](), [dict[tuple[str, ...], Any]() for _ in u]

@@ -5,8 +5,8 @@ What members have in common, such as a planned motion, is made once for the same
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
@@ -35,7 +35,6 @@ from gough_stewart.harness.loop.loop import (
     LoopSettings,
     Sensors,
     changes_of_members,
-    stroke_of,
 )
 from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
@@ -46,6 +45,7 @@ from gough_stewart.harness.plants.members import PerMember, of_legs, stacked
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
+from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import CHOOSING, SMOOTH, Variant, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform, Platforms, load_platform, load_preset, platforms_with
@@ -68,33 +68,29 @@ _TIME = 0.1
 _PLAIN = frozenset((str, int, float, bool, type(None)))
 
 
-class Planned(NamedTuple):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Planned:
     """What is planned from a reference, if there is one."""
 
     reference: Reference | None = None  # the motion at any time
     motion: Motion | None = None  # at every row
     legs: LegMotion | None = None  # leg lengths and velocities at every row
     signals: FloatArray | None = None  # and accelerations, at every row (n, 30)
-    jacobians: FloatArray = np.zeros((0, 6, 6))  # of the legs at every sample (m, 6, 6)
-    warnings: tuple[str, ...] = ()  # limits exceeded with permission
+    jacobians: FloatArray = field(default_factory=lambda: np.zeros((0, 6, 6)))  # of the legs at every sample (m, 6, 6)
+    # limits exceeded with permission; of an experiment that is prepared alone also hints at it
+    warnings: tuple[str, ...] = ()
 
 
 _UNPLANNED = Planned()
 
 
-@dataclass(frozen=True, eq=False)
-class Setup:
-    """What members share that differ only in their machine and in their sensors; with the parts of `Planned`."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setup(Planned):
+    """What members share that differ only in their machine and in their sensors."""
 
     timing: Timing  # with their jitter
     platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
     start: State
-    reference: Reference | None
-    motion: Motion | None
-    legs: LegMotion | None
-    signals: FloatArray | None
-    jacobians: FloatArray
-    warnings: tuple[str, ...]  # of one that is prepared alone also hints at its experiment
     controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
     known: KnownAhead  # what the loop tells a controller in Python, with the feedforward
     injection: FloatArray | None  # at every sample (m, 6) [N]
@@ -103,7 +99,7 @@ class Setup:
     turned: tuple[Change, ...]  # of the loop's settings
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Prepared(Setup):
     """An experiment that is ready to run."""
 
@@ -174,7 +170,9 @@ class Batch:
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
-        return Prepared(**vars(self.setups[k]), machine=self.machines[k], loop=self.take([k]).loop)
+        return Prepared(
+            **vars(self.setups[k]), machine=self.machines[k], loop=(self if len(self) == 1 else self.take([k])).loop
+        )
 
     @property
     def timing(self) -> Timing:
@@ -407,8 +405,27 @@ class Preparation:
             machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
             errors |= {candidates[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
         if candidates and any(path[-1] in CHOOSING for member in values for path in member):
-            for at, text in self._other_variants(machines):
-                errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
+            variant = None
+            with suppress(GoughStewartError):
+                variant = Variant.of(platforms_of(experiment)[1])
+            sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
+            for name, of_members, part in (
+                ("leg_friction_model", sticks, "bristles"),
+                ("leg_stiffness", gives, "springs"),
+            ):
+                if variant is None:
+                    break
+                differs = np.flatnonzero(of_members != getattr(variant, part)).tolist()
+                words = [
+                    kind.words.removeprefix("with ")
+                    for kind in (replace(variant, **{part: not getattr(variant, part)}), variant)
+                ]
+                text = (
+                    f"{name}: gives a member {words[0]}, and the experiment's machine has {words[1]}; expected one "
+                    "kind in all members: run the others as an experiment of their own"
+                )
+                for at in differs:
+                    errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
 
         # everything else
         ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
@@ -456,7 +473,7 @@ class Preparation:
             start_force=np.clip(forces, -limit, limit),
         )
         possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
-        return PreparedMembers(numbers[possible], batch.take(possible), errors, where)
+        return PreparedMembers(numbers[possible], batch if len(possible) == n else batch.take(possible), errors, where)
 
     # Stages: each is made once for the same parts.
 
@@ -470,24 +487,6 @@ class Preparation:
             return tables, nominal, nominal
         with part_of(experiment.where, "plant"):
             return tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file))
-
-    def _other_variants(self, machines: Platforms) -> Iterator[tuple[int, str]]:
-        """Members whose machine has other states than the experiment's, and why they cannot run with it."""
-        try:
-            variant = Variant.of(platforms_of(self.experiment)[1])
-        except GoughStewartError:
-            return
-        sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
-        for name, differing, differs in (
-            ("leg_friction_model", replace(variant, bristles=not variant.bristles), sticks != variant.bristles),
-            ("leg_stiffness", replace(variant, springs=not variant.springs), gives != variant.springs),
-        ):
-            text = (
-                f"{name}: gives a member {differing.words.removeprefix('with ')}, and the experiment's machine has "
-                f"{variant.words.removeprefix('with ')}; expected one kind in all members: run the others as an "
-                "experiment of their own"
-            )
-            yield from ((at, text) for at in np.flatnonzero(differs).tolist())
 
     def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0915 - likewise
         """Everything of a member but its machine and its sensors."""
@@ -574,16 +573,17 @@ class Preparation:
         if bound is None and planned.reference is not None and is_closed:
             bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
         force_limit, rate_limit = limited.actuator_force_max, drives.rate_limit
+        low, high = platform.leg_length_min, platform.leg_length_max
         return Setup(
             timing=timing,
             platform=platform,
             start=start._replace(**stated),
-            **planned._asdict(),
+            **vars(planned),
             controller=controller,
             injection=injected,
             actuators=Actuators(force_limit, rate_limit, drives.lag, loop.delay),
             limits=Limits(
-                stroke_of(platform.leg_length_min, platform.leg_length_max),
+                (0.0 if low is None else low, np.inf if high is None else high),
                 self.experiment.limits.stroke,
                 math.inf if bound is None else bound,
             ),
@@ -620,7 +620,14 @@ class Preparation:
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
             jacobians = jacobians_of(limited, Motion(*(part[at] for part in motion)))
-            return Planned(reference, motion, legs, signals, jacobians, tuple(exceeded))
+            return Planned(
+                reference=reference,
+                motion=motion,
+                legs=legs,
+                signals=signals,
+                jacobians=jacobians,
+                warnings=tuple(exceeded),
+            )
 
     def _feedforward(self, kind: Feedforward, delay: int, platform: Platform, planned: Planned) -> FloatArray:
         """Forces at every sample (m, 6) [N]."""
@@ -725,7 +732,9 @@ def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> P
     """The platform that the designer believes in."""
     with part_of(experiment.where, "platform"):
         file = choice.file
-        platform = load_preset(choice.preset_name) if file is None else load_platform(experiment.folder / file)
+        platform = (
+            load_preset(choice.preset or PAPER_PRESET) if file is None else load_platform(experiment.folder / file)
+        )
         circles = {key: value for key in CIRCLE_KEYS if (value := getattr(choice, key)) is not None}
         parameters = joints_of_keys(circles) | choice.parameters
         return platform.with_parameters(parameters) if parameters else platform

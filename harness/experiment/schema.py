@@ -38,7 +38,6 @@ from gough_stewart.harness.quantities import (
 from gough_stewart.harness.report.requirements import required
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, TableSection
-from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform_joints import Pairing
@@ -79,11 +78,6 @@ class PlatformChoice(TableSection):
         if self.preset is not None and self.file is not None:
             raise ValueError("expected preset or file, not both")
         return self
-
-    @property
-    def preset_name(self) -> str:
-        """The name of the preset, by default the paper's platform."""
-        return self.preset or PAPER_PRESET
 
 
 class PlantChoice(TableSection):

@@ -247,7 +247,7 @@ def machine_block(
     plant.set_inputs(changes["inputs"][:1])
     room = () if turned is None else (Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED),)
     host = CompiledHost(plant, form, replace(loop, changes=(*room, *loop.changes)), reading)
-    host.fail(changes["faults"][:1])
+    host.follow(changes["faults"][:1], np.zeros((1, 0)))
     if failures := plant.begin():
         raise MembersError(failures)
     endless = forever and (planned is not None or loop.reference is None)

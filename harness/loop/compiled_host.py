@@ -248,18 +248,18 @@ class CompiledHost:
         row, element, _ = (stride // values.itemsize for stride in values.strides)
         return _Table(self._address(values), row, element, int(values.shape[-1] > 1))
 
-    def fail(self, faults: FloatArray) -> None:
-        """What has failed from now on, by flags (N, N_FAULTS); (N, 0) change nothing."""
-        if self._loop.has_faults and faults.size:
-            n = len(faults)
-            self._memory["cut"][:, :n], self._memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
+    def follow(self, faults: FloatArray, manual: FloatArray) -> None:
+        """What has failed from now on, by flags (N, N_FAULTS), and which controllers are off from the next sample on.
 
-    def switch(self, manual: FloatArray) -> None:
-        """Which controllers are off from the next sample on, and their forces (N, 12), see `ChangeChoice.manual`."""
-        if self._loop.has_switch:
-            n, force = len(manual), manual[:, N_LEGS:].T
-            self._memory["off"][:, :n] = manual[:, :N_LEGS].T
-            self._memory["manual_force"][:, :n] = np.where(np.isnan(force), self._memory["command"][:, :n], force)
+        Of the latter also the forces (N, 12), see `ChangeChoice.manual`; (N, 0) change nothing.
+        """
+        n, memory = len(faults), self._memory
+        if self._loop.has_faults and faults.size:
+            memory["cut"][:, :n], memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
+        if self._loop.has_switch and manual.size:
+            force = manual[:, N_LEGS:].T
+            memory["off"][:, :n] = manual[:, :N_LEGS].T
+            memory["manual_force"][:, :n] = np.where(np.isnan(force), memory["command"][:, :n], force)
 
     def _tables_of(self, sensors: Sensors, actuators: Actuators) -> dict[str, FloatArray]:
         """Coefficients of what measures and what acts, (size, N)."""
@@ -324,8 +324,7 @@ class CompiledHost:
             c.sample_measured, c.sample_command = _out(rows.measured), _out(rows.command)
             c.sample_state, c.sample_limited = _out(rows.state), _out(rows.limited)
         plant.set_inputs(changes.inputs)
-        self.fail(changes.faults)
-        self.switch(changes.manual)
+        self.follow(changes.faults, changes.manual)
         plant.freeze(~monitor.going)
         not_started = plant.begin()
         for member in not_started:  # they end at the first row
@@ -346,8 +345,7 @@ class CompiledHost:
                 if row in changes.by_row and row:
                     changes.apply(row)
                     plant.set_inputs(changes.inputs)
-                    self.fail(changes.faults)
-                    self.switch(changes.manual)
+                    self.follow(changes.faults, changes.manual)
                     for change in changes.by_row[row]:
                         if change.settings is not None:
                             self.turn(change.settings)
@@ -380,37 +378,34 @@ class CompiledHost:
                         rows.count += done - row
                     else:
                         sink.rows = done
-                    self._end_members(monitor, done, not_started)
+                    # members that ended in these rows
+                    memory = self._memory
+                    for k in np.flatnonzero(batch.failure[: len(monitor.going)]).tolist():
+                        ended, failure = int(memory["ended"][k]), int(batch.failure[k])
+                        if not 0 <= ended < done:
+                            continue
+                        status: Status = "stopped" if failure == Failure.STROKE else "diverged"
+                        now = memory["signals"][:, k]
+                        if failure == Failure.STROKE:
+                            cause = monitor.beyond_stroke(k, now)
+                        elif failure == Failure.AWAY:
+                            cause = monitor.too_far(k, ended, now)
+                        elif failure == Failure.COMMAND:
+                            sample = ended // self._loop.timing.steps_a_sample
+                            cause = self._loop.failure_of_forces(sample, memory["command"][:, k])
+                        elif failure == Failure.NOT_STARTED:
+                            cause = str(not_started[k])
+                        else:
+                            batch.inputs[:N_LEGS, k] = memory["acting"][:, k]
+                            cause = str(plant.failure(k, float(self._loop.timing.times[ended])))
+                        monitor.end_one(k, ended + 1, status, cause)
+                        batch.failure[k] = Failure.GOES_ON
                 row = to
                 if rows.count == rows.most:
                     monitor.pass_on()
                 if progress is not None:
                     progress(float(times[to - 1]))
         plant.came_to(float(times[monitor.n_rows - 1]), self._memory["signals"])
-
-    def _end_members(self, monitor: RowMonitor, done: int, not_started: dict[int, Any]) -> None:
-        """Give the monitor the members that ended in rows before `done`."""
-        batch, plant, memory = self._plant.batch, self._plant, self._memory
-        for k in np.flatnonzero(batch.failure[: len(monitor.going)]).tolist():
-            row, failure = int(memory["ended"][k]), int(batch.failure[k])
-            if not 0 <= row < done:
-                continue
-            status: Status = "stopped" if failure == Failure.STROKE else "diverged"
-            now = memory["signals"][:, k]
-            if failure == Failure.STROKE:
-                cause = monitor.beyond_stroke(k, now)
-            elif failure == Failure.AWAY:
-                cause = monitor.too_far(k, row, now)
-            elif failure == Failure.COMMAND:
-                sample = row // self._loop.timing.steps_a_sample
-                cause = self._loop.failure_of_forces(sample, memory["command"][:, k])
-            elif failure == Failure.NOT_STARTED:
-                cause = str(not_started[k])
-            else:
-                batch.inputs[:N_LEGS, k] = memory["acting"][:, k]
-                cause = str(plant.failure(k, float(self._loop.timing.times[row])))
-            monitor.end_one(k, row + 1, status, cause)
-            batch.failure[k] = Failure.GOES_ON
 
 
 def _out(values: NDArray[Any]) -> _Out:

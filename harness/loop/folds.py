@@ -15,7 +15,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,88 +103,42 @@ class TermRow:
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
 
-    def bound(self, bound: str | float) -> Any:
-        """A number, or that of a parameter."""
-        return self.parameters[bound] if isinstance(bound, str) else bound
+
+Kind = Literal["sum", "sum but last", "largest", "smallest", "last", "first", "after last"]
+# First values of what reductions keep of a term over the rows, by the name of the part, added to the reduction's.
+STARTS: Mapping[Kind, Mapping[str, float]] = {
+    "sum": {"": 0.0},
+    "sum but last": {"": 0.0, ".last": 0.0},  # over the rows but the last, and the last
+    "largest": {"": -np.inf},
+    "smallest": {"": np.inf},
+    "last": {"": 0.0},
+    "first": {"": np.inf},  # the first row at which the term has a relation to a bound, infinite if none has
+    "after last": {"": 0.0},  # the row after the last at which it has, 0 if none has
+}
 
 
+@dataclass(frozen=True)
 class Reduction:
-    """What is kept of a term over the rows: one array of its size, or several."""
+    """What is kept of a term over the rows, and of some kinds how it relates to a number or a parameter."""
 
-    # first values by the part's name, which is added to that of the reduction
-    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
-
-    def __init__(self, term: str) -> None:
-        self.term = term
+    kind: Kind
+    term: str
+    relation: Comparison | None = None
+    bound: str | float = 0.0
 
     def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
         """The state after a row in which the term has these values (size, N), from that before."""
-        raise NotImplementedError
-
-
-class Sum(Reduction):
-    """The sum over the rows."""
-
-    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
-        return (state[0] + values,)
-
-
-class SumButLast(Reduction):
-    """The sum over the rows but the last, and, as `.last`, the last."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": 0.0, ".last": 0.0}
-
-    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
-        return state[0] + state[1], values
-
-
-class Largest(Reduction):
-    """The largest over the rows."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": -np.inf}
-
-    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
-        return (maximum(state[0], values),)
-
-
-class Smallest(Reduction):
-    """The smallest over the rows."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": np.inf}
-
-    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
-        return (minimum(state[0], values),)
-
-
-class Last(Reduction):
-    """The term of the last row."""
-
-    def next(self, _state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
-        return (values,)
-
-
-class First(Reduction):
-    """The first row at which the term has a relation to a number or a parameter, infinite if none has."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": np.inf}
-
-    def __init__(self, term: str, relation: Comparison, bound: str | float) -> None:
-        super().__init__(term)
-        self.relation, self.bound = relation, bound
-
-    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
-        holds = self.relation(values, row.bound(self.bound))
-        return (where(holds, minimum(state[0], row.index), state[0]),)
-
-
-class AfterLast(First):
-    """The row after the last at which the term has a relation, 0 if none has."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
-
-    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
-        holds = self.relation(values, row.bound(self.bound))
-        return (where(holds, row.index + 1.0, state[0]),)
+        so_far = state[0]
+        following = values
+        if self.kind in ("sum", "sum but last"):
+            following = so_far + (values if self.kind == "sum" else state[1])
+        elif self.kind in ("largest", "smallest"):
+            following = (maximum if self.kind == "largest" else minimum)(so_far, values)
+        elif self.relation is not None:
+            bound = row.parameters[self.bound] if isinstance(self.bound, str) else self.bound
+            at = minimum(so_far, row.index) if self.kind == "first" else row.index + 1.0
+            following = where(self.relation(values, bound), at, so_far)
+        return (following, values) if self.kind == "sum but last" else (following,)
 
 
 class TermFold(Fold):
@@ -210,7 +164,7 @@ class TermFold(Fold):
         return [
             (f"{name}{part}", self.term_sizes[reduction.term], value)
             for name, reduction in self.reductions.items()
-            for part, value in reduction.starts.items()
+            for part, value in STARTS[reduction.kind].items()
         ]
 
     @property
@@ -242,7 +196,7 @@ class TermFold(Fold):
         for term, values in self.terms(row):
             for name, reduction in self.reductions.items():
                 if reduction.term == term:
-                    names = [f"{name}{part}" for part in reduction.starts]
+                    names = [f"{name}{part}" for part in STARTS[reduction.kind]]
                     after = reduction.next(tuple(state[part] for part in names), values, row)
                     following |= dict(zip(names, after, strict=True))
         return following

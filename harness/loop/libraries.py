@@ -196,7 +196,8 @@ def _library(serialized: str) -> ctypes.CDLL | None:
     drawn = np.random.default_rng(_SEED)
     memory = np.repeat(_SCALES, WIDTH // len(_SCALES)) * drawn.standard_normal((function.numel_in(0), WIDTH))
     compiled: FloatArray = np.zeros((function.numel_out(0), WIDTH))
-    call(library, memory, compiled)
+    pointers = (ctypes.c_void_p(array.ctypes.data) for array in (memory, compiled))
+    library.law_step(*pointers, ctypes.c_int64(WIDTH))  # see c/law/law.h
     expected = np.stack([np.asarray(function(memory[:, k])).ravel() for k in range(WIDTH)], axis=1)
     known, gap = np.isfinite(expected), np.inf
     if np.array_equal(known, np.isfinite(compiled)):
@@ -210,9 +211,3 @@ def _library(serialized: str) -> ctypes.CDLL | None:
         )
         return None
     return library
-
-
-def call(library: ctypes.CDLL, memory: FloatArray, following: FloatArray) -> None:
-    """Write (6 + states, 8) of numbers (k, 8), see c/law/law.h."""
-    pointers = (ctypes.c_void_p(array.ctypes.data) for array in (memory, following))
-    library.law_step(*pointers, ctypes.c_int64(WIDTH))

@@ -103,11 +103,6 @@ class Limits:
         return np.asarray((lengths < low) | (lengths > high))
 
 
-def stroke_of(low: PerMember | None, high: PerMember | None) -> tuple[PerMember, PerMember]:
-    """The ends of the stroke [m] from limits of a platform, None where it states none."""
-    return 0.0 if low is None else low, np.inf if high is None else high
-
-
 @dataclass(frozen=True)
 class Loop:
     """Everything in a run except plant and controller.
@@ -151,7 +146,7 @@ class Loop:
         """
         n = self.timing.steps_a_sample
         m = self.steps_a_reading or n
-        return (m - math.gcd(m, n) + self.timing.most_steps_late) * self.timing.plant_step
+        return (m - math.gcd(m, n) + int(np.max(self.timing.steps_late))) * self.timing.plant_step
 
     def failure_of_forces(self, sample: int, command: FloatArray) -> str:
         """Who made a command (6,) [N] no number, or too large: the injection of a function, or the controller."""

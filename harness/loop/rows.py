@@ -7,7 +7,6 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import Law
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, members_last
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import members, signals
@@ -91,7 +90,10 @@ class Observer(Protocol):
 
 
 class AllRows(RowBlock, Observer):
-    """Keeps all rows of a run as one block, with all results and inputs, and its samples, arrays (m, size, N)."""
+    """Keeps all rows of a run as one block, with all results and inputs, and its samples, arrays (m, size, N).
+
+    `state` gets room for the states of controllers when these are known.
+    """
 
     used: tuple[str, ...] = ()  # the signals that controllers use
 
@@ -113,10 +115,6 @@ class AllRows(RowBlock, Observer):
         self.command = np.zeros((m, 6, members))  # before limits
         self.limited = np.zeros((m, 6, members), dtype=bool)  # which forces are limited
         return self
-
-    def keep_samples_of(self, law: Law) -> None:
-        """Make room for the states of controllers."""
-        self.used, self.state = law.used, np.zeros((len(self.measured), *law.state.T.shape))
 
     def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""

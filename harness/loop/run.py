@@ -68,7 +68,8 @@ def observe(
             if law_from is not None and reference is not None:
                 law = law_from(reference[0], reading)
                 if isinstance(monitor.rows, AllRows):
-                    monitor.rows.keep_samples_of(law)
+                    monitor.rows.used = law.used
+                    monitor.rows.state = np.zeros((len(monitor.rows.measured), *law.state.T.shape))
 
             # in machine code if they and the plant can, else in Python
             lanes = several if isinstance(several, BatchPlant) and several.loop_run is not None else None

@@ -63,7 +63,7 @@ class Timing:
                     f"plant_step {short:g} s does not divide {name} {long:g} s ({long / short:g} times); expected a "
                     f"whole number, for instance a plant_step of {long / max(1, round(long / short)):g} s"
                 )
-        jitter, late = np.ravel(self.jitter), np.ravel(self._steps_late)
+        jitter, late = np.ravel(self.jitter), np.ravel(self.steps_late)
         beyond = (jitter != 0) & ~((late >= 1) & (late < self.steps_a_sample))
         if beyond.any():
             raise ControllerError(
@@ -80,11 +80,6 @@ class Timing:
     def steps_a_sample(self) -> int:
         """Number of plant steps per sample."""
         return round(self.sample_time / self.plant_step)
-
-    @property
-    def most_steps_late(self) -> int:
-        """The longest delay of a sample by jitter, of any member: ⌊jitter / plant step⌋ plant steps."""
-        return int(np.max(self._steps_late))
 
     @property
     def times(self) -> FloatArray:
@@ -108,14 +103,14 @@ class Timing:
                 if isinstance(seed, SeedSequence):
                     words = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))
                 shares.append(np.random.default_rng(words).uniform(size=len(rows)))
-            late = np.floor(np.stack(shares, axis=-1) * (self._steps_late + 1)).astype(np.intp)
+            late = np.floor(np.stack(shares, axis=-1) * (self.steps_late + 1)).astype(np.intp)
             late[0] = 0  # the first sample is at the start
             differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
             rows = rows[:, None] + late if differ else rows + late[:, 0]
         return np.minimum(rows, self.steps - 1)
 
     @property
-    def _steps_late(self) -> FloatArray:
+    def steps_late(self) -> FloatArray:
         """Whole plant steps in the jitter, () or (N,); rounded, since 0.3e-3 / 0.1e-3 is below 3."""
         return np.asarray(np.floor(np.asarray(self.jitter) / self.plant_step + _ROUNDING))
 

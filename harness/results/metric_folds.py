@@ -17,20 +17,14 @@ from gough_stewart.harness.loop.folding import FoldKernels
 from gough_stewart.harness.loop.folds import (
     FORCES,
     MOTORS,
-    AfterLast,
-    First,
     Fold,
-    Largest,
-    Last,
+    Kind,
     Reduction,
-    Smallest,
     State,
-    Sum,
-    SumButLast,
     TermFold,
     TermRow,
 )
-from gough_stewart.harness.loop.loop import Loop, stroke_of
+from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.plants.members import of_legs
 from gough_stewart.harness.report.quantities import (
     ANGLE,
@@ -51,6 +45,7 @@ from gough_stewart.model.vectors import Array, FloatArray
 STROKE_EXCEEDED = "flag.stroke_exceeded"
 # Terms of flags, with their sizes.
 _COUNTED = {"legs": 6, "any": 1}
+_OF_SQUARES: tuple[Kind, ...] = ("largest", "sum")
 # Axes of the pose: name, signal, and place in it.
 AXES = (
     *((name, "position", place) for place, name in enumerate(("x", "y", "z"))),
@@ -108,10 +103,10 @@ class Tracking(TermFold):
         self.kernel, self.sizes = "tracking_norm" if has_norm else "tracking", {"error": size}
         self.term_sizes = {"square": size, **({"norm": 1, "end": 1} if has_norm else {})}
         squares = [term for term in self.term_sizes if term != "end"]
-        self.reductions = {f"{kind.__name__} {term}": kind(term) for term in squares for kind in (Largest, Sum)}
+        self.reductions = {f"{kind} {term}": Reduction(kind, term) for term in squares for kind in _OF_SQUARES}
         self.parameters: Mapping[str, Any] = {}
         if has_norm:
-            self.reductions["final"] = Largest("end")
+            self.reductions["final"] = Reduction("largest", "end")
             self.parameters = {"end": 0.0 if rows is None else float(rows - _rest_rows(rows))}
         path, element = f"tracking.{name}", "axis" if has_norm else "leg"
         of_one = " of an axis" if has_norm else ""
@@ -140,9 +135,9 @@ class Tracking(TermFold):
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """RMS = √(∑ e²/n), and the largest |e|; of the norm also at the end, which a run that ended early has not."""
-        values = [np.sqrt(state["Sum square"] / rows), np.sqrt(state["Largest square"])]
+        values = [np.sqrt(state["sum square"] / rows), np.sqrt(state["largest square"])]
         if self._has_norm:
-            total, peak, final = (state[name][0] for name in ("Sum norm", "Largest norm", "final"))
+            total, peak, final = (state[name][0] for name in ("sum norm", "largest norm", "final"))
             values += [np.sqrt(total / rows), np.sqrt(peak), np.where(rows == self._rows, np.sqrt(final), np.nan)]
         return _named(self.metrics, values, rows > 0)
 
@@ -173,12 +168,15 @@ class DriveLoads(TermFold):
         ("velocity", "force", "power", "power at the end", "work", "size of work"), 6
     )
     reductions: Mapping[str, Reduction] = {
-        **{f"peak {term}": Largest(term) for term in ("velocity", "force", "power", "power at the end")},
-        **{f"beyond {term}": First(term, greater, f"{term} limit") for term in ("velocity", "force", "power")},
-        "beyond power at the end": First("power at the end", greater, "power limit"),
-        "total": SumButLast("force"),
-        "net": Sum("work"),
-        "absolute": Sum("size of work"),
+        **{f"peak {term}": Reduction("largest", term) for term in ("velocity", "force", "power", "power at the end")},
+        **{
+            f"beyond {term}": Reduction("first", term, greater, f"{term} limit")
+            for term in ("velocity", "force", "power")
+        },
+        "beyond power at the end": Reduction("first", "power at the end", greater, "power limit"),
+        "total": Reduction("sum but last", "force"),
+        "net": Reduction("sum", "work"),
+        "absolute": Reduction("sum", "size of work"),
     }
 
     def __init__(self, time: FloatArray, limits: Mapping[str, Any]) -> None:
@@ -239,7 +237,7 @@ class Saturation(TermFold):
     """The share of time for which a limit of the actuators acts, by leg and for any leg."""
 
     kernel, sizes, term_sizes = "saturation", {"flag": 6}, _COUNTED
-    reductions: Mapping[str, Reduction] = {term: SumButLast(term) for term in _COUNTED}
+    reductions: Mapping[str, Reduction] = {term: Reduction("sum but last", term) for term in _COUNTED}
     parameters: Mapping[str, Any] = {}
 
     def __init__(self, name: str) -> None:
@@ -283,9 +281,9 @@ class StrokeUse(TermFold):
         self.needs = ("leg_length", *((STROKE_EXCEEDED,) if has_flags else ()))
         self.sizes = {"length": 6, **({"flag": 6} if has_flags else {})}
         self.term_sizes = {"length": 6, **_COUNTED}
-        self.reductions = {"shortest": Smallest("length"), "longest": Largest("length")}
-        self.reductions |= {term: Sum(term) for term in _COUNTED}
-        low, high = map(of_legs, stroke_of(self._low, self._high))
+        self.reductions = {"shortest": Reduction("smallest", "length"), "longest": Reduction("largest", "length")}
+        self.reductions |= {term: Reduction("sum", term) for term in _COUNTED}
+        low, high = (of_legs(none if end is None else end) for end, none in ((self._low, 0.0), (self._high, np.inf)))
         self.parameters = {} if has_flags else {"least": low, "most": high}
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
@@ -349,11 +347,11 @@ class StepResponse(TermFold):
     kernel, sizes = "step_response", {"pose": 1}
     term_sizes: Mapping[str, int] = {"pose": 1, "response": 1, "distance": 1}
     reductions: Mapping[str, Reduction] = {
-        "pose": Last("pose"),
-        "highest": Largest("response"),
-        "low": First("response", reached, LOW),
-        "high": First("response", reached, HIGH),
-        "settled": AfterLast("distance", reached, BAND),
+        "pose": Reduction("last", "pose"),
+        "highest": Reduction("largest", "response"),
+        "low": Reduction("first", "response", reached, LOW),
+        "high": Reduction("first", "response", reached, HIGH),
+        "settled": Reduction("after last", "distance", reached, BAND),
     }
 
     def __init__(self, axis: int, time: FloatArray, reference: FloatArray, step: ReferenceStep) -> None:

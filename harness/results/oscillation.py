@@ -115,8 +115,16 @@ class SelfExcitation:
             if before.shape[1] >= 2 and np.ptp(before, axis=1).max() <= 1e-9:
                 self._step = float(np.abs(reference[:, begin] - before[:, -1]).max())
         else:
+            # what a moving reference explains of the errors: a line, its length, velocity and acceleration; of what is
+            # without accelerations nothing. Its motion has no part in bins of the spectrum from the lowest one on.
             self._window = n // 3
-            self._bases, self._lowest = _explained(reference[:, self._window :], time[self._window :])
+            legs, rows = reference[:, self._window :], time[self._window :]
+            velocity = np.gradient(legs, rows, axis=1)
+            acceleration = np.gradient(velocity, rows, axis=1)
+            power = np.cumsum(_spectrum(_without(acceleration, _basis(len(rows)))))
+            if power[-1] > 0:
+                self._bases = tuple(_basis(len(rows), leg) for leg in zip(legs, velocity, acceleration, strict=True))
+                self._lowest = math.ceil(_ABOVE * max(int(np.searchsorted(power, _POWER * power[-1])), 1))
 
     def __call__(
         self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
@@ -226,22 +234,6 @@ def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
             changes = np.flatnonzero((np.abs(np.diff(values, axis=0)) > 1e-9 * scale).any(axis=1))
         begin = max(begin, int(changes[-1]) + 1 if changes.size else 0)
     return begin
-
-
-def _explained(legs: FloatArray, time: FloatArray) -> tuple[tuple[FloatArray, ...], int]:
-    """What a moving reference of the legs (6, n) explains of their errors; nothing without accelerations.
-
-    Orthonormal columns for each leg, which span a line, length, velocity and acceleration; and the first bin of the
-    spectrum in which the motion has no part.
-    """
-    velocity = np.gradient(legs, time, axis=1)
-    acceleration = np.gradient(velocity, time, axis=1)
-    power = np.cumsum(_spectrum(_without(acceleration, _basis(len(time)))))
-    if power[-1] <= 0:
-        return (), 0
-    highest = int(np.searchsorted(power, _POWER * power[-1]))
-    bases = tuple(_basis(len(time), signals) for signals in zip(legs, velocity, acceleration, strict=True))
-    return bases, math.ceil(_ABOVE * max(highest, 1))
 
 
 def _line(

@@ -113,7 +113,11 @@ def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
         record, platform = run.record, run.machine
         rows = frame_rows(record.table.height, most)
         few = RecordData(record.table[rows], record.metadata)
-        lower, upper = leg_parts(record["leg_length"], platform)
+        # drawn parts of a leg overlap at all lengths that occur or are allowed; no parameter sets their shape
+        low = min(float(record["leg_length"].min()), float(of_legs(platform, "leg_length_min", math.inf).min()))
+        high = max(float(record["leg_length"].max()), float(of_legs(platform, "leg_length_max", 0.0).max()))
+        lower = min(_SHORTEST * low, (0.5 + _OVERLAP / 2) * high)
+        upper = min(_SHORTEST * low, high - lower + _OVERLAP * high)
         nearness, flags = nearness_to_limits(few, platform), list[Flag]()
         for flag in FLAGS:
             if f"flag.{flag}" in record:
@@ -149,18 +153,6 @@ def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
     """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
     stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
     return np.unique(np.append(np.arange(0, rows, stride), rows - 1))
-
-
-def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
-    """Drawn lengths of the lower and upper part [m], which overlap at all leg lengths that occur or are allowed.
-
-    No parameter sets the shape of the parts, only their centres of mass.
-    """
-    low = min(float(length.min()), float(of_legs(platform, "leg_length_min", math.inf).min()))
-    high = max(float(length.max()), float(of_legs(platform, "leg_length_max", 0.0).max()))
-    longest = _SHORTEST * low
-    lower = min(longest, (0.5 + _OVERLAP / 2) * high)
-    return lower, min(longest, high - lower + _OVERLAP * high)
 
 
 def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
@@ -289,16 +281,6 @@ def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
     return sorted(spans, key=lambda span: span.begin)
 
 
-def _fault_marks(run: DrawnRun) -> list[Mark]:
-    """Where faults begin and end, in the part of the run that is drawn."""
-    last, marks = float(run.record["time"][-1]), list[Mark]()
-    for fault in faults_of(run.record.metadata):
-        marks += [Mark(fault.begin, f"{fault.text} from", "vertical", "bad")] if fault.begin <= last else []
-        if fault.end is not None and fault.end <= last:
-            marks.append(Mark(fault.end, f"{fault.text} until", "vertical", "neutral"))
-    return marks
-
-
 def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
     """Limits of signals that are the same in all runs, in SI units."""
 
@@ -318,18 +300,6 @@ def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
     }
 
 
-def _limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
-    """When a limit of the drives acts on any leg, or a leg exceeds what the machine allows."""
-    is_beyond = {name: share > 1 for name, share in shares_of_limits(record, machine.as_dict()).items()}
-    is_beyond |= {name: record[f"flag.{name}"].astype(bool) for name in FLAGS if f"flag.{name}" in record}
-    strips = (
-        strip_of(text, record["time"], is_beyond[name].any(axis=1), role)
-        for name, (text, role) in _REACHED.items()
-        if name in is_beyond
-    )
-    return tuple(strip for strip in strips if strip is not None)
-
-
 # --- charts ----------------------------------------------------------------------------------------------------------
 
 
@@ -338,8 +308,27 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     several, times, limits = len(runs) > 1, [run.record["time"] for run in runs], _limits(runs)
     signals = _signals(runs)
     references = {signal.reference for signal in signals.values()}
-    strips = () if several else _limits_reached(runs[0].record, runs[0].machine)
-    faults = [mark for mark in _fault_marks(runs[0]) if all(mark in _fault_marks(run) for run in runs[1:])]
+    strips: tuple[Strip, ...] = ()
+    if not several:  # when a limit of the drives acts on any leg, or a leg exceeds what the machine allows
+        record = runs[0].record
+        is_beyond = {name: share > 1 for name, share in shares_of_limits(record, runs[0].machine.as_dict()).items()}
+        is_beyond |= {name: record[f"flag.{name}"].astype(bool) for name in FLAGS if f"flag.{name}" in record}
+        reached = (
+            strip_of(text, times[0], is_beyond[name].any(axis=1), role_of_strip)
+            for name, (text, role_of_strip) in _REACHED.items()
+            if name in is_beyond
+        )
+        strips = tuple(strip for strip in reached if strip is not None)
+    # where faults that all runs have begin and end, in the part that is drawn
+    marks_of_runs = list[list[Mark]]()
+    for run, time in zip(runs, times, strict=True):
+        marks = list[Mark]()
+        for fault in faults_of(run.record.metadata):
+            marks += [Mark(fault.begin, f"{fault.text} from", "vertical", "bad")] if fault.begin <= time[-1] else []
+            if fault.end is not None and fault.end <= time[-1]:
+                marks.append(Mark(fault.end, f"{fault.text} until", "vertical", "neutral"))
+        marks_of_runs.append(marks)
+    faults = [mark for mark in marks_of_runs[0] if all(mark in marks for marks in marks_of_runs[1:])]
     charts: dict[str, Chart] = {}
     for name, signal in signals.items():
         if name in references:
@@ -348,17 +337,20 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
         role: Role = "error" if signal.group == "errors" else "reference" if signal.group == "reference" else "actual"
         series = []
         for k, run in enumerate(runs):
-            columns, targets = signal.values[k], None if reference is None else reference.values[k]
+            columns, targets = (
+                None if values is None else np.where(np.isfinite(values), values, np.nan)
+                for values in (signal.values[k], None if reference is None else reference.values[k])
+            )
             if columns is None:
                 continue
             for j, component in enumerate(signal.components):
                 options: dict[str, Any] = {"leg": j + 1 if signal.components == LEGS else None, "component": component}
                 options |= {"run": k, "x": times[k]} if several else {}
                 title = f"{run.name}: {component}" if several else component
-                series.append(Series(title, quantity, _finite(columns[:, j]), role, **options))
+                series.append(Series(title, quantity, columns[:, j], role, **options))
                 if targets is not None:
                     title = f"{title}, reference"
-                    series.append(Series(title, quantity, _finite(targets[:, j]), "reference", **options))
+                    series.append(Series(title, quantity, targets[:, j], "reference", **options))
         charts[name] = Chart(
             signal.title,
             time_axis(times[0]),
@@ -373,8 +365,3 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     first = [charts[name] for name in FIRST if name in charts]
     rest = [chart for name, chart in charts.items() if name not in FIRST]
     return Section("Over time", tuple(first)), Section("All other signals", tuple(rest), detail=True)
-
-
-def _finite(values: FloatArray) -> FloatArray:
-    """NaN where they are not finite."""
-    return np.where(np.isfinite(values), values, np.nan)

@@ -4,7 +4,6 @@ Of correlations a Gaussian copula, of covariances a multivariate normal distribu
 """
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
@@ -77,39 +76,33 @@ class SamplingDesign:
         if not self.size:
             return np.zeros((last - first, 0))
         if self.sampling == "random":
-            sizes = zip(self.names, self.sizes, strict=True)
-            points = np.concatenate([_stream(self.seed, name, size, first, last) for name, size in sizes], axis=1)
+            # of each name a counter-based stream, so that each member can start at its own position
+            parts = []
+            for name, size in zip(self.names, self.sizes, strict=True):
+                steps = ceil(size / _PER_STEP)
+                bits = np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(_STREAM, crc32(name.encode()))))
+                bits.advance(first * steps)
+                numbers = np.random.Generator(bits).random((last - first, steps * _PER_STEP))
+                parts.append(numbers[:, :size])
+            points = np.concatenate(parts, axis=1)
         elif self.sampling == "latin_hypercube":
             points = _hypercube(self.size, self.members, self.seed)[first:last]
         elif self.sampling == "sobol":
             points = _sobol(self.size, self.seed, first, last)
-        else:
-            points = self._saltelli(first, last)
+        else:  # Saltelli's: A, A with one group of inputs from B each, B
+            block, d = self.block, self.size
+            base = _sobol(2 * d, self.seed, first // block, ceil(last / block))
+            A, B = base[:, :d], base[:, d:]
+            ends, rows = np.cumsum((0, *self.sizes)), [A]
+            for group in self.groups:
+                mixed = A.copy()
+                for k in group:
+                    mixed[:, ends[k] : ends[k + 1]] = B[:, ends[k] : ends[k + 1]]
+                rows.append(mixed)
+            ordered = np.stack([*rows, B], axis=1).reshape(-1, d)
+            at = first - first // block * block
+            points = ordered[at : at + last - first]
         return np.asarray(np.maximum(points, _SMALLEST))
-
-    def _saltelli(self, first: int, last: int) -> FloatArray:
-        block, d = self.block, self.size
-        base = _sobol(2 * d, self.seed, first // block, ceil(last / block))
-        A, B = base[:, :d], base[:, d:]
-        ends = np.cumsum((0, *self.sizes))
-        rows = [A]
-        for group in self.groups:
-            mixed = A.copy()
-            for k in group:
-                mixed[:, ends[k] : ends[k + 1]] = B[:, ends[k] : ends[k + 1]]
-            rows.append(mixed)
-        rows.append(B)
-        ordered = np.stack(rows, axis=1).reshape(-1, d)
-        at = first - first // block * block
-        return ordered[at : at + last - first]
-
-
-def _stream(seed: int, name: str, size: int, first: int, last: int) -> FloatArray:
-    """The random numbers of a name: a counter-based stream, so each member can start at its own position."""
-    steps = ceil(size / _PER_STEP)
-    bits = np.random.Philox(np.random.SeedSequence(seed, spawn_key=(_STREAM, crc32(name.encode()))))
-    bits.advance(first * steps)
-    return np.random.Generator(bits).random((last - first, steps * _PER_STEP))[:, :size]
 
 
 def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
@@ -132,18 +125,6 @@ def _hypercube(size: int, members: int, seed: int) -> FloatArray:
 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
     return np.asarray(qmc.LatinHypercube(size, rng=rng).random(members))
-
-
-def in_turn(u: FloatArray, levels: Sequence[int | None], first: int) -> FloatArray:
-    """Replace the columns of grids by all combinations of their levels, the last grid fastest: (n, k)."""
-    points = u.copy()
-    index = np.arange(first, first + len(u))
-    for column in reversed([k for k, n in enumerate(levels) if n is not None]):
-        n = levels[column]
-        assert n is not None
-        points[:, column] = (index % n + 0.5) / n
-        index = index // n
-    return points
 
 
 # Relative to the largest eigenvalue; smaller values are rounding errors.

@@ -94,8 +94,20 @@ class Variation(TableSection):
             nominal = _nominal(target)
             about_zero: Spread = value.spread(replace(target, nominal=np.zeros(target.shape)))
             return replace(about_zero, draw=lambda u: nominal + np.asarray(about_zero.draw(u), dtype=float))
-        if kind in ("choice", "grid"):
-            return self._of_values(kind, value, target)
+        if kind in ("choice", "grid"):  # one of n values with equal probability, the one at ⌊n u⌋
+            n, is_number = len(value), target.unit is not None
+            if not value:
+                raise ValueError(f"{kind} has no values; expected at least two")
+            parsed = [_parsed(one, target, target.shape) for one in value] if is_number else value
+            if all(np.array_equal(one, parsed[0]) for one in parsed):
+                raise ValueError(f"{kind} is {value!r}, without a spread; expected at least two values that differ")
+            among = value if all(isinstance(one, int) for one in value) else parsed
+
+            def draw_one(u: FloatArray) -> Any:
+                drawn = [among[min(int(n * share), n - 1)] for share in np.ravel(u).tolist()]
+                return np.asarray(drawn) if is_number else drawn
+
+            return Spread(1, draw_one, n if kind == "grid" else None)
         if target.unit is None:
             raise ValueError(f"{kind} applies to numbers only; expected choice or grid")
         quantile = _quantile(kind, value, target)
@@ -108,23 +120,6 @@ class Variation(TableSection):
             return np.triu(drawn) + np.swapaxes(np.triu(drawn, 1), -1, -2)
 
         return Spread(prod(target.shape), draw)
-
-    @staticmethod
-    def _of_values(kind: str, values: list[Any], target: VariedValue) -> Spread:
-        """One of n values with equal probability, the one at ⌊n u⌋."""
-        n, is_number = len(values), target.unit is not None
-        if not values:
-            raise ValueError(f"{kind} has no values; expected at least two")
-        parsed = [_parsed(value, target, target.shape) for value in values] if is_number else values
-        if all(np.array_equal(value, parsed[0]) for value in parsed):
-            raise ValueError(f"{kind} is {values!r}, without a spread; expected at least two values that differ")
-        among = values if all(isinstance(value, int) for value in values) else parsed
-
-        def draw(u: FloatArray) -> Any:
-            chosen = [among[min(int(n * share), n - 1)] for share in np.ravel(u).tolist()]
-            return np.asarray(chosen) if is_number else chosen
-
-        return Spread(1, draw, n if kind == "grid" else None)
 
 
 def _nominal(target: VariedValue) -> FloatArray:

@@ -49,7 +49,8 @@ def uneven_experiment(folder: Path, rate_limit: float | None = 4000.0, **control
 def run_of(experiment: Experiment) -> Run:
     """Of the loop in Python around the model."""
     prepared = prepare(experiment)
-    return simulate(ModelPlant(prepared.machine, prepared.start), prepared.law, prepared.loop)
+    with prepared.law_in_a_run() as law_from:
+        return simulate(ModelPlant(prepared.machine, prepared.start), law_from, prepared.loop)
 
 
 def forces_of(run: Run) -> np.ndarray:

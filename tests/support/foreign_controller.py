@@ -2,12 +2,12 @@
 
 import inspect
 import re
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
 import fmpy.fmi2
-
-from gough_stewart.fmu_build.toolchain import chosen_targets, compile_library
 
 # How the unit calls what the loop calls leg_length, reference_leg_length and actuator_force.
 NAMES = {"leg_length": "y_{}", "reference_leg_length": "r", "actuator_force": "u"}
@@ -61,7 +61,6 @@ API void fmi2FreeInstance(void* c) { free(c); }
 
 def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Path:
     """The archive; with another unit of lengths, or fewer outputs, a wrong one."""
-    (native,) = chosen_targets(["native"])
     source = _SOURCE
     for word, number in (("FAILS_AT", FAILS_AT), ("REFUSES", REFUSES), ("MOST", MOST)):
         source = source.replace(word, str(number))
@@ -88,8 +87,11 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
 </ModelVariables>
 <ModelStructure><Outputs>{unknowns}</Outputs></ModelStructure>
 </fmiModelDescription>"""
-    library = compile_library("theirs", {"unit.c": source}, {}, native)
+    code, library = target.with_suffix(".c"), f"theirs{fmpy.sharedLibraryExtension}"
+    code.write_text(source)
+    built = target.with_name(library)
+    subprocess.run([sys.executable, "-m", "ziglang", "cc", "-shared", "-O1", "-o", str(built), str(code)], check=True)
     with zipfile.ZipFile(target, "w") as archive:
         archive.writestr("modelDescription.xml", description)
-        archive.writestr(f"binaries/{native.fmi2_folder}/theirs{native.suffix}", library)
+        archive.write(built, f"binaries/{fmpy.platform}/{library}")
     return target

@@ -87,19 +87,3 @@ def test_the_sampled_loop_tends_to_the_continuous_one_linearly() -> None:
     print("sample times", times, "differences", errors, "order", order)
     assert order == pytest.approx(1.0, abs=0.1)
     assert errors[-1] < 2e-5
-
-
-def test_the_decay_of_the_run_is_that_of_an_eigenvalue() -> None:
-    """Expected: late heave of 0.1 mm decays as one of the real eigenvalues of the sampled linear loop says.
-
-    `margins` has them without a run; the nearest other one is 0.4 % away.
-    """
-    controller, experiment = gs.sampled(gs.pid(GAINS), 1e-3), back_home([0, 0, 3.0001], 1e-3, 0.6, 1e-12)
-    modes = gs.margins(experiment, controller=controller).modes
-    record = gs.run(experiment, plant="fmu3", controller=controller)
-    late = record["time"] > 0.35
-    rate = np.polyfit(record["time"][late], np.log(np.abs(record["error.position[3]"][late])), 1)[0]
-    expected = min((mode.eigenvalue for mode in modes), key=lambda eigenvalue: abs(eigenvalue - rate))
-    print("eigenvalue", expected, "decay", rate)
-    assert expected.imag == 0
-    assert rate == pytest.approx(expected.real, rel=1e-5)

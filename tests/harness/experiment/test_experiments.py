@@ -21,12 +21,6 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_the_page_names_every_shipped_experiment() -> None:
-    """Expected: the list of docs/experiment-file.md."""
-    page = (Path(__file__).parents[3] / "docs" / "experiment-file.md").read_text()
-    assert [name for name in gs.experiment_names() if f"`{name}`" not in page] == []
-
-
 # What is set in a good experiment, and the whole message, or its beginning.
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"titel": "y"}, "titel: unknown key (= 'y'); did you mean 'title'?"),

@@ -10,10 +10,9 @@ import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 import gough_stewart as gs
-from gough_stewart.harness.cli.app import app
+from tests.support.commands import invoke
 
 FloatArray = NDArray[np.float64]
 
@@ -105,13 +104,12 @@ def test_a_requirement_on_a_loop_with_slow_readings_is_no_better_than_the_run(
     grows = growth({**settings, "loop.duration": 1.2}, warn=said.append) > 1
     assert grows == (code == 1) == any("is unstable" in text for text in said)
     options = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
-    done = CliRunner().invoke(app, ["margins", "heave_step", *options, "--require", "margins.disk >= 0.5"])
+    done = invoke("margins", "heave_step", *options, "--require", "margins.disk >= 0.5", catch_exceptions=True)
     assert done.exit_code == code
     if code == 4:
         (number,) = (n for n in gs.margins("heave_step", settings).report().numbers if n.path == "margins.disk")
         assert number.doubt == "without up to 19 ms of delay by the sensors' clock and jitter"
-        run = ["run", "heave_step", *options, "--require", "margins.disk >= 0.5"]
-        assert CliRunner().invoke(app, run).exit_code == 4
+        assert invoke("run", "heave_step", *options, "--require", "margins.disk >= 0.5").exit_code == 4
 
 
 def test_a_run_says_how_much_its_unstable_loop_grows() -> None:
@@ -164,7 +162,7 @@ def test_every_command_judges_the_machine(tmp_path: Path, monkeypatch: pytest.Mo
          "tracking.position.norm_rms", "--generations", "1", "--population", "5"],
     )  # fmt: skip
     for command in commands:
-        done = CliRunner().invoke(app, [*command, *lighter, "--out", command[0]])
+        done = invoke(*command, *lighter, "--out", command[0])
         assert done.exit_code == 0, done.output
         found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
         rel = 2e-2 if command[0] == "tune" else 1e-6
@@ -177,9 +175,9 @@ def test_a_requirement_of_a_file_on_a_number_that_was_another_gets_a_line(
     """Expected: one line for each, of the file; none for the command line, or for a number that is what it was."""
     monkeypatch.chdir(tmp_path)
     file = Path("mine.toml")
-    shipped = CliRunner().invoke(app, ["experiments", "heave_step"]).stdout
+    shipped = invoke("experiments", "heave_step").stdout
     file.write_text(shipped + '\n[require]\nmargins.delay = ">= 30 ms"\nmargins.disk = ">= 0.5"\n', encoding="utf-8")
-    done = CliRunner().invoke(app, ["margins", "mine.toml", "--require", "margins.phase >= 30 deg"])
+    done = invoke("margins", "mine.toml", "--require", "margins.phase >= 30 deg")
     assert done.exit_code == 3
     said = " ".join(done.stderr.split())
     assert said.count("margins.delay is the same delay of all legs; that of one leg alone is margins.leg.delay") == 1

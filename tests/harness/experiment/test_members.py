@@ -113,56 +113,6 @@ SHORT: dict[str, Any] = {
     "plant.tolerance": 1e-10,
     "change": [{"at": 0.02, "factors": {"platform_mass": 1.2}}],
 }
-# What `test_whole_members` does not vary, beside what shares its tables.
-VARIED: dict[str, Any] = {
-    "platform_mass": {"factor": {"uniform": [0.8, 1.3]}},
-    "platform": {"platform_com": {"normal": "1 mm"}},
-    "start": {"orientation": {"normal": "0.1 deg"}},
-    "reference": {"amplitude_scale": {"choice": [0.5, 0.7, 1.0]}},
-    "controller": {"bandwidth": {"uniform": ["1 Hz", "3 Hz"]}, "feedforward": {"choice": ["none", "gravity"]}},
-    "loop": {"delay": {"choice": [0, 1, 2]}, "jitter": {"choice": ["0 ms", "0.3 ms", "0.5 ms"]}},
-    "sensors": {"noise": {"leg_length": {"choice": ["0 um", "5 um", "7 um"]}}},
-    "actuators": {"force_limit": {"choice": ["1.9 kN", "18 kN"]}},
-    "limits": {"position_error": {"uniform": ["0.1 m", "0.5 m"]}},
-    "change": {"1": {"at": {"choice": [0.015, 0.02]}, "factors": {"platform_mass": {"uniform": [0.9, 1.2]}}}},
-    "injection": {"amplitude": {"uniform": ["10 N", "60 N"]}},
-}
-CHIRP = {"type": "chirp", "leg": 3, "amplitude": "50 N", "band": ["100 Hz", "400 Hz"], "period": "10 ms"}
-
-
-def test_a_member_is_its_own_experiment_whoever_else_is_there() -> None:
-    """Expected: bit by bit the same among 8 and 40; and without noise and jitter the run of its own experiment.
-
-    In the ensemble itself the same error, to 1e-11 of it.
-    """
-    settings = {**SHORT, "start.orientation": [0, 0, 0.01], "limits.reference": "warn", "injection": CHIRP}
-
-    def experiment(n: int, varied: dict[str, Any]) -> gs.Experiment:
-        ensemble = {"members": n, "seed": 3, "tolerance": 1e-10, "worst": 0, **varied}
-        return gs.load_experiment("heave_tolerances", {**settings, "ensemble": ensemble})
-
-    records = [[gs.run(experiment(n, VARIED), member=k) for k in range(8)] for n in (8, 40)]
-    assert all(few.table.equals(many.table) for few, many in zip(*records, strict=True))
-    assert len({record["error.position"][-1, 2] for record in records[0]}) == 8
-    peaks = gs.ensemble(experiment(8, VARIED), workers=1).values("tracking.position.norm_peak")
-    of_records = [np.linalg.norm(record["error.position"], axis=1).max() for record in records[0]]
-    assert peaks == pytest.approx(of_records, rel=1e-11)
-    quiet = {
-        **VARIED,
-        "loop": {"delay": {"choice": [0, 1, 2]}},
-        "sensors": {"quantisation": VARIED["sensors"]["noise"]},
-    }
-    exact = experiment(8, quiet)
-    together = gs.ensemble(exact, {"sensors.noise": {}}, workers=1).members
-    for k in range(8):
-        member = gs.run(exact, {"sensors.noise": {}}, member=k)
-        own = {**member.metadata["experiment"], "ensemble": None, "require": {}}
-        alone = gs.run(gs.Experiment(**own))
-        for name in ("position", "orientation", "controller.force", "actuator_force", "reference.leg_length"):
-            assert member[name] == pytest.approx(alone[name], rel=1e-9, abs=1e-9), (k, name)
-        assert member.metadata["force_limit"] == alone.metadata["force_limit"]
-        peak = np.linalg.norm(member["error.position"], axis=1).max()
-        assert together["tracking.position.norm_peak"][k] == pytest.approx(peak, rel=1e-11)
 
 
 # What varies, the value that cannot be, and the part that its own experiment names.

@@ -1,6 +1,6 @@
 """Every pair of options of an experiment, against a loop written from the documentation."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations, product
@@ -22,6 +22,7 @@ from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
 
 FloatArray = NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("units_in_process")
 
 
 DURATION, SAMPLE_TIME = 0.15, 0.005
@@ -191,12 +192,7 @@ def _controller(row: dict[str, Any]) -> dict[str, Any]:
     return controller
 
 
-def _recorded(
-    row: dict[str, Any],
-    folder: Path,
-    parameters: dict[str, Any] | None = None,
-    limits: dict[str, Any] | None = None,
-) -> gs.Record:
+def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
     gs.save_platform(UNEVEN, folder / "uneven.toml")
     what = "amplitude" if row["reference"] == "sine" else "change"
     reference = {"type": row["reference"], "time_scale": row["scales"][0], "amplitude_scale": row["scales"][1]}
@@ -208,7 +204,7 @@ def _recorded(
     quantisation = {"leg_length": row["quantisation"]} if row["quantisation"] else {}
     values: dict[str, Any] = {
         "title": "options together",
-        "platform": {"file": "uneven.toml", "parameters": parameters or {}},
+        "platform": {"file": "uneven.toml"},
         "plant": {"tolerance": 1e-11},
         "reference": reference,
         "controller": _unit(row, folder) if row["type"] == "fmu" else _controller(row),
@@ -225,7 +221,7 @@ def _recorded(
             "lag": row["lag"],
             **({"rate_limit": row["rate_limit"]} if np.isfinite(row["rate_limit"]) else {}),
         },
-        "limits": {"reference": "warn", "position_error": 10.0, **(limits or {})},
+        "limits": {"reference": "warn", "position_error": 10.0},
     }
     if row["machine"] != "as believed":
         values["plant"]["parameters"] = _MACHINE
@@ -275,20 +271,18 @@ class _Both:
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Any]) -> Iterator[Callable[[int], _Both]]:
+def both(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], _Both]:
     """The record of a row of options, and what it should be; each is made once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gough_stewart.harness.plants.open.cached_build", lambda version, *_: fmus[version].path)
 
-        @cache
-        def made(number: int) -> _Both:
-            row = ROWS[number]
-            record = _recorded(row, tmp_path_factory.mktemp("options"))
-            # what noise was there is no matter of the loop: see the test of its size
-            readings = record["measured.leg_length"] if row["noise"] else None
-            return _Both(row, record, _expected(row, readings, _samples(record) if row["jitter"] else None))
+    @cache
+    def made(number: int) -> _Both:
+        row = ROWS[number]
+        record = _recorded(row, tmp_path_factory.mktemp("options"))
+        # what noise was there is no matter of the loop: see the test of its size
+        readings = record["measured.leg_length"] if row["noise"] else None
+        return _Both(row, record, _expected(row, readings, _samples(record) if row["jitter"] else None))
 
-        yield made
+    return made
 
 
 @pytest.mark.parametrize(
@@ -426,38 +420,3 @@ def test_the_limits_of_the_rows_are_reached(both: Callable[[int], _Both]) -> Non
         limited = [number for number in ALWAYS if np.isfinite(ROWS[number][name])]
         reached = [bool(both(number).record[flag].any()) for number in limited]
         assert sum(reached) >= 0.7 * len(limited)
-
-
-def test_a_run_ends_at_the_row_at_which_a_limit_is_exceeded(tmp_path: Path) -> None:
-    """Expected: of the documented loop the first row beyond, with its leg and length; flags of each leg before it.
-
-    A shortest length between those of the reference and of the platform, which sags; half of the largest error.
-    """
-    row = {**ROWS[0], "reference": "point_to_point", "machine": "as believed", "host": "model", "noise": 0.0}
-    row |= {"about": "home", "start": False, "disturbance": False, "quantisation": 0.0, "injection": False}
-    row |= {"feedforward": "none"}
-    expected = _expected(row, None)
-    bound = float(expected.wanted_length.min() + expected.leg_length.min()) / 2
-    beyond = expected.leg_length < bound
-    first = int(beyond.any(axis=1).argmax())
-    leg = int(beyond[first].argmax())
-    assert 0 < first < len(beyond) - 1
-    for limits in ("ignore", "warn", "stop"):
-        record = _recorded(row, tmp_path, {"leg_length_min": bound}, {"stroke": limits})
-        outcome = record.metadata["outcome"]
-        rows = len(record["time"])
-        assert (record["flag.stroke_exceeded"] == beyond[:rows]).all()
-        if limits == "stop":
-            assert (outcome["status"], rows) == ("stopped", first + 1)
-            assert outcome["time"] == pytest.approx(record["time"][-1])
-            high = UNEVEN.leg_length_max
-            length = expected.leg_length[first, leg]
-            assert outcome["cause"] == f"leg {leg + 1} is {length:.6g} m long; its stroke is {bound:g} to {high:g} m"
-        else:
-            assert (outcome["status"], rows) == ("completed", len(beyond))
-    error = np.linalg.norm((expected.wanted - expected.pose)[:, :3], axis=1)
-    most = float(error.max()) / 2
-    record = _recorded(row, tmp_path, {}, {"position_error": most})
-    assert record.metadata["outcome"]["status"] == "diverged"
-    assert len(record["time"]) == int((error > most).argmax()) + 1
-    assert f"the limit is {most:g} m" in record.metadata["outcome"]["cause"]

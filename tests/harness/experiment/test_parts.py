@@ -75,27 +75,6 @@ def test_force_limits_come_from_the_platform_the_file_or_nowhere() -> None:
     assert run(plant=plant).metadata["force_limit"] == 640
 
 
-@pytest.mark.parametrize("side", ["leg_length_min", "leg_length_max"])
-def test_a_stroke_may_be_stated_on_one_side(side: str) -> None:
-    """Expected: flags and a warning for the legs beyond that side alone; of the first row, leg and length."""
-    weak = {"type": "pd", "proportional_gain": 200, "derivative_gain": 20}
-    fall = 1 if side == "leg_length_min" else -1
-    gravity = {"parameters": {"gravity": (fall * UNEVEN.gravity).tolist()}}
-    tables: dict[str, Any] = {"controller": weak, "plant": gravity, "loop": {**HOLD["loop"], "duration": 0.1}}
-    other = "leg_length_max" if side == "leg_length_min" else "leg_length_min"
-    parts = {name: value for name, value in PARAMETERS.items() if name != other}
-    home = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
-    bound = float(home.min() - 0.003 if fall > 0 else home.max() + 0.003)
-    platform = {"preset": "liu2000", "parameters": {**parts, side: bound}}
-    found = {how: run(platform=platform, **tables, limits={"stroke": how}) for how in ("warn", "ignore")}
-    record = found["warn"]
-    beyond = record["leg_length"] < bound if fall > 0 else record["leg_length"] > bound
-    assert beyond.any()
-    assert not beyond.all()
-    assert (record["flag.stroke_exceeded"] == beyond).all()
-    assert (found["ignore"]["flag.stroke_exceeded"] == beyond).all()
-
-
 def test_disturbances_add_up_where_they_overlap() -> None:
     """Expected: 2 kN from 5 ms, 2 + 1 from 7 ms, 1 from 10 ms, none from 17 ms."""
     both = [{"at": 0.005, "duration": 0.005, "force": [20, 0, 0]}, {"at": 0.007, "duration": 0.01, "force": [10, 0, 5]}]
@@ -125,18 +104,3 @@ def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> No
     replaced = gs.run("heave_step", tables, controller=lambda _sample: np.zeros(6))
     assert not replaced["controller.feedforward"].any()
     assert replaced.metadata["replaced"] == ["controller"]
-
-
-def test_jitter_and_the_encoders_clock_come_from_the_file() -> None:
-    """Expected: late samples by the seed of [sensors]; readings every 6 ms in a loop of 4 ms change at their times."""
-    loop = {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "delay": 1}
-    sensors = {"sample_time": "6 ms", "seed": 5, "noise": {"leg_length": "1 um"}}
-    record = run(loop=loop, sensors=sensors)
-    changes = np.flatnonzero((np.diff(record["measured.leg_length"], axis=0) != 0).any(axis=1)) + 1
-    assert set(changes % 12) == {0, 8}  # samples at 8 ms have the reading of 6 ms, those at 4 ms that of 0
-    late = {"loop": {**loop, "jitter": "3 ms"}}
-    first, again, other = (run(**late, sensors={**sensors, "seed": seed}) for seed in (5, 5, 6))
-    assert first.table.equals(again.table)
-    rows = [np.flatnonzero((np.diff(r["controller.force"], axis=0) != 0).any(axis=1)).tolist() for r in (first, other)]
-    assert rows[0] != rows[1]
-    assert any(row % 4 != 3 for row in rows[0])

@@ -65,16 +65,6 @@ def test_joint_errors_of_a_millimetre_are_seen_at_the_platform_as_geometry_predi
     assert np.abs(record["error.orientation"][-1] - expected[3:]).max() < 0.2 * np.abs(expected[3:]).max()
 
 
-def test_gains_come_from_the_belief_and_margins_from_the_machine() -> None:
-    """Expected: the same gains, whatever the machine is; a heavier machine has modes that are slower by its inertia."""
-    one, other = (gs.margins(experiment_with(machine)) for machine in ({}, {"platform_mass": 900.0}))
-    (gains, heavier), (believed, own) = ([found.as_dict()[k] for found in (one, other)] for k in ("gains", "margins"))
-    assert gains == heavier
-    assert other.as_dict()["believed"] == believed != own
-    designed = {"preset": "motion_base", "parameters": {"platform_mass": 900.0}}
-    assert gs.margins(experiment_with({}, platform=designed)).as_dict()["gains"] != gains
-
-
 def test_an_injection_is_in_the_record_and_in_the_command() -> None:
     """Expected: a function of the nominal time, in six legs apart; without it no such column."""
 
@@ -109,43 +99,3 @@ def test_the_machine_may_come_from_a_file(tmp_path: Path) -> None:
     assert gs.Platform(**metadata["platform"]) == gs.load_preset("motion_base")
     with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter; did you mean 'platform_m"):
         gs.run(tmp_path / "x.toml", {"plant.parameters.platform_mas": 3.0})
-
-
-class Foreign:
-    """A plant that keeps the rules and inherits nothing: a mass on a rail along x, pushed by the mean of six forces."""
-
-    def __init__(self) -> None:
-        self.force, self.x, self.v, self.steps = np.zeros(12), 0.0, 0.0, 0
-        self.time: list[float] = []
-
-    def set_inputs(self, inputs: FloatArray) -> None:
-        self.force = inputs.copy()
-
-    def set_parameters(self, _values: Any) -> None:
-        raise AssertionError("nothing changes")
-
-    def results(self) -> FloatArray:
-        row = np.zeros(50)
-        row[:3], row[6] = (self.x, 0, 3), self.v
-        row[12:18] = 3.0 + self.x
-        return row
-
-    def do_step(self, time: float, step: float) -> None:
-        self.time.append(time)
-        self.x, self.v = self.x + step * self.v, self.v + step * float(self.force[:6].mean())
-
-
-def test_any_object_that_keeps_the_rules_is_a_plant() -> None:
-    """Expected: its own numbers in the record, x_n = F h² n (n − 1)/2 after n steps of h; its class's name."""
-    plant: Any = Foreign()
-    settings = {"controller": {"type": "open_loop", "force": [3, 1, 2, 2, 2, 2]}, "loop": {"duration": 0.02}}
-    record = gs.run("paper_open_loop", {**settings, "limits.stroke": "ignore"}, plant=plant)
-    n = np.arange(21)
-    assert record["position[1]"].ravel() == pytest.approx(2.0 * 1e-6 * n * (n - 1) / 2, abs=1e-15)
-    assert (record.metadata["host"], record.metadata["plant"], len(plant.time)) == ("Python", "Foreign", 20)
-    for other, says in (
-        ({"plant": object()}, "without set_inputs, set_parameters, results, do_step; expected 'model'"),
-        ({"plant": plant, "fmu": "x.fmu"}, "expected only one of them"),
-    ):
-        with pytest.raises((gs.GoughStewartError, TypeError), match=says):
-            gs.run("paper_open_loop", settings, **other)

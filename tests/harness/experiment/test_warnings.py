@@ -1,134 +1,123 @@
 """What a run warns of, before and after it: each condition from both sides, legs and axes unlike."""
 
+import json
 import re
-from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars
 import pytest
+import tomlkit
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.run import warnings_of
-from tests.support.uneven import UNEVEN
+from tests.support.arrays import FloatArray
+from tests.support.commands import invoke
+from tests.support.uneven import PARAMETERS, UNEVEN
 from tests.support.uneven_loops import experiment_of
 
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
-ROWS = 51
-LAST = 40  # the first row of the last fifth: of 51 rows, ⌊0.8 · 51⌋
-DOWN = np.asarray(UNEVEN.gravity) / np.linalg.norm(UNEVEN.gravity)
-ASIDE = np.cross(DOWN, [0.3, 0.5, -0.1]) / np.linalg.norm(np.cross(DOWN, [0.3, 0.5, -0.1]))
-BELOW = "the platform hangs {} mm below its reference at the end: the load over the stiffness of its PD; "
-OFF = "the platform rests {} mm off its reference at the end: the load over the stiffness of its PD; "
 REMEDY = "set controller.feedforward = 'gravity', or use a PID, whose integral takes it away"
+# A platform that is much damped comes to rest within 3 s.
+AT_REST: dict[str, Any] = {
+    "title": "at rest",
+    "reference": {"type": "hold"},
+    "controller": {"type": "pd", "bandwidth": 2, "damping_ratio": 1.2},
+    "loop": {"duration": 3, "sample_time": 5e-3, "delay": 0},
+}
 
 
-@pytest.fixture(scope="module")
-def record() -> gs.Record:
-    """A run of the uneven platform in leg space, 51 rows, without feedforward."""
-    made = experiment_of("pd", plant={}, loop={"duration": 0.25, "sample_time": 0.005, "plant_step": 0.005, "delay": 1})
-    found = gs.run(made, {"controller.feedforward": "none", "limits.stroke": "warn", "actuators.force_limit": "none"})
-    assert found.table.height == ROWS
-    return found
+def said_of(folder: Path, **tables: Any) -> tuple[list[str], gs.Record]:
+    """What the command notes of a run of the uneven platform without Coulomb friction, and its record."""
+    parameters = {**PARAMETERS, "leg_coulomb_friction": 0.0, **tables.pop("parameters", {})}
+    values = {**AT_REST, "platform": {"parameters": parameters}, **tables}
+    (folder / "x.toml").write_text(tomlkit.dumps({k: v for k, v in values.items() if v is not None}))
+    done = invoke("run", str(folder / "x.toml"), "--out", str(folder / "out"), "--json")
+    return [note["text"] for note in json.loads(done.stdout).get("notes", ())], gs.read_record(folder / "out")
 
 
-def other(record: gs.Record, **columns: FloatArray) -> gs.Record:
-    """The record with other columns; `__` in a name is a dot."""
-    table = record.table
-    for name, values in columns.items():
-        for k, column in enumerate(np.asarray(values).T):
-            table = table.with_columns(polars.Series(f"{name.replace('__', '.')}[{k + 1}]", column))
-    return replace(record, table=table)
+def push(*force: float) -> dict[str, Any]:
+    """A force from the start to the end [N]."""
+    return {"disturbance": [{"at": 0, "duration": 3, "force": list(force)}]}
 
 
-def said(record: gs.Record, error: FloatArray, **columns: FloatArray) -> list[str]:
-    """Warnings of the record with this error of the position, beside a reference that stands still."""
-    still = np.tile([0.1, -0.2, 3.0], (ROWS, 1))
-    whole = np.broadcast_to(error, (ROWS, 3)).copy()
-    return warnings_of(other(record, **{"error__position": whole, "reference__position": still, **columns}))
+# The paper's platform, whose legs are alike, in a stiffer loop.
+STIFF: dict[str, Any] = {
+    "platform": {"preset": "liu2000"},
+    "controller": {"type": "pd", "bandwidth": 5, "damping_ratio": 0.5},
+    "loop": {"duration": 3, "sample_time": 1e-3},
+}
+PID = {"type": "pid", "bandwidth": 2, "damping_ratio": 1.2, "integral_time": 0.3}
+SLOW = {"type": "sine", "position_amplitude": [0, 0, 1e-3], "frequency": 0.1}
+# What differs from a platform whose PD carries its weight, and what is said of it.
+RESTS: dict[str, tuple[dict[str, Any], str]] = {
+    "its weight": (STIFF, "hangs {} below"),
+    "a force aside": ({**STIFF, **push(90, 40, 0)}, "rests {} off"),
+    "gravity aslant": ({}, "rests {} off"),
+    "a force up": (push(0, 0, 700), "rests {} off"),
+    "an integral": ({"controller": PID}, ""),
+    "feedforward": ({"controller": {**AT_REST["controller"], "feedforward": "gravity"}}, ""),
+    "a run too short": ({"loop": {**AT_REST["loop"], "duration": 0.2}}, ""),
+    "a reference that moves": ({"reference": SLOW}, ""),
+}
 
 
-def with_metadata(record: gs.Record, section: str, **values: Any) -> gs.Record:
-    of_experiment = {**record.metadata["experiment"]}
-    of_experiment[section] = {**of_experiment[section], **values}
-    return replace(record, metadata={**record.metadata, "experiment": of_experiment})
+@pytest.mark.parametrize("case", RESTS)
+def test_a_platform_hangs_where_its_error_is_against_gravity(case: str, tmp_path: Path) -> None:
+    """Expected: the mean error of the last fifth; it hangs where that is within 25.8° = acos 0.9 of the way up."""
+    tables, words = RESTS[case]
+    notes, record = said_of(tmp_path, **tables)
+    error = record["error.position"][int(0.8 * record.table.height) :].mean(axis=0)
+    size = float(np.linalg.norm(error))
+    gravity = np.asarray(record.metadata["platform"]["gravity"])
+    up = -gravity / np.linalg.norm(gravity)
+    assert not words or (error @ up > 0.9 * size) == words.startswith("hangs")
+    how = words.format(f"{1e3 * size:.3g} mm")
+    said = f"the platform {how} its reference at the end: the load over the stiffness of its PD; {REMEDY}"
+    assert [note for note in notes if "at the end" in note] == ([said] if words else [])
 
 
-@pytest.mark.parametrize(
-    ("degrees", "words"), [(0, BELOW), (25, BELOW), (26.5, OFF), (90, OFF), (155, OFF), (180, OFF)]
-)
-def test_a_platform_hangs_where_its_error_is_against_gravity(degrees: float, words: str, record: gs.Record) -> None:
-    """Expected: cos 25.8° = 0.9 between the error and the way up; gravity of the uneven platform is aslant."""
-    angle = np.radians(degrees)
-    error = 7.46e-3 * (-np.cos(angle) * DOWN + np.sin(angle) * ASIDE)
-    assert said(record, error) == [words.format("7.46") + REMEDY]
+def test_an_error_counts_from_a_ten_thousandth_of_the_mean_leg(tmp_path: Path) -> None:
+    """Expected: of six unlike legs, by loads in proportion, as the loop is nearly linear."""
+    error = said_of(tmp_path, parameters={"gravity": [0, 0, -0.1]})[1]["error.position"][-1]
+    home = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+    least = 1e-4 * float(np.mean(home))
+    for share, count in ((0.98, 0), (1.02, 1)):
+        gravity = [0, 0, -0.1 * share * least / float(np.linalg.norm(error))]
+        notes, _ = said_of(tmp_path, parameters={"gravity": gravity})
+        assert sum("at the end" in note for note in notes) == count
 
 
-def test_an_error_counts_from_a_ten_thousandth_of_the_mean_leg(record: gs.Record) -> None:
-    """Expected: of the mean of six unlike legs at the first row."""
-    length = float(record["leg_length"][0].mean())
-    assert np.ptp(record["leg_length"][0]) > 0.1
-    assert said(record, -0.99e-4 * length * DOWN) == []
-    assert len(said(record, -1.01e-4 * length * DOWN)) == 1
+def test_the_first_leg_out_of_its_stroke_is_said_with_its_length(tmp_path: Path) -> None:
+    """Expected: the first row of the record with a flag; nothing where strokes are to be ignored."""
+    _, free = said_of(tmp_path)
+    low = float(np.sort(free["leg_length"].min(axis=0))[0] + 1e-3)
+    for stroke in ("warn", "ignore"):
+        notes, record = said_of(tmp_path, parameters={"leg_length_min": low}, limits={"stroke": stroke})
+        row, leg = (int(k) for k in np.argwhere(record["leg_length"] < low)[0])
+        assert row > 3
+        length, time = record["leg_length"][row, leg], record["time"][row]
+        said = (
+            f"leg {leg + 1} left its stroke at {time:.6g} s with a length of {length:.6g} m; see flag.stroke_exceeded"
+        )
+        assert [note for note in notes if "stroke" in note] == ([said] if stroke == "warn" else [])
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_a_platform_rests_if_nothing_moves_in_the_last_fifth(axis: int, record: gs.Record) -> None:
-    """Expected: one row is off by 2 % of the error, up to the share that it moves the mean; a reference that moves.
-
-    The largest deviation from the mean of 11 rows is 10/11 of the change. Rows that are no numbers say nothing.
-    """
-    sign = 1 - 2 * (axis % 2)
-    for row, change, count in (
-        *((LAST, 0.0215, 1), (LAST, 0.023, 0), (ROWS - 1, 0.023, 0), (LAST - 1, 0.5, 1)),
-        *((LAST - 1, np.nan, 1), (ROWS - 1, np.nan, 0)),
-    ):
-        moved = np.tile(-5e-3 * DOWN, (ROWS, 1))
-        moved[row, axis] += sign * change * 5e-3
-        assert len(said(record, moved)) == count, (row, change)
-    for row, count in ((LAST - 1, 1), (LAST, 1), (LAST + 1, 0), (ROWS - 1, 0)):
-        reference = np.zeros((ROWS, 3))
-        reference[row:, axis] = 1e-6
-        assert len(said(record, -5e-3 * DOWN, reference__position=reference)) == count, row
-
-
-def test_too_few_rows_and_other_controllers_have_no_static_error(record: gs.Record) -> None:
-    """Expected: two rows are a rest; an integral and a feedforward take it away; without a reference is no error."""
-    error = -5e-3 * DOWN
-    few = other(record, error__position=np.tile(error, (ROWS, 1)), reference__position=np.zeros((ROWS, 3)))
-    assert [len(warnings_of(replace(few, table=few.table.head(rows)))) for rows in (5, 6)] == [0, 1]
-    assert said(with_metadata(record, "controller", type="pid"), error) == []
-    assert said(with_metadata(record, "controller", feedforward="gravity"), error) == []
-    bare = record.table.drop([name for name in record.table.columns if name.startswith("error.position")])
-    assert warnings_of(replace(record, table=bare)) == []
-
-
-def test_the_first_leg_out_of_its_stroke_is_said_with_its_length(record: gs.Record) -> None:
-    """Expected: leg 4 at row 7, not leg 1, which is out later; nothing where strokes are to be ignored."""
-    out = np.zeros((ROWS, 6), dtype=bool)
-    out[7:, 3] = out[9:, 0] = True
-    length = 2.0 + 0.01 * np.arange(6) + 0.001 * np.arange(ROWS)[:, None]
-    beyond = other(record, flag__stroke_exceeded=out, leg_length=length)
-    said_of_it = "leg 4 left its stroke at 0.035 s with a length of 2.037 m; see flag.stroke_exceeded"
-    still = {"error__position": np.zeros((ROWS, 3))}
-    assert warnings_of(other(beyond, **still)) == [said_of_it]
-    assert warnings_of(other(with_metadata(beyond, "limits", stroke="ignore"), **still)) == []
-    assert warnings_of(other(record, flag__stroke_exceeded=np.zeros((ROWS, 6), dtype=bool), **still)) == []
-
-
-def test_feedforward_beyond_the_limit_is_said_with_its_leg_in_push_and_pull(record: gs.Record) -> None:
-    """Expected: the largest size, here a pull of leg 5 at row 11; a limit that is just met, or none, says nothing."""
-    force = np.full((ROWS, 6), 30.0)
-    force[11, 4], force[20, 1] = -81.25, 80.0
-    still = other(record, error__position=np.zeros((ROWS, 3)), controller__feedforward=force)
-    limited = replace(still, metadata={**still.metadata, "force_limit": 81.0})
-    assert warnings_of(limited) == [
-        "feedforward requires 81.25 N of leg 5 at 0.055 s; its force limit is 81 N. Make the reference slower or "
-        "smaller; if it is a noisy recording, smooth it"
-    ]
-    for limit in (81.25, None):
-        assert warnings_of(replace(still, metadata={**still.metadata, "force_limit": limit})) == []
+def test_feedforward_beyond_the_limit_is_said_with_its_leg(tmp_path: Path) -> None:
+    """Expected: the largest size, here of a pull against a gravity that is turned; nothing of a limit that is met."""
+    controller = {**AT_REST["controller"], "feedforward": "gravity"}
+    tables = {"controller": controller, "limits": {"reference": "warn", "stroke": "ignore"}}
+    gravity = {"gravity": (-np.asarray(UNEVEN.gravity)).tolist()}
+    _, free = said_of(tmp_path, parameters=gravity, **tables)
+    force = free["controller.feedforward"][0]
+    leg, most = int(np.abs(force).argmax()), float(np.abs(force).max())
+    assert force[leg] < 0
+    for limit, count in ((0.9 * most, 1), (1.001 * most, 0)):
+        notes, _ = said_of(tmp_path, parameters=gravity, **tables, actuators={"force_limit": limit})
+        said = (
+            f"feedforward requires {most:.4g} N of leg {leg + 1} at 0 s; its force limit is {limit:.4g} N. Make the "
+            "reference slower or smaller; if it is a noisy recording, smooth it"
+        )
+        assert notes.count(said) == sum(note.startswith("feedforward") for note in notes) == count
 
 
 @pytest.mark.parametrize("kind", ["noise", "quantisation"])

@@ -24,13 +24,43 @@ from gough_stewart.harness.export.machine import Block, kinds, machine_block, ma
 from gough_stewart.harness.export.machine_c import machine_c
 from gough_stewart.harness.loop.python_host import streams_of
 from gough_stewart.harness.loop.run import Run, simulate
-from tests.harness.loop import test_compiled_laws as laws
-from tests.harness.loop.test_compiled_loop import ALL, CASES, STEPPING, batch_of
+from gough_stewart.harness.plants.lanes import Stepping
+from tests.support import uneven_members as laws
 from tests.support.c_hosts import ZIG
 from tests.support.exported import compiled
 from tests.support.uneven_loops import experiment_of as uneven_experiment
+from tests.support.uneven_members import ALL, MANY, members_of
 
 ROWS = 121
+STEPPING = Stepping(tolerance=1e-9)
+VARIED: dict[str, Any] = {
+    "platform_mass": {"factor": {"uniform": [0.8, 1.3]}},
+    "leg_viscous_friction": {"uniform": [5.0, 40.0]},
+    "platform_points": {"normal": "1 mm"},
+}
+PLAIN = {"loop": {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "delay": 1}}
+CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
+    "PD": ("pd", PLAIN, VARIED),
+    "PD, all": ("pd", ALL, MANY),
+    "PID, all": ("pid", ALL, MANY),
+    "task space, all": ("task", ALL, MANY),
+}
+# Of a user's law.
+TABLES: dict[str, Any] = {
+    **{name: table for name, table in ALL.items() if name not in ("fault", "disturbance")},
+    "sensors": {"noise": {"leg_length": "20 um", "leg_velocity": "1 mm/s"}, "sample_time": "3 ms", "seed": 5},
+    "controller": {"type": "python"},
+}
+DRAWN = {
+    "platform_mass": {"factor": {"uniform": [0.8, 1.3]}},
+    "controller": {"parameters": {"scale": {"uniform": [0.7, 1.6]}}},
+}
+
+
+def batch_of(kind: str, tables: dict[str, Any], varied: dict[str, Any], members: int) -> Batch:
+    return Members(members_of(tables, varied, kind, members)).prepared(0, members).batch
+
+
 STICKS_AND_GIVES = {
     **{"friction_model": "elasto_plastic", "coulomb_friction": 90.0, "static_friction": 120.0},
     **{"stiffness": 6e7, "armature": 25.0},
@@ -97,8 +127,7 @@ def shipped(name: str) -> Case:
 @cache
 def of_a_user() -> Case:
     """A law of a user."""
-    tables = {**laws.TABLES, "ensemble": {**laws.ENSEMBLE, "members": 3}}
-    batch = Members(uneven_experiment("pid", **tables), laws.law_of).prepared(0, 3).batch
+    batch = Members(members_of(TABLES, DRAWN, members=3), laws.law_of).prepared(0, 3).batch
     return case_of(batch.take([2]))
 
 
@@ -264,7 +293,7 @@ def test_a_block_that_does_not_fit_is_refused() -> None:
 
 def test_a_machine_ends_at_its_row_and_for_its_cause() -> None:
     """Expected: those of the loop in vectors: pushed away from its reference by more than 1 mm."""
-    tables = {**CASES["PD"][1], "limits": {"position_error": "1 mm", "reference": "warn"}}
+    tables = {"limits": {"position_error": "1 mm", "reference": "warn"}}
     push = {"at": 0.03, "duration": 0.05, "force": ["180 N", "-90 N", "120 N"]}
     experiment = uneven_experiment(
         "pd",
@@ -310,7 +339,7 @@ def test_it_is_plain_c_of_all_compilers(tmp_path: Path) -> None:
 
 def test_a_law_without_plain_operations_has_no_block() -> None:
     """Expected: what was found and what C can have."""
-    experiment = uneven_experiment("pid", **{**laws.TABLES, "ensemble": {**laws.ENSEMBLE, "members": 1}})
+    experiment = members_of(TABLES, DRAWN, members=1)
     running = Members(experiment, laws.Law).prepared(0, 1).batch.in_parallel(STEPPING)
     with pytest.raises(Exception, match="expected a linear one, or a CasADi function"):
         machine_block(running.plant, running.law_from, running.loop)

@@ -38,7 +38,7 @@ def off(code: Exported, force: FloatArray = MANUAL) -> Exported:
 def test_a_controller_follows_while_it_is_off_and_begins_there(case: str, real: str) -> None:
     """Expected: the manual force, cut to the limit; switched on, no more than the change of one sample from it.
 
-    In double precision, `tests/harness/loop/test_manual_operation.py` has every sample.
+    In double precision, `tests/harness/loop/test_faults.py` has every sample of the host.
     """
     code = off(Exported(made(CASES[case]), real).start())
     measured = code.designed.first_measured - ERROR

@@ -1,21 +1,17 @@
-"""Faults: legs whose force is cut, and sensors that freeze, in NumPy's loop and in machine code.
+"""Legs whose force is cut, sensors that freeze, and controllers that are switched off and on, in both hosts."""
 
-`test_compiled_loop.py` compares both loops row by row with faults of many members, `tests/harness/export` the plain C.
-"""
-
+import threading
 from typing import Any
 
+import casadi
+import control
 import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.harness.results.record import machine_of
-from gough_stewart.model.dynamics import plant_equations
-from gough_stewart.model.interface import IDEAL
-from gough_stewart.model.state import Inputs
+from tests.support.arrays import FloatArray
+from tests.support.documented_loop import accelerations, twist_of_rates
+from tests.support.experiments import experiment_from
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
 MOTION = {"type": "sine", "position_amplitude": ["8 mm", "-5 mm", "6 mm"], "frequency": "4 Hz"}
@@ -26,29 +22,26 @@ AROUND: dict[str, Any] = {
     "actuators": {"lag": "3 ms", "rate_limit": "20 kN/s"},
     "sensors": {"noise": {"leg_length": "20 um"}, "quantisation": {"leg_length": "3 um"}, "seed": 5},
 }
+HOSTS = {"model": "compiled", "scipy": "Python"}
 
 
-@pytest.fixture(params=["compiled", "NumPy"])
-def host(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Both loops."""
-    if request.param == "NumPy":
-        monkeypatch.setattr(BatchPlant, "loop_run", property(lambda _: None))
-    return str(request.param)
-
-
-def record_of(*faults: dict[str, Any], **tables: Any) -> gs.Record:
+def record_of(plant: str, *faults: dict[str, Any], **tables: Any) -> gs.Record:
     """A run of an uneven loop whose reference moves, with these faults."""
-    return gs.run(uneven_experiment("pid", **{**AROUND, **tables}, fault=list(faults)))
+    machine = {"kind": plant, "parameters": {"platform_mass": 14.5, "platform_com": [-0.02, 0.05, 0.3]}}
+    record = gs.run(uneven_experiment("pid", **{**AROUND, "plant": machine, **tables}, fault=list(faults)))
+    assert record.metadata["host"].startswith(HOSTS[plant])
+    return record
 
 
-def test_a_cut_leg_has_no_force_from_that_row_on(host: str) -> None:
+@pytest.mark.parametrize("plant", HOSTS)
+def test_a_cut_leg_has_no_force_from_that_row_on(plant: str) -> None:
     """Expected: exactly 0 N while it is cut; the run without the fault, bit by bit, before.
 
-    Accelerations are those of forward dynamics with no force in these legs. A drive goes on beside the cut: when the
-    force is back it is nearer to its command than the command's last step; a drive that began at 0 would be far off.
+    Accelerations are the Lagrangian's with no force in these legs. A drive goes on beside the cut: when the force is
+    back it is nearer to its command than the command's last step; a drive that began at 0 would be far off.
     """
-    record = record_of({"at": 0.05, "cut": [2, 5], "duration": 0.061}, {"at": 0.081, "cut": [6]})
-    free = record_of()
+    record = record_of(plant, {"at": 0.05, "cut": [2, 5], "duration": 0.061}, {"at": 0.081, "cut": [6]})
+    free = record_of(plant)
     force, time = record["actuator_force"], record["time"]
     assert record.metadata["outcome"]["status"] == "completed"
     cut = np.zeros((len(time), 6), dtype=bool)
@@ -56,74 +49,76 @@ def test_a_cut_leg_has_no_force_from_that_row_on(host: str) -> None:
     cut[81:, 5] = True
     assert (force[cut] == 0).all()
     assert (force[~cut] != 0).all()
+    assert np.array_equal(record["flag.force_cut"], cut)
     assert np.array_equal(force[:50], free["actuator_force"][:50])
     assert np.abs(record["position"][111] - free["position"][111]).max() > 1e-4
-    machine = machine_of(record)
+    machine = gs.Platform(**record.metadata["machine"])
     for row in (49, 50, 80, 81, 111, 200):
-        state = np.concatenate([record[name][row] for name in gs.State._fields])
-        found, _ = plant_equations(IDEAL, machine, state, Inputs(force[row], np.zeros(3), np.zeros(3)))
-        ours = record["acceleration"][row], record["angular_acceleration"][row]
-        assert np.concatenate(ours) == pytest.approx(found[6:], rel=1e-9, abs=1e-9)
+        q = np.concatenate([record["position"][row], record["orientation"][row]])
+        twist = np.concatenate([record["velocity"][row], record["angular_velocity"][row]])
+        rate = np.linalg.solve(twist_of_rates(q), twist)
+        # of position alone: the rate of the velocity is that of the coordinates
+        found = accelerations(machine, q, rate, force[row], np.zeros(6))[:3]
+        assert record["acceleration"][row] == pytest.approx(found, rel=1e-7, abs=1e-7)
     # commands of a sample act one sample later: that of row 104 from row 108 on
     before, now = record["controller.force"][[100, 104], 1]
     assert abs(now - force[111, 1]) < abs(now - before) < 0.1 * abs(now)
-    assert host in record.metadata["host"] or host == "NumPy"
 
 
+@pytest.mark.parametrize("plant", HOSTS)
 @pytest.mark.parametrize("own_clock", [False, True])
-def test_a_frozen_sensor_holds_its_last_reading(host: str, own_clock: bool) -> None:
-    """Expected: what it measured last before the fault, noise and step included; afterwards the noise of before."""
+def test_a_frozen_sensor_holds_its_last_reading(plant: str, own_clock: bool) -> None:
+    """Expected: what it measured last before the fault, noise and step included; afterwards the noise of before.
+
+    One that is frozen from the start has the first reading of the run without the fault.
+    """
     sensors = {**AROUND["sensors"], **({"sample_time": "3 ms"} if own_clock else {})}
-    record = record_of(
-        {"at": 0.05, "freeze": {"leg_length": [1, 4]}, "duration": 0.05},
-        {"at": 0.06, "freeze": {"leg_length": [6]}},
-        sensors=sensors,
-    )
-    free = record_of(sensors=sensors)
+    freeze = {"at": 0.05, "freeze": {"leg_length": [1, 4]}, "duration": 0.05}
+    from_then, always = {"at": 0.06, "freeze": {"leg_length": [6]}}, {"at": 0, "freeze": {"leg_length": [3]}}
+    record = record_of(plant, freeze, from_then, always, sensors=sensors)
+    free = record_of(plant, always, sensors=sensors)
     measured, true = record["measured.leg_length"], record["leg_length"]
     every = 3 if own_clock else 4
-    # the last reading that the controller had before, at its last sample or at the sensors' last clock
-    last = 48
     samples = np.arange(0, 200, 4)
     frozen = (samples >= 52) & (samples < 100)
     for leg in (0, 3):
         assert (measured[samples[frozen], leg] == measured[52, leg]).all()
-        if not own_clock:
-            assert measured[52, leg] == free["measured.leg_length"][last, leg]
-    assert np.ptp(measured[60:, 5]) == 0
-    assert np.ptp(true[60:, 5]) > 1e-4
+        if not own_clock:  # the last reading before, at sample 48
+            assert measured[52, leg] == free["measured.leg_length"][48, leg]
+    assert [np.ptp(measured[60:, 5]), np.ptp(measured[:, 2])] == [0, 0]
+    assert min(np.ptp(true[60:, 5]), np.ptp(measured[:, 1])) > 1e-4
+    assert measured[0, 2] == record_of(plant, sensors=sensors)["measured.leg_length"][0, 2]
     back = samples[samples >= 100 + every]
     read = back // every * every
     noise = measured[back, 0] - true[read, 0]
     theirs = free["measured.leg_length"][back, 0] - free["leg_length"][read, 0]
     assert np.abs(noise - theirs).max() <= 3.1e-6  # a step of 3 um at most, in place of noise of 20 um
     assert np.ptp(noise) > 2e-5
-    assert host in record.metadata["host"] or host == "NumPy"
 
 
-def test_a_sensor_that_is_frozen_from_the_start_has_its_first_reading(host: str) -> None:
-    """Expected: the first reading of the run without the fault."""
-    record, free = record_of({"at": 0, "freeze": {"leg_length": [3]}}), record_of()
-    assert (record["measured.leg_length"][:, 2] == free["measured.leg_length"][0, 2]).all()
-    assert np.ptp(record["measured.leg_length"][:, 1]) > 1e-4
-    assert host in record.metadata["host"] or host == "NumPy"
-
-
-def test_faults_that_overlap_act_until_the_last_one_ends() -> None:
-    """Expected: leg 2 from 0.02 to 0.08 s by two faults; leg 4 within, and an encoder from 0.05 s on."""
+def test_faults_that_overlap_act_until_the_last_one_ends_also_from_a_file() -> None:
+    """Expected: leg 2 from 0.02 to 0.08 s by two faults; leg 4 within, and encoders from 0.05 s on."""
     faults = [
         {"at": 0.02, "cut": [2], "duration": 0.04},
         {"at": 0.04, "cut": [2, 4], "duration": 0.04},
         {"at": 0.05, "freeze": {"leg_length": [1], "orientation": [3]}},
     ]
-    changes = prepare(uneven_experiment("pid", **AROUND, fault=faults)).loop.changes
-    assert [change.time for change in changes] == pytest.approx([0.02, 0.04, 0.05, 0.06, 0.08])
-    flags = np.array([change.faults for change in changes])
-    assert flags[:, 1].tolist() == [1, 1, 1, 1, 0]
-    assert flags[:, 3].tolist() == [0, 1, 1, 1, 0]
-    # forces of 6 legs, then position (3), orientation (3), two velocities (6), leg_length
-    assert flags[:, 6 + 5].tolist() == flags[:, 6 + 12].tolist() == [0, 0, 1, 1, 1]
-    assert flags.sum() == 4 + 3 + 2 * 3  # legs 2 and 4, two elements of sensors
+    made = uneven_experiment("pid", **AROUND, fault=faults)
+    read = experiment_from(made.model_dump(mode="json", exclude_unset=True))
+    assert read.fault == made.fault
+    record = gs.run(read)
+    time = record["time"] + 1e-9
+    cut = [
+        np.zeros(201),
+        (time > 0.02) & (time < 0.08),
+        np.zeros(201),
+        (time > 0.04) & (time < 0.08),
+        *np.zeros((2, 201)),
+    ]
+    assert np.array_equal(record["flag.force_cut"], np.transpose(cut))
+    for name, element, size in (("leg_length", 0, 6), ("orientation", 2, 3)):
+        frozen = (time > 0.05)[:, None] & (np.arange(size) == element)
+        assert np.array_equal(record[f"flag.frozen_{name}"], frozen)
 
 
 @pytest.mark.parametrize(
@@ -145,13 +140,159 @@ def test_faults_that_overlap_act_until_the_last_one_ends() -> None:
 )
 def test_a_fault_that_cannot_be_is_refused_with_what_is_expected(fault: dict[str, Any], said: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=f"(?s){said}"):
-        prepare(uneven_experiment("pid", **AROUND, fault=[fault]))
+        gs.run(uneven_experiment("pid", **AROUND, fault=[fault]))
 
 
-def test_faults_go_through_a_file_and_back() -> None:
-    """Expected: the same table from what a record keeps of it."""
-    fault = {"at": 0.05, "cut": [2], "freeze": {"leg_length": [1]}, "duration": 0.02}
-    one = uneven_experiment("pid", **AROUND, fault=[fault])
-    again = experiment_from(one.model_dump(mode="json", exclude_unset=True))
-    assert again.fault == one.fault
-    assert again.fault[0].model_dump() == fault
+# ---- manual operation ----
+# Expected, from a plain loop over the recorded samples: off, the command is the manual force and the controller rests
+# in what is measured; on, what its command lacked of that force is added, and fades by (1 − T / 1 s) a sample.
+
+K = np.array([1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0])
+KI = np.array([40.0, 70.0, 30.0, 55.0, 80.0, 35.0])
+FORCE = [60.0, 35.0, 52.0, 41.0, 66.0, 47.0]
+T = 4e-3
+# Off from sample 10 to 24 with a force, and again from 35, with the command of then.
+CHANGES: list[dict[str, Any]] = [
+    {"at": 0.037, "enabled": False, "manual_force": FORCE},
+    {"at": 0.1, "enabled": True},
+    {"at": 0.14, "enabled": False},
+    {"at": 0.18, "enabled": True},
+]
+SPANS = {10: FORCE, 35: None}
+ON = (25, 45)
+
+
+class Integral:
+    """F = K e + KI Σ e, whose memory is the sum."""
+
+    def __init__(self, _platform: gs.Platform, _sample_time: float) -> None:
+        self.sum = np.zeros(6)
+
+    def __call__(self, sample: gs.Sample) -> FloatArray:
+        error = sample.reference["leg_length"] - sample.measured["leg_length"]
+        force = K * error + KI * self.sum
+        self.sum = self.sum + error
+        return force
+
+
+def linear() -> Any:
+    """The same as a linear system."""
+    return control.ss(np.eye(6), np.eye(6), np.diag(KI), np.diag(K), T)
+
+
+def traced() -> casadi.Function:
+    """The same as a CasADi function."""
+    r, y, memory = (casadi.SX.sym(name, 6) for name in ("r", "y", "memory"))
+    outputs = [K * (r - y) + KI * memory, memory + r - y]
+    names = ["reference_leg_length", "leg_length", "memory"], ["actuator_force", "memory_next"]
+    return casadi.Function("law", [r, y, memory], outputs, *names)
+
+
+def switched(**tables: Any) -> gs.Experiment:
+    """An uneven loop around a moving reference, whose forces do not pass their limit."""
+    loop = {"duration": 0.24, "sample_time": T, "plant_step": 1e-3, "delay": 1}
+    around = {"reference": MOTION, "limits": {"reference": "warn"}, "loop": loop, "change": CHANGES}
+    sensors = {"noise": {"leg_length": "20 um"}, "seed": 5}
+    return uneven_experiment("pd", **{**around, "sensors": sensors, **tables})
+
+
+def commands_of(
+    error: FloatArray, spans: dict[int, Any], on: tuple[int, ...], start: FloatArray, rests: bool
+) -> FloatArray:
+    """The commands (m, 6) of the loop above; a linear controller `rests` with its sum at 0, others keep theirs."""
+    commands, is_off = list[FloatArray](), False
+    total = lacked = force = np.zeros(6)
+    for k, e in enumerate(error):
+        if k in spans:
+            is_off, force = True, np.array(spans[k] or (commands[-1] if commands else start))
+        is_off = is_off and k not in on
+        total = np.zeros(6) if is_off and rests else total
+        wanted = K * e + KI * total
+        commands.append(force if is_off else wanted + lacked)
+        lacked = force - wanted if is_off else lacked * (1 - T)
+        total = total if is_off else total + e
+    return np.array(commands)
+
+
+@pytest.mark.parametrize(
+    ("controller", "plant", "host"),
+    [
+        *((linear(), "model", "compiled"), (linear(), "scipy", "Python"), (linear(), "fmu3", "Python")),
+        *((traced(), "model", "compiled"), (Integral, "model", "Python")),
+    ],
+)
+def test_the_command_follows_while_it_is_off_and_begins_there(controller: Any, plant: str, host: str) -> None:
+    """Also: no bump at a switch, which is what the change of one sample's error makes; and the verdict says when."""
+    record = gs.run(switched(plant={"kind": plant}), controller=controller)
+    assert record.metadata["host"].startswith(host)
+    samples = slice(0, 240, 4)
+    command, error = record["controller.force"][samples], record["reference.leg_length"] - record["measured.leg_length"]
+    error = error[samples]
+    expected = commands_of(error, SPANS, ON, np.zeros(6), isinstance(controller, control.StateSpace))
+    scale = np.abs(expected).max()
+    assert np.abs(command - expected).max() < 1e-9 * scale
+    for k in ON:
+        assert np.abs(command[k] - command[k - 1] - K * (error[k] - error[k - 1])).max() < 1e-9 * scale
+        assert np.abs(command[k] - K * error[k]).max() > 20  # by which it would jump
+    assert record["flag.manual"][samples].ravel().tolist() == [10 <= k < 25 or 35 <= k < 45 for k in range(60)]
+    assert "ontroller off from 0.037 to 0.1 s; controller off from 0.14 to 0.18 s" in record.report().verdict.text
+
+
+@pytest.mark.parametrize("controller", [linear(), Integral])
+def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(controller: Any) -> None:
+    """Of machines that differ; at 0 s the command before is the force that holds the machine.
+
+    In the ensemble itself they have the errors of these runs.
+    """
+    varied = {
+        "change.1.at": {"choice": ["0 ms", "36 ms", "40 ms"]},
+        "change.2.at": {"choice": ["60 ms", "72 ms", "100 ms"]},
+        "change.3.manual_force": {"uniform": [40, 60]},
+        "platform_mass": {"uniform": [12, 16]},
+    }
+    changes = [{"at": 0.04, "enabled": False}, CHANGES[1], {**CHANGES[2], "manual_force": FORCE}, CHANGES[3]]
+    experiment = switched(change=changes, ensemble={**varied, "members": 11})
+    rms = gs.ensemble(experiment, controller=controller, workers=1).members["tracking.leg_length.rms"]
+    offs = set()
+    for k in range(11):
+        record = gs.run(experiment, member=k, controller=controller)
+        assert record.metadata["host"].startswith("Python" if controller is Integral else "compiled")
+        drawn = record.metadata["experiment"]["change"]
+        off, on = (round(drawn[number]["at"] / T) for number in (0, 1))
+        offs.add(off)
+        error = (record["reference.leg_length"] - record["measured.leg_length"])[:240:4]
+        spans = {off: None, 35: drawn[2]["manual_force"]}
+        expected = commands_of(error, spans, (on, 45), record["actuator_force"][0], controller is not Integral)
+        assert np.abs(record["controller.force"][:240:4] - expected).max() < 1e-9 * np.abs(expected).max()
+        assert rms[k] == pytest.approx(max(gs.metrics(record)["tracking"]["leg_length"]["rms"]), rel=1e-11)
+    assert offs == {0, 9, 10}
+
+
+def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
+    """Expected: as many calls kept as there are samples at which it is on; a lock, which has no copy, is named."""
+    counts: list[int] = []
+
+    def make(_platform: gs.Platform, _sample_time: float, lock: Any = None) -> Any:
+        calls = 0
+
+        def law(_sample: gs.Sample) -> FloatArray:
+            nonlocal calls
+            calls += lock is None
+            counts.append(calls)
+            return np.zeros(6)
+
+        return law
+
+    loop = {"duration": 0.4, "sample_time": 0.004, "plant_step": 0.001}
+    experiment = uneven_experiment("pd", loop=loop, change=CHANGES[:2])
+    gs.run(experiment, controller=make)
+    assert counts[-1] == len(counts) == 100 - 15
+    locked = gs.run(experiment, controller=lambda platform, period: make(platform, period, threading.Lock()))
+    assert "needs a copy of it" in str(locked.metadata["outcome"]["cause"])
+
+
+def test_a_force_without_the_switch_is_refused() -> None:
+    says = "manual_force acts while the controller is off; expected enabled ="
+    for change in ({"manual_force": FORCE}, {"enabled": True, "manual_force": FORCE}):
+        with pytest.raises(gs.GoughStewartError, match=says):
+            gs.run(switched(change=[{"at": 0.1, **change}]))

@@ -182,18 +182,6 @@ def test_what_overflows_is_undefined() -> None:
     assert "–" in str(found)
 
 
-@pytest.mark.parametrize(
-    "name", [*SIZES, *(f"{part}.{pose}" for part in ("error", "reference") for pose in ("position", "orientation"))]
-)
-def test_a_lost_number_in_any_column_of_the_plant_ends_what_counts(name: str) -> None:
-    """Expected: the rows before it, of whatever variable, in its last element."""
-    record = following(np.zeros(9), np.zeros(9))
-    last = record.columns_of(name)[-1]
-    broken = record.table.with_columns(polars.Series(last, np.where(np.arange(9) < 7, record[last], np.nan)))
-    found = gs.metrics(gs.Record(broken, record.metadata))
-    assert (found["rows"], found["duration"]) == (7, pytest.approx(6 * STEP))
-
-
 def test_the_report_has_one_number_by_path() -> None:
     """Expected: of a list by leg the largest, of lengths and times the least; None where one is undefined."""
     k = np.arange(1, 7)

@@ -119,22 +119,6 @@ def test_the_file_of_metrics_has_them_by_their_definitions(
     same_to_rounding(written, expected)
 
 
-def test_each_row_has_the_legs_and_the_feedforward_of_its_own_reference(record: gs.Record) -> None:
-    """Expected: the nominal platform's lengths and J [v; ω] along a reference that rests, moves and rests again.
-
-    The feedforward holds the pose half a sample and the delay later: at rest, that of the row.
-    """
-    pose = (record["reference.position"], record["reference.orientation"])
-    assert record["reference.leg_length"] == pytest.approx(gs.leg_geometry(MACHINE, *pose).length, rel=1e-13)
-    twist = np.hstack([record["reference.velocity"], record["reference.angular_velocity"]])
-    rates = (gs.leg_jacobian(MACHINE, *pose) @ twist[..., None])[..., 0]
-    assert record["reference.leg_velocity"] == pytest.approx(rates, rel=1e-12, abs=1e-13)
-    rest = np.r_[0:40, 140:321]
-    held = gs.static_leg_forces(MACHINE, pose[0][rest], pose[1][rest])
-    assert record["controller.feedforward"][rest] == pytest.approx(held, rel=1e-12)
-    assert np.ptp(held, axis=0).min() > 0.1
-
-
 # --- tables ----------------------------------------------------------------------------------------------------------
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.plants.lanes import BatchPlant
 
 # Soft springs and a loop that is too fast for them, so that the two sides of a leg differ much.
 SPEED, POWER = 0.6, 500.0
@@ -60,19 +59,13 @@ def test_drives_of_a_run_are_taken_at_the_motors(controller: Any, plant: Any) ->
     assert max(shares["power, of its limit"]) == pytest.approx(expected["limits.actuator_power_max.used"])
 
 
-@pytest.mark.parametrize("kernels", [True, False])
-@pytest.mark.parametrize("host", ["C", "NumPy"])
-def test_members_do_the_work_of_their_own_runs(host: str, kernels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: sums over the motors' columns of each member's record; with folds in C, in its loop, and in NumPy."""
+@pytest.mark.parametrize("controller", [None, law], ids=["linear", "Python"])
+def test_members_do_the_work_of_their_own_runs(controller: Any) -> None:
+    """Expected: sums over the motors' columns of each member's record; with folds in the loop in C, and of its rows."""
     settings = {**SOFT, "ensemble": {"members": 3, "platform_mass": {"uniform": [1200, 1500]}}}
-    records = [gs.run("heave_step", settings, member=k) for k in range(3)]
-    if host == "NumPy":
-        monkeypatch.setattr(BatchPlant, "loop_run", None)
-    if not kernels:
-        monkeypatch.setattr("gough_stewart.harness.ensemble.chunk.metric_kernels", lambda: None)
-    members = gs.ensemble("heave_step", settings, workers=1).members
-    for k, record in enumerate(records):
-        for path, value in of_motors(record).items():
+    members = gs.ensemble("heave_step", settings, controller=controller, workers=1).members
+    for k in range(3):
+        for path, value in of_motors(gs.run("heave_step", settings, controller=controller, member=k)).items():
             assert members[path][k] == pytest.approx(value, rel=1e-6), (path, k)
 
 

@@ -1,5 +1,6 @@
 """Draws as the table of an ensemble has them: each distribution, design and correlation by its definition."""
 
+import signal
 from typing import Any
 
 import numpy as np
@@ -200,6 +201,39 @@ def test_a_draw_far_up_the_tail_grows_with_its_score() -> None:
     far = {"leg_coulomb_friction": {"truncated_normal": [0, 1, 9, 12]}, "platform_mass": {"uniform": [10, 11]}}
     drawn = table_of({"members": 60, **far, "correlation": [pair]})
     assert stats.spearmanr(drawn["leg_coulomb_friction"], drawn["platform_mass"]).statistic > 0.9
+
+
+@pytest.mark.parametrize("members", [2, 3, 4, 20])
+def test_few_members_of_a_hypercube_keep_their_layers_when_they_are_correlated(members: int) -> None:
+    """Expected: one member in each layer of either input; by ranks nearly the same order, if there are enough."""
+    pair = {"of": ["leg_armature", "platform_mass"], "matrix": [[1, 0.999], [0.999, 1]]}
+    inputs = {"leg_armature": {"uniform": [1, 2]}, "platform_mass": {"uniform": [10, 11]}}
+    drawn = table_of({"members": members, "sampling": "latin_hypercube", **inputs, "correlation": [pair]})
+    columns = drawn["leg_armature"] - 1, drawn["platform_mass"] - 10
+    for values in columns:
+        assert (np.sort(np.floor(members * values + 1e-9)) == np.arange(members)).all()
+    assert members < 4 or stats.spearmanr(*columns).statistic > 0.9
+
+
+def test_ctrl_c_while_sobol_reads_its_table_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the interrupt, when SciPy has its engine; inside it would be lost, and all points the same."""
+    made = list[str]()
+
+    class Sobol(stats.qmc.Sobol):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            signal.raise_signal(signal.SIGINT)
+            super().__init__(*arguments, **options)
+            made.append("engine")
+
+    monkeypatch.setattr(stats.qmc, "Sobol", Sobol)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    ensemble = {"members": 4, "sampling": "sobol", "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            gs.run("heave_step", {"loop.duration": 4e-3, "ensemble": ensemble}, member=1)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert made == ["engine"]
 
 
 def test_saltellis_design_changes_one_input_after_the_other() -> None:

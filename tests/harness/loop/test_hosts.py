@@ -1,0 +1,238 @@
+"""The host in machine code and that in Python give the same rows, and members of ensembles are runs of their own.
+
+A CasADi function runs in machine code; a class that calls it at each sample, in the host in Python.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+import gough_stewart as gs
+from tests.support.arrays import FloatArray
+from tests.support.metric_definitions import as_one_number
+from tests.support.uneven_members import ALL, CLOCKS, MANY, Law, law_of, members_of
+
+# Of the law of a user, whose forces are smaller.
+OF_LAW: dict[str, Any] = {"controller": {"parameters": {"scale": {"uniform": [0.7, 1.6]}}}}
+WEAK = {"actuators": {"lag": {"choice": ["0 ms", "2 ms", "5 ms"]}, "force_limit": {"uniform": ["48 N", "56 N"]}}}
+SWITCH = [{"at": 0.037, "enabled": False}, {"at": 0.081, "enabled": True}]
+CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "plain": ({"loop": CLOCKS}, {"platform_mass": {"uniform": [9, 14]}}),
+    "rate limit alone": (
+        {"loop": CLOCKS, "actuators": {"force_limit": "none", "rate_limit": "700 N/s"}},
+        {"platform_mass": {"uniform": [9, 14]}},
+    ),
+    # a flip of a quantised reading is no rounding
+    "all": ({**ALL, "sensors": {**ALL["sensors"], "quantisation": {}}}, {**MANY, **WEAK}),
+    "switched off and on": ({"loop": CLOCKS, "change": SWITCH}, {"change.1.at": {"choice": [0.0, 0.037]}}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_both_hosts_give_the_same_rows(case: str) -> None:
+    """Expected: every column, to 1e-11 of its scale; flags and outcomes exactly."""
+    tables, varied = CASES[case]
+    chosen = members_of({**tables, "controller": {"type": "python"}}, {**varied, **OF_LAW})
+    limited = set[str]()
+    for member in (0, 3, 10):
+        ours, theirs = (gs.run(chosen, member=member, controller=law) for law in (law_of, Law))
+        assert ours.metadata["host"].startswith("compiled, ")
+        assert theirs.metadata["host"] == "Python"
+        assert ours.metadata["outcome"] == theirs.metadata["outcome"]
+        assert ours.table.columns == theirs.table.columns
+        columns = dict.fromkeys(name.partition("[")[0] for name in ours.table.columns)
+        for name in columns:
+            a, b = (np.asarray(record[name], dtype=float) for record in (ours, theirs))
+            assert np.abs(a - b).max() <= (0.0 if name[:4] == "flag" else 1e-11) * np.abs(b).max(), name
+        limited |= {name for name in columns if name[:4] == "flag" and 0 < ours[name].mean() < 1}
+    expected = {"all": {"flag.force_limited", "flag.rate_limited"}, "rate limit alone": {"flag.rate_limited"}}
+    assert limited >= expected.get(case, set())
+
+
+# With the distance from the reference that some of their members pass.
+LAWS: dict[str, tuple[Any, str]] = {
+    "pid": (None, "56 mm"),
+    "task": (None, "50 mm"),
+    "traced": (law_of, "54 mm"),
+    "Python": (Law, "54 mm"),
+}
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_members_of_an_ensemble_are_runs_of_their_own(kind: str) -> None:
+    """Expected: outcome and every metric of the record; the same bits among other members, and by several threads."""
+    law, far = LAWS[kind]
+    varied = {**MANY, "limits": {"position_error": {"choice": [far, "1 m"]}}, **({} if law is None else OF_LAW | WEAK)}
+    tables = {**ALL, **({} if law is None else {"controller": {"type": "python"}})}
+    chosen = members_of(tables, varied, kind if law is None else "pid")
+    many = gs.ensemble(chosen, controller=law, workers=1).members
+    for k in range(0, 11, 2):
+        record, row = gs.run(chosen, controller=law, member=k), many.row(k, named=True)
+        outcome, found = record.metadata["outcome"], gs.metrics(record)
+        assert (row["outcome"], row["ended"], row["cause"]) == tuple(outcome.values())
+        for path, value in as_one_number({name: part for name, part in found.items() if name != "outcome"}).items():
+            assert row[path] == (value if value is None else pytest.approx(value, rel=1e-11, abs=1e-15)), (k, path)
+    assert many["outcome"].n_unique() == 2
+    assert many["saturation.force_limited.any"].n_unique() > 5
+    few = gs.ensemble(chosen, controller=law, members=3, workers=1).members
+    assert many.head(3).equals(few)
+    assert gs.ensemble(chosen, controller=law).members.equals(many)
+
+
+# Settings of `heave_step`, what varies beside the mass, and words of the cause.
+ENDS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "far": ({}, {"limits.position_error": {"choice": ["40 mm", "48 mm", "1 m"]}}, "m from its reference; the limit is"),
+    "singular": (
+        {
+            "disturbance": [{"at": 0.1, "duration": 0.2, "torque": ["0 N.m", "1e6 N.m", "0 N.m"]}],
+            "limits.position_error": "1e6 m",
+        },
+        {"disturbance.1.at": {"choice": [0.1, 0.38]}},
+        "singular pose",
+    ),
+    "sticky": (
+        {},
+        {
+            "leg_friction_velocity": {"choice": ["0.01 m/s", "1e-11 m/s"]},
+            "leg_coulomb_friction": {"choice": [50.0, 9e5]},
+        },
+        "too many for one plant step",
+    ),
+    "noise beyond numbers": (
+        {"sensors": {"noise": {"leg_length": 1e-6}}},
+        {"sensors.noise.leg_length": {"choice": [1e-6, 1e12]}},
+        "the controller's forces are [",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ENDS)
+def test_members_end_for_their_causes_and_the_others_go_on(case: str) -> None:
+    """Expected: in both hosts the same time, status and words, each of a run of its own; rows up to there count."""
+    change, varied, words = ENDS[case]
+    varied = {"members": 11, "seed": 2, "platform_mass": {"factor": {"uniform": [0.8, 1.3]}}, **varied}
+    settings = {"loop.duration": 0.4, "loop.sample_time": 2e-3, "reference.at": 0.05, **change, "ensemble": varied}
+    law = law_of(None, 2e-3, 300.0)
+    compiled, stepped = (
+        gs.ensemble("heave_step", settings, controller=controller, workers=1).members
+        for controller in (law, lambda platform, period: Law(platform, period, 300.0))
+    )
+    names = ["outcome", "ended", "cause", "rows"]
+    assert compiled.select(names).equals(stepped.select(names))
+    assert set(compiled["outcome"].unique()) == {"completed", "diverged"}
+    assert any(words in str(cause) for cause in compiled["cause"])
+    k = int(np.argmax(compiled["outcome"].to_numpy() != "completed"))
+    record = gs.run("heave_step", settings, controller=law, member=k)
+    row = compiled.row(k, named=True)
+    assert (row["outcome"], row["ended"], row["cause"]) == tuple(record.metadata["outcome"].values())
+    assert row["rows"] == record.table.height == round(row["ended"] / 2e-3) + 1
+
+
+# ---- laws of users as machine code ----
+
+
+def test_what_has_no_plain_operations_runs_in_python() -> None:
+    length = casadi.MX.sym("leg_length", 6)
+    table = casadi.interpolant("table", "bspline", [[0.0, 2.0, 3.0, 4.0, 5.0]], [0.0, 1.0, -1.0, 2.0, 1.0])
+    looked_up = casadi.vertcat(*(100 * table(length[k]) for k in range(6)))
+    law = casadi.Function("law", [length], [looked_up], ["leg_length"], ["actuator_force"])
+    assert gs.run("heave_step", {"loop.duration": 0.01}, controller=law).metadata["host"] == "Python"
+
+
+def test_a_file_may_have_a_casadi_function(tmp_path: Path) -> None:
+    """Expected: as the function itself, by name and from a factory with parameters."""
+    (tmp_path / "law.py").write_text(
+        "import casadi\n"
+        "def make(platform, sample_time, kp=4e5):\n"
+        "    length, wanted = casadi.SX.sym('y', 6), casadi.SX.sym('r', 6)\n"
+        "    names = ['leg_length', 'reference_leg_length']\n"
+        "    return casadi.Function('law', [length, wanted], [kp * (wanted - length)], names, ['actuator_force'])\n"
+        "law = make(None, 1.0)\n"
+    )
+    for named in ({"name": "law"}, {"factory": "make", "parameters": {"kp": 4e5}}):
+        table = {"type": "python", "file": str(tmp_path / "law.py"), **named}
+        record = gs.run("heave_step", {"loop.duration": 0.02, "controller": table})
+        assert record.metadata["host"].startswith("compiled, ")
+        error = record["reference.leg_length"] - record["measured.leg_length"]
+        force = record["controller.force"] - record["controller.feedforward"]
+        assert force[:-1] == pytest.approx(4e5 * error[:-1], abs=1e-6)
+
+
+ONE: dict[str, Callable[[Any], Any]] = {
+    "arcsin": casadi.asin, "arccos": casadi.acos, "arctan": casadi.atan, "sinh": casadi.sinh, "cosh": casadi.cosh,
+    "arcsinh": casadi.asinh, "arctanh": casadi.atanh, "expm1": casadi.expm1, "log1p": casadi.log1p,
+    "exp": casadi.exp, "tan": casadi.tan, "floor": casadi.floor, "ceil": casadi.ceil, "fabs": casadi.fabs,
+    "sign": casadi.sign, "sin": casadi.sin, "cos": casadi.cos, "tanh": casadi.tanh,
+}  # fmt: skip
+TWO: dict[str, Callable[[Any, Any], Any]] = {
+    "arctan2": casadi.atan2, "fmod": casadi.fmod, "hypot": casadi.hypot, "copysign": casadi.copysign,
+    "fmin": casadi.fmin, "fmax": casadi.fmax, "less": lambda a, b: a < b, "not_equal": lambda a, b: a != b,
+}  # fmt: skip
+
+
+def test_operations_of_a_law_are_those_of_the_c_library() -> None:
+    """Expected: NumPy's functions of sines of the measured lengths and of time: at each sample another function."""
+    length, time = casadi.SX.sym("leg_length", 6), casadi.SX.sym("time")
+    x, y = 0.95 * casadi.sin(900 * length + 500 * time), 0.95 * casadi.sin(1100 * length + 1 - 900 * time)
+    terms = [function(x) for function in ONE.values()] + [function(x, y) for function in TWO.values()]
+    terms += [casadi.sqrt(x + 2), casadi.log(x + 2)]
+    terms.append(casadi.if_else(casadi.logic_and(x > 0.1, y > 0.2), x**3, casadi.remainder(x, y)))
+    force = sum(casadi.if_else(casadi.fabs(1e3 * time - k) < 0.5, term, 0.0) for k, term in enumerate(terms))
+    law = casadi.Function("law", [length, time], [force], ["leg_length", "time"], ["actuator_force"])
+    settings = {"loop.duration": 1e-3 * len(terms), "controller.feedforward": "none", "sensors": {}}
+    record = gs.run("heave_step", settings | {"limits.stroke": "ignore"}, controller=law)
+    assert record.metadata["host"].startswith("compiled, ")
+    measured, now = record["measured.leg_length"][:-1], record["time"][:-1, None]
+    a, b = 0.95 * np.sin(900 * measured + 500 * now), 0.95 * np.sin(1100 * measured + 1 - 900 * now)
+    expected = [getattr(np, name)(a) for name in ONE] + [getattr(np, name)(a, b) for name in TWO]
+    expected += [np.sqrt(a + 2), np.log(a + 2), np.where((a > 0.1) & (b > 0.2), a**3, a - np.rint(a / b) * b)]
+    assert np.ptp(a) > 1
+    for k, values in enumerate(expected):
+        assert record["controller.force"][k] == pytest.approx(values[k].astype(float), rel=1e-9, abs=1e-12), k
+
+
+# ---- stiction ----
+
+GOAL = 2.005
+HUNTING: dict[str, Any] = {
+    "plant.parameters": {
+        "leg_friction_model": "elasto_plastic",
+        "leg_coulomb_friction": 400.0,
+        "leg_static_friction": 2000.0,
+        "leg_stribeck_velocity": 0.02,
+    },
+    "plant.tolerance": 1e-10,
+    "reference": {"type": "step", "position_change": [0, 0, GOAL - 2.0], "at": 0.05},
+    "controller.bandwidth": "2 Hz",
+    "controller.damping_ratio": 0.8,
+    "controller.integral_time": "0.1 s",
+    "loop.duration": 4.6,
+}
+
+
+def test_a_pid_with_stiction_hunts_alike_in_c_and_in_a_unit() -> None:
+    """Expected: the cycle of the unit at 1e-10, of another error control than the loop in C; its steps of 1 ms.
+
+    It sticks for 0.4 s on either side, and slips by 10 mm. A cycle is between two upward passages of the goal, by
+    cubics through heights and velocities.
+    """
+
+    def cycle(plant: Any, **changed: Any) -> FloatArray:
+        record = gs.run("hold_against_gravity", HUNTING | changed, plant=plant)
+        late = record["time"] >= 2.0
+        height, velocity = record["position"][late, 2], record["velocity"][late, 2]
+        curve = CubicHermiteSpline(record["time"][late], height - GOAL, velocity)
+        roots = curve.roots(extrapolate=False)
+        upward = roots[curve(roots, 1) > 0]
+        assert len(upward) == 2
+        return np.array([upward[1] - upward[0], np.ptp(height)])
+
+    unit = cycle("fmu3")
+    assert unit == pytest.approx([1.1, 0.010], rel=0.1)
+    assert cycle("model") == pytest.approx(unit, rel=1e-6)
+    assert cycle("fmu3", **{"plant.fixed_step_size": 1e-3}) == pytest.approx(unit, rel=1e-4)
