@@ -2,12 +2,14 @@
 
 import inspect
 import re
+import shutil
+import subprocess
+import sys
+import tempfile
 import zipfile
 from pathlib import Path
 
 import fmpy.fmi2
-
-from gough_stewart.fmu_build.toolchain import chosen_targets, compile_library
 
 # How the unit calls what the loop calls leg_length, reference_leg_length and actuator_force.
 NAMES = {"leg_length": "y_{}", "reference_leg_length": "r", "actuator_force": "u"}
@@ -59,9 +61,14 @@ API void fmi2FreeInstance(void* c) { free(c); }
 """
 
 
-def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Path:
-    """The archive; with another unit of lengths, or fewer outputs, a wrong one."""
-    (native,) = chosen_targets(["native"])
+_COMPILER = ["gcc"] if shutil.which("gcc") else [sys.executable, "-m", "ziglang", "cc"]
+# Folder of binaries and ending of libraries, by FMI 2.0.
+_NATIVE = {"linux": ("linux64", ".so"), "darwin": ("darwin64", ".dylib"), "win32": ("win64", ".dll")}
+
+
+def foreign_controller(target: Path) -> Path:
+    """The archive."""
+    binaries, suffix = _NATIVE[sys.platform]
     source = _SOURCE
     for word, number in (("FAILS_AT", FAILS_AT), ("REFUSES", REFUSES), ("MOST", MOST)):
         source = source.replace(word, str(number))
@@ -73,23 +80,27 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
     names = [f"y_{k}" for k in range(1, 7)] + [f"r[{k}]" for k in range(1, 7)] + [f"u[{k}]" for k in range(1, 7)]
     variables = "".join(
         f'<ScalarVariable name="{name}" valueReference="{k}" causality="{"input" if k < 12 else "output"}">'
-        + (f'<Real unit="{unit}" start="0"/>' if k < 12 else '<Real unit="N"/>')
+        + ('<Real unit="m" start="0"/>' if k < 12 else '<Real unit="N"/>')
         + "</ScalarVariable>"
-        for k, name in enumerate(names[: 12 + outputs])
+        for k, name in enumerate(names)
     )
-    unknowns = "".join(f'<Unknown index="{k}"/>' for k in range(13, 13 + outputs))
+    unknowns = "".join(f'<Unknown index="{k}"/>' for k in range(13, 19))
     description = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Theirs" guid="0" variableNamingConvention="structured">
 <CoSimulation modelIdentifier="theirs"/>
-<UnitDefinitions><Unit name="{unit}"/><Unit name="N"/></UnitDefinitions>
+<UnitDefinitions><Unit name="m"/><Unit name="N"/></UnitDefinitions>
 <ModelVariables>{variables}
 <ScalarVariable name="gain" valueReference="18" causality="parameter" variability="fixed">
 <Real start="1000"/></ScalarVariable>
 </ModelVariables>
 <ModelStructure><Outputs>{unknowns}</Outputs></ModelStructure>
 </fmiModelDescription>"""
-    library = compile_library("theirs", {"unit.c": source}, {}, native)
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder, f"theirs{suffix}")
+        command = [*_COMPILER, "-O1", "-shared", "-fPIC", "-x", "c", "-", "-o", str(library)]
+        subprocess.run(command, input=source, text=True, check=True)
+        content = library.read_bytes()
     with zipfile.ZipFile(target, "w") as archive:
         archive.writestr("modelDescription.xml", description)
-        archive.writestr(f"binaries/{native.fmi2_folder}/theirs{native.suffix}", library)
+        archive.writestr(f"binaries/{binaries}/theirs{suffix}", content)
     return target
