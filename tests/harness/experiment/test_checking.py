@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.motion.limits.fitting import factor_that_fits
+from gough_stewart.harness.motion.limits.reach import factor_that_fits
 from gough_stewart.harness.motion.limits.shares import shares_along
 from gough_stewart.harness.motion.motion import slower, smaller
 from tests.support.uneven import PARAMETERS

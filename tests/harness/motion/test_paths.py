@@ -1,5 +1,6 @@
 """Paths through poses: the curve against SciPy's splines, keys, files, scales, what is refused, and the polynomials."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from tests.support.motions import by_differences, experiment, write_table
 from tests.support.uneven import UNEVEN
 
 POSES: Any = [[0.1, -0.1, 2.9, 0.05, -0.02, 0.1], [0.15, 0.1, 2.95, -0.05, 0.1, -0.1], [-0.1, 0.0, 2.8, 0.1, 0.0, 0.2]]
+FREE = replace(UNEVEN, joint_angle_max=None, leg_length_min=None, leg_length_max=None, actuator_force_max=None)
 HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
 
 
@@ -36,7 +38,8 @@ def test_a_path_is_the_documented_spline_through_its_poses(interpolation: Any) -
     Of positions and of rotation vectors from the first pose, over s that grows with √(|Δp|² + ℓ² |Δρ|²).
     """
     poses = np.array([*POSES, [0.0, 0.15, 2.9, -0.1, 0.05, -0.15]])
-    path = gs.ViaPath(poses=poses, interpolation=interpolation, timing=2).about(UNEVEN)
+    poses[:, 3:] += [[-0.3, 0.2, -0.4], [0.35, -0.25, 0.5], [-0.2, -0.35, 0.1], [0.3, 0.3, -0.3]]  # large turns
+    path = gs.ViaPath(poses=poses, interpolation=interpolation, timing=2).about(FREE)
     first = rotations(poses[0, 3:])
     rho = (rotations(poses[:, 3:]) * first.inv()).as_rotvec()
     both = np.hstack([poses[:, :3], rho])

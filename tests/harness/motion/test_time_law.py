@@ -10,11 +10,17 @@ from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
 from gough_stewart.harness.motion.limits.shares import shares_along
-from gough_stewart.harness.motion.paths.fastest import largest_share
+from gough_stewart.harness.motion.paths.fastest import DynamicLimits, largest_share
 from gough_stewart.harness.motion.paths.path import GeometricPath
-from gough_stewart.harness.motion.paths.polynomials import polynomials_of
-from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stepwise, Stretched, TimedPath, TimeLaw
-from gough_stewart.harness.motion.paths.time_optimal import DynamicLimits
+from gough_stewart.harness.motion.paths.time_law import (
+    Averaged,
+    Quintic,
+    Stepwise,
+    Stretched,
+    TimedPath,
+    TimeLaw,
+    polynomials_of,
+)
 from tests.support.forces import actuator_forces, pose_along
 from tests.support.lagrangian import legs_along
 from tests.support.uneven import UNEVEN
