@@ -39,10 +39,10 @@ from gough_stewart.harness.identify.identify import identify as identify
 from gough_stewart.harness.identify.log import Log as Log
 from gough_stewart.harness.identify.log import read_log as read_log
 from gough_stewart.harness.identify.retuned import before_and_after as before_and_after
-from gough_stewart.harness.motion.excitation import Excitation as Excitation
 from gough_stewart.harness.motion.paths.via_path import ViaPath as ViaPath
 from gough_stewart.harness.motion.references import Chirp as Chirp
 from gough_stewart.harness.motion.references import Circle as Circle
+from gough_stewart.harness.motion.references import Excitation as Excitation
 from gough_stewart.harness.motion.references import Hold as Hold
 from gough_stewart.harness.motion.references import PointToPoint as PointToPoint
 from gough_stewart.harness.motion.references import Sine as Sine

@@ -7,14 +7,13 @@ import re
 import shutil
 import tomllib
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
-from gough_stewart.harness.control import controllers
-from gough_stewart.harness.experiment import schema as experiment
-from gough_stewart.harness.motion import references
-from gough_stewart.harness.section import TableSection
+import gough_stewart as gs
 from tests.support.demo import Demo
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
@@ -53,14 +52,35 @@ def test_the_demo_runs(demo: Demo) -> None:
 def test_the_pages_name_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
     page = "".join((ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file", "motion"))
-    modules = (experiment, controllers, references)
-    sections = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
-    models = [each for each in sections if issubclass(each, TableSection) and each is not TableSection]
-    keys = {key for model in models for key in model.model_fields} - {"platform", "reference", "controller", "start"}
+    keys = keys_of(gs.Experiment) - {"platform", "reference", "controller", "start"}
+    assert {"position_amplitude", "proportional_gain", "leg_lengths", "lines_at_most"} <= keys
     assert [key for key in sorted(keys) if not re.search(rf"[`\[.]{key}[`\].]", page)] == []
 
 
-@pytest.mark.parametrize("example", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
+def keys_of(table: type[BaseModel]) -> set[str]:
+    """The keys of a table, of the tables in it, and of all their kinds."""
+    tables: set[type[BaseModel]] = set()
+    waiting: list[Any] = [table]
+    while waiting:
+        annotation = waiting.pop()
+        waiting += get_args(annotation)
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel) and annotation not in tables:
+            tables.add(annotation)
+            waiting += annotation.__subclasses__()
+            waiting += [field.annotation for field in annotation.model_fields.values()]
+    return {key for found in tables for key in found.model_fields}
+
+
+# Examples that take longer are evidence.
+QUICK = ("fmu_in_fmpy.py", "lqr.py", "pole_placement.py")
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize(
+    "example",
+    [pytest.param(p, marks=[] if p.name in QUICK else pytest.mark.evidence) for p in EXAMPLES],
+    ids=[p.name for p in EXAMPLES],
+)
 def test_the_examples_run(example: Path, built: Path, interpreter: Interpreter) -> None:
     """Expected: exit code 0; of some, what their output says."""
     done = interpreter.script(example, cwd=built)

@@ -7,12 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import casadi
+import control
 import numpy as np
 import pytest
 
 import gough_stewart as gs
 
 gs_any: Any = gs  # what a type checker would refuse
+SYSTEM = control.ss(-1, 1, 1, 0)
 SHORT = {"loop.duration": 0.3}
 MOTION_BASE = gs.load_preset("motion_base")
 HOME = (MOTION_BASE.home_position, MOTION_BASE.home_orientation)
@@ -77,6 +80,58 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         r"over\['x'\] is '0 s'; expected a number of m, or a text",
     ),
     "an unknown argument": (lambda: gs_any.run("heave_step", plnat="fmu3"), "unexpected keyword argument 'plnat'"),
+    "three arguments": (lambda: gs_any.modes(1, 2, 3), r"too many positional arguments; expected modes\(system\)"),
+    "a time of 0": (lambda: gs_any.sampled(SYSTEM, "0 s"), "sample_time is '0 s'; expected a number of s above 0, or"),
+    "a filter in Hz": (
+        lambda: gs_any.gains_from_bandwidth("motion_base", 2, derivative_filter="2 Hz"),
+        "derivative_filter is '2 Hz'; expected a number of s above 0, or a text with one of the units s, ms, us, µs",
+    ),
+    "an integral of True": (
+        lambda: gs_any.gains_from_bandwidth("motion_base", 2, integral_time=True),
+        "integral_time is True; expected a number of s above 0",
+    ),
+    "a damping in words": (
+        lambda: gs_any.gains_from_bandwidth("motion_base", 2, "0.5"),
+        "damping_ratio is '0.5'; expected a number$",
+    ),
+    "progress 3": (lambda: gs_any.ensemble("heave_tolerances", progress=3), "progress is 3; expected a function"),
+    "estimates": (
+        lambda: gs_any.excite("motion_base", ["platform_mass", 2]),
+        r"estimate is \['platform_mass', 2\]; expected a text, or a list of texts",
+    ),
+    "a dict as log": (
+        lambda: gs_any.identify({"a": 1}, "motion_base", "platform_mass"),
+        r"log is \{'a': 1\}; expected a Log, a Record, a file or folder of one, or a list of them",
+    ),
+    "a record in a list": (lambda: gs_any.view(["a", 3]), r"records\[1\] is 3; expected a Record, or the folder"),
+    "no acceleration": (
+        lambda: gs_any.inverse_dynamics(MOTION_BASE, gs.State(*HOME, *np.zeros((2, 3))), None),
+        r"acceleration is None; expected an Acceleration\(linear, angular\)",
+    ),
+    "a word as out": (lambda: gs_any.export("heave_step", out=3), "out is 3; expected a path"),
+    "one of a stack": (
+        lambda: gs_any.stack(["motion_base", 3]),
+        r"parameters\[1\] is 3; expected a Platform, the name",
+    ),
+    "a name as stack": (
+        lambda: gs_any.stack("motion_base"),
+        "expected a list of platforms, names of presets or platform",
+    ),
+    "ragged": (
+        lambda: gs_any.leg_geometry(MOTION_BASE, [[1], [1, 2]], HOME[1]),
+        r"position is \[\[1\], \[1, 2\]\]; expected 3 numbers of m, x, y, z, or an array \(…, 3\)",
+    ),
+    "complex": (lambda: gs_any.leg_geometry(MOTION_BASE, [1j, 2, 3], HOME[1]), "expected 3 numbers of m, x, y, z"),
+    "booleans": (lambda: gs_any.leg_geometry(MOTION_BASE, [True, True, False], HOME[1]), "expected 3 numbers of m"),
+    "an element in s": (
+        lambda: gs_any.leg_geometry(MOTION_BASE, [1, "2 m", "3 s"], HOME[1]),
+        r"position\[2\] is '3 s'; expected a number of m, or a text",
+    ),
+    "angles in mm": (
+        lambda: gs_any.sweep("motion_base", {"x": (0, 1), "y": None}, {"roll": ["1 deg", "3 mm"]}),
+        r"at\['roll'\] is '3 mm'; expected a number of rad, or a text",
+    ),
+    "a long value": (lambda: gs_any.pid("y" * 80), rf"gains is '{'y' * 56}…; expected Gains, or the result of"),
 }
 
 
@@ -97,6 +152,17 @@ def test_names_of_presets_stand_for_platforms() -> None:
     assert np.array_equal(gs_any.leg_geometry("motion_base", place, [0, 0, 0]).length, length)
     assert gs_any.stack(["motion_base", MOTION_BASE]).base_points.shape == (2, 6, 3)
     assert len(gs_any.trim("motion_base").state) == 12
+    # arrays over leading axes, and symbols of CasADi, stay as they are
+    many = np.broadcast_to(HOME[0], (2, 4, 3))
+    assert gs.leg_geometry(MOTION_BASE, many, HOME[1]).length.shape == (2, 4, 6)
+    symbols = np.array([[casadi.SX.sym(axis) for axis in "xyz"]])
+    assert gs_any.leg_geometry(MOTION_BASE, symbols, np.zeros((1, 3))).length.dtype == object
+
+
+def test_files_stand_for_platforms(tmp_path: Path) -> None:
+    gs.save_platform(MOTION_BASE, tmp_path / "own.toml")
+    for file in (tmp_path / "own.toml", str(tmp_path / "own.toml")):
+        assert np.array_equal(gs_any.trim(file).inputs, gs.trim(MOTION_BASE).inputs)
 
 
 def test_numbers_take_units() -> None:

@@ -5,8 +5,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from saving import save_svg
 
-from gough_stewart.harness.motion.recorded.low_pass import smoothed
-from gough_stewart.harness.motion.recorded.table import FromTable
+from gough_stewart.harness.motion.recorded.from_table import FromTable, smoothed
 from gough_stewart.harness.motion.references import FromFile
 from gough_stewart.model.platform import load_preset
 

@@ -28,7 +28,7 @@ from gough_stewart.harness.control.state_space import Method, discretised
 from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.motion.motion import Motion, once_at_rest
+from gough_stewart.harness.motion.motion import Motion, distinct_rows
 from gough_stewart.harness.quantities import (
     DerivativeGains,
     Frequency,
@@ -54,14 +54,10 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
-
-    def forces_of(rows: Motion) -> list[FloatArray]:
-        if kind == "gravity":
-            return [static_leg_forces(platform, rows.position, rows.orientation)]
-        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
-
-    (forces,) = once_at_rest(forces_of, motion)
-    return forces
+    rows, of_row = distinct_rows(motion)
+    if kind == "gravity":
+        return static_leg_forces(platform, rows.position, rows.orientation)[of_row]
+    return inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))[of_row]
 
 
 class ControllerChoice(Kind):

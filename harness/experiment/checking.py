@@ -23,17 +23,17 @@ from gough_stewart.harness.experiment.preparation import (
 )
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.motion.limits.fitting import factor_near, shrinking_that_fits, slowing_that_fits
-from gough_stewart.harness.motion.limits.needs import LegLoads, Needs, needs_along
-from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Peak, Shares, shares_along
-from gough_stewart.harness.motion.limits.shares_tables import (
+from gough_stewart.harness.motion.limits.needs import (
     LEGS,
     OF_LIMIT,
-    finite,
+    Needs,
     largest_needs,
     leg_tables,
+    needs_along,
     summary_tables,
 )
+from gough_stewart.harness.motion.limits.reach import factor_near, scale_that_fits
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, LegLoads, Peak, Shares, shares_along
 from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.quantities import plain
@@ -123,13 +123,13 @@ class MotionCheck:
     def time_factor(self) -> float | None:
         """The time scale at which the motion fits and leaves its margin, 1 if it does already; None if none does."""
         worst, total = self.experiment.limits.condition_number, None if self.margin else self.shares.total
-        return slowing_that_fits(self._less_margin, self._motion, worst, total)
+        return scale_that_fits(self._less_margin, self._motion, None, worst, total)
 
     @cached_property
     def amplitude_factor(self) -> float | None:
         """The amplitude scale at which the motion fits and leaves its margin, 1 if it does; None if none does."""
         worst, total = self.experiment.limits.condition_number, None if self.margin else self.shares.total
-        return shrinking_that_fits(self._less_margin, self._motion, centre_of(self._reference), worst, total)
+        return scale_that_fits(self._less_margin, self._motion, centre_of(self._reference), worst, total)
 
     @cached_property
     def worst_phases(self) -> "tuple[WorstPhases, ...] | None":
@@ -435,7 +435,7 @@ def _verdict(result: MotionCheck) -> Verdict:
 
 
 def _number(peak: Peak) -> Number:
-    share = finite(peak.share)
+    share = plain(peak.share)
     return Number(
         f"limits.{peak.limit}",
         LABELS[peak.limit] + ("" if peak.leg is None else f", leg {peak.leg}"),

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.symbols import Home
 from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of, smaller
-from gough_stewart.harness.motion.paths.polynomials import Polynomials
-from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stretched, TimedPath, TimeLaw
+from gough_stewart.harness.motion.paths.time_law import Averaged, Polynomials, Quintic, Stretched, TimedPath, TimeLaw
 from gough_stewart.model.vectors import FloatArray
 
 # Of the path parameter, which is at most 1, in 32 bits with a sign: a float of that size would move legs by 30 nm.

@@ -26,9 +26,9 @@ from gough_stewart.harness.identify.regressor import (
     wrenches_function,
 )
 from gough_stewart.harness.identify.rows import Regression, segment_of
-from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
+from gough_stewart.harness.motion.references import Excitation
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, NUMBER, of_unit

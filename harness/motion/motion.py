@@ -1,8 +1,12 @@
-"""A motion of the platform frame: poses with their exact first and second derivatives; slower or smaller motions."""
+"""A motion of the platform frame: poses with their exact first and second derivatives; slower or smaller motions.
+
+A motion is a base pose plus profiles in time times directions in (x, y, z, roll, pitch, yaw). Angular velocity and
+acceleration follow from the rates of roll, pitch and yaw. Arguments are numbers, or CasADi symbols in object arrays, so
+no function branches on a value.
+"""
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -10,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.model.operations import numbers_or_symbols
+from gough_stewart.model.operations import maximum, minimum, numbers_or_symbols, reached
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
@@ -33,15 +37,14 @@ class Motion(NamedTuple):
     angular_acceleration: FloatArray  # world components [rad/s²]
 
 
-def once_at_rest(evaluate: Callable[[Motion], Sequence[FloatArray]], motion: Motion) -> list[FloatArray]:
-    """Arrays (n, …) of the rows of a motion, computed once for consecutive rows that are equal, as at rest."""
+def distinct_rows(motion: Motion) -> tuple[Motion, Any]:
+    """The motion with consecutive rows that are equal, as at rest, only once; and which of these each row is (n,)."""
     rows = np.concatenate(motion, axis=1)
     is_new = (rows[1:] != rows[:-1]).any(axis=1)
     if is_new.all():
-        return list(evaluate(motion))
+        return motion, slice(None)
     first = np.flatnonzero(np.append(True, is_new))
-    of_row = np.append(0, np.cumsum(is_new))
-    return [values[of_row] for values in evaluate(Motion(*(part[first] for part in motion)))]
+    return Motion(*(part[first] for part in motion)), np.append(0, np.cumsum(is_new))
 
 
 class Reference(Protocol):
@@ -147,12 +150,7 @@ def centre_of(reference: Reference) -> FloatArray:
     centre: Any = getattr(reference, "centre", None)
     if centre is not None:
         return np.asarray(centre, dtype=float)
-    return pose_at_start(reference(np.zeros(1)))
-
-
-def pose_at_start(motion: Motion) -> FloatArray:
-    """The pose (6,) of a motion's first row."""
-    return np.concatenate([motion.position[0], motion.orientation[0]])
+    return np.hstack(reference(np.zeros(1))[:2])[0]
 
 
 def slower(motion: Motion, scale: float | Array) -> Motion:
@@ -168,3 +166,42 @@ def smaller(motion: Motion, scale: float, centre: FloatArray) -> Motion:
     """All deviations from a pose (6,) times a, in position and in roll, pitch, yaw."""
     pose, rate, acceleration = coordinates_of(motion)
     return motion_of(centre + scale * (pose - centre), scale * rate, scale * acceleration)
+
+
+class Profile(NamedTuple):
+    """A function of time with its first two derivatives; each (n,)."""
+
+    value: Array
+    rate: Array
+    acceleration: Array
+
+    def times(self, other: "Profile") -> "Profile":
+        """Product, by the product rule."""
+        return Profile(
+            self.value * other.value,
+            self.rate * other.value + self.value * other.rate,
+            self.acceleration * other.value + 2 * self.rate * other.rate + self.value * other.acceleration,
+        )
+
+    def faded(self, time: Array, fade_in: float | Array) -> "Profile":
+        """Multiplied by a quintic from 0 to 1 over the fade-in [s]; unchanged for 0 s, which no symbol is."""
+        return self.times(quintic(time, fade_in)) if isinstance(fade_in, np.ndarray) or fade_in > 0 else self
+
+
+def step(time: Array) -> Profile:
+    """From 0 to 1 at time 0 (1 at time 0 itself); rates are zero on both sides."""
+    value = reached(time, -ROUNDING)
+    return Profile(value, 0 * value, 0 * value)
+
+
+def quintic(time: Array, duration: float | Array) -> Profile:
+    """From 0 to 1 over the duration, at rest at both ends: 10 s³ − 15 s⁴ + 6 s⁵, s = t/duration."""
+    s = minimum(maximum(time / duration, 0.0), 1.0)
+    value = s**3 * (10 - 15 * s + 6 * s**2)
+    return Profile(value, 30 * s**2 * (1 - s) ** 2 / duration, 60 * s * (1 - s) * (1 - 2 * s) / duration**2)
+
+
+def sine(phase: Array, rate: Array | float, change: Array | float = 0.0) -> Profile:
+    """Sine of a phase whose first and second derivatives are `rate` and `change`."""
+    sine, cosine = np.sin(phase), np.cos(phase)
+    return Profile(sine, cosine * rate, cosine * change - sine * rate**2)

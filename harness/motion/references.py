@@ -7,17 +7,15 @@ motion needs; its `type` makes it known to experiment files.
 import math
 from abc import abstractmethod
 from pathlib import Path
-from typing import Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import Motion, Reference, motion_of, slower
-from gough_stewart.harness.motion.profiles import Profile, quintic, sine, step
-from gough_stewart.harness.motion.recorded.low_pass import resampled, smoothed
-from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
+from gough_stewart.harness.motion.motion import Motion, Profile, Reference, motion_of, quintic, sine, slower, step
+from gough_stewart.harness.motion.recorded.from_table import FromTable, check_speed, resampled, smoothed
 from gough_stewart.harness.motion.recorded.recording import (
     AtHome,
     LegLengths,
@@ -25,7 +23,6 @@ from gough_stewart.harness.motion.recorded.recording import (
     read_recording,
     recording_path,
 )
-from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.pose_convention import QUATERNION, PoseConvention, RotationAbout
 from gough_stewart.harness.quantities import (
     ZEROS,
@@ -71,10 +68,12 @@ class ReferenceChoice(Kind):
             A file that cannot be read, or without a motion.
         """
 
+    frequencies: ClassVar[tuple[str, ...]] = ()  # its keys that are frequencies
+
     @property
     def highest_frequency(self) -> float:
         """The highest frequency of the motion [Hz]; 0 if it has none."""
-        return 0.0
+        return max((getattr(self, key) for key in self.frequencies), default=0.0) / self.time_scale
 
     @classmethod
     def refusal(cls, message: str) -> MotionError:
@@ -108,6 +107,10 @@ class AboutPose(ReferenceChoice):
     @abstractmethod
     def _at(self, time: Array) -> Motion:
         """The motion at an array of times in its own, unscaled time."""
+
+    def _along(self, kind: str) -> FloatArray:
+        """The direction (6,) of its change or amplitude."""
+        return np.concatenate([getattr(self, f"position_{kind}"), getattr(self, f"orientation_{kind}")])
 
     def _by(self, *parts: tuple[Profile, FloatArray]) -> Motion:
         """The pose plus profiles (n,) times directions (6,), times the amplitude scale."""
@@ -145,10 +148,6 @@ class _Change(AboutPose):
     position_change: Position = ZEROS
     orientation_change: Orientation = ZEROS
 
-    @property
-    def _direction(self) -> FloatArray:
-        return np.concatenate([self.position_change, self.orientation_change])
-
 
 class Step(_Change):
     """Jump by a change at a time; velocity and acceleration are zero on both sides.
@@ -162,7 +161,7 @@ class Step(_Change):
 
     def _at(self, time: Array) -> Motion:
         # at the time of the jump, the value after it
-        return self._by((step(time - self.at), self._direction))
+        return self._by((step(time - self.at), self._along("change")))
 
 
 class PointToPoint(_Change):
@@ -177,7 +176,7 @@ class PointToPoint(_Change):
     duration: PositiveTime
 
     def _at(self, time: Array) -> Motion:
-        return self._by((quintic(time - self.at, self.duration), self._direction))
+        return self._by((quintic(time - self.at, self.duration), self._along("change")))
 
 
 class _Swing(AboutPose):
@@ -186,10 +185,6 @@ class _Swing(AboutPose):
     position_amplitude: Position = ZEROS
     orientation_amplitude: Orientation = ZEROS
     fade_in: Time = 0.0
-
-    @property
-    def _direction(self) -> FloatArray:
-        return np.concatenate([self.position_amplitude, self.orientation_amplitude])
 
 
 class Sine(_Swing):
@@ -206,6 +201,7 @@ class Sine(_Swing):
     >>> swing.about(gs.load_preset("liu2000"))(np.linspace(0, 1, 11)).velocity.shape
     """
 
+    frequencies: ClassVar[tuple[str, ...]] = ("frequency",)
     type: Literal["sine"] = "sine"
     frequency: Frequency
     phase: Angle = 0.0
@@ -214,7 +210,7 @@ class Sine(_Swing):
 
     def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
-        offsets = np.concatenate([self.position_phase, self.orientation_phase])
+        offsets = self._along("phase")
         # axes of one phase share a sine; symbols, which cannot be compared, have one each
         first, of_axis = np.arange(6), np.arange(6)
         if offsets.dtype != object:
@@ -223,16 +219,11 @@ class Sine(_Swing):
             *(
                 (
                     sine(omega * time + (self.phase + offsets[axis : axis + 1]), omega).faded(time, self.fade_in),
-                    np.where(of_axis == k, self._direction, 0.0),
+                    np.where(of_axis == k, self._along("amplitude"), 0.0),
                 )
                 for k, axis in enumerate(first.tolist())
             )
         )
-
-    @property
-    def highest_frequency(self) -> float:
-        """Its frequency [Hz]."""
-        return self.frequency / self.time_scale
 
 
 class Chirp(_Swing):
@@ -243,6 +234,7 @@ class Chirp(_Swing):
     T [s], `fade_in` [s]; about `position` [m] and `orientation` [rad], home by default.
     """
 
+    frequencies: ClassVar[tuple[str, ...]] = ("from_frequency", "to_frequency")
     type: Literal["chirp"] = "chirp"
     from_frequency: Frequency  # f0
     to_frequency: Frequency  # f1
@@ -254,13 +246,8 @@ class Chirp(_Swing):
         cycles = f0 * sweeping + (f1 - f0) * sweeping**2 / (2 * T) + f1 * after
         frequency = f0 + (f1 - f0) * sweeping / T
         change = (f1 - f0) / T * (1 - reached(time, T))
-        swing = sine(*(2 * math.pi * each for each in (cycles, frequency, change)))
-        return self._by((swing.faded(time, self.fade_in), self._direction))
-
-    @property
-    def highest_frequency(self) -> float:
-        """The higher of the two frequencies [Hz]."""
-        return max(self.from_frequency, self.to_frequency) / self.time_scale
+        swing = sine(*(2 * math.pi * part for part in (cycles, frequency, change)))
+        return self._by((swing.faded(time, self.fade_in), self._along("amplitude")))
 
 
 class Circle(AboutPose):
@@ -270,6 +257,7 @@ class Circle(AboutPose):
     `orientation` [rad], home by default.
     """
 
+    frequencies: ClassVar[tuple[str, ...]] = ("frequency",)
     type: Literal["circle"] = "circle"
     radius: PositiveLength
     frequency: Frequency
@@ -282,10 +270,68 @@ class Circle(AboutPose):
         profiles = (sine(omega * time + phase, omega).faded(time, self.fade_in) for phase in (math.pi / 2, 0.0))
         return self._by(*zip(profiles, axes, strict=True))
 
+
+_Positions = Annotated[list[Position], Field(min_length=1, max_length=100)]
+_Orientations = Annotated[list[Orientation], Field(min_length=1, max_length=100)]
+_COEFFICIENTS = ("position_sine", "position_cosine", "orientation_sine", "orientation_cosine")
+
+
+class Excitation(AboutPose):
+    """Move in all coordinates at multiples of a frequency: w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t).
+
+    `position_sine`, `position_cosine` [m], `orientation_sine`, `orientation_cosine` [rad]: the coefficients, three
+    numbers for each k = 1, 2, …; `frequency` f [Hz], `duration` [s], `fade` [s]: the time over which w rises as a
+    quintic, and falls at the end, so that pose, velocity and acceleration start and end at rest. About `position` [m]
+    and `orientation` [rad], home by default.
+
+    Examples
+    --------
+    >>> swing = gs.Excitation(frequency=0.5, duration=4, position_sine=[[0.02, 0, 0]], position_cosine=[[0, 0, 0.01]],
+    ...                       orientation_sine=[[0, 0.02, 0]], orientation_cosine=[[0, 0, 0]])
+    >>> swing.about(gs.load_preset("liu2000"))(np.linspace(0, 4, 5)).velocity.shape
+    (5, 3)
+    """
+
+    type: Literal["excitation"] = "excitation"
+    frequency: Frequency
+    duration: PositiveTime
+    fade: PositiveTime = 1.0
+    position_sine: _Positions
+    position_cosine: _Positions
+    orientation_sine: _Orientations
+    orientation_cosine: _Orientations
+
+    @model_validator(mode="after")
+    def _alike(self) -> "Excitation":
+        sizes = {name: len(getattr(self, name)) for name in _COEFFICIENTS}
+        if len(set(sizes.values())) > 1:
+            listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise ValueError(f"expected the same number of coefficients of each kind; found {listed}")
+        if 2 * self.fade > self.duration:
+            raise ValueError(f"fade is {self.fade:g} s at either end of a duration of {self.duration:g} s")
+        return self
+
+    def _at(self, time: Array) -> Motion:
+        begin, end = quintic(time, self.fade), quintic(time - (self.duration - self.fade), self.fade)
+        window = begin.times(Profile(1 - end.value, -end.rate, -end.acceleration))
+        parts = []
+        sines, cosines = self.coefficients
+        for k in range(len(sines)):
+            omega = 2 * math.pi * (k + 1) * self.frequency
+            for phase, direction in ((0.0, sines[k]), (math.pi / 2, cosines[k])):
+                parts.append((sine(omega * time + phase, omega).times(window), direction))
+        return self._by(*parts)
+
+    @property
+    def coefficients(self) -> tuple[FloatArray, FloatArray]:
+        """The coefficients of the sines and of the cosines (N, 6) [m], [rad]."""
+        arrays = [np.array(getattr(self, name), dtype=float) for name in _COEFFICIENTS]
+        return np.hstack([arrays[0], arrays[2]]), np.hstack([arrays[1], arrays[3]])
+
     @property
     def highest_frequency(self) -> float:
-        """Its frequency [Hz]."""
-        return self.frequency / self.time_scale
+        """The frequency of the last harmonic [Hz]."""
+        return self.frequency * len(self.position_sine) / self.time_scale
 
 
 class WrittenPoses(ReferenceChoice):
@@ -334,15 +380,16 @@ class FromFile(WrittenPoses):
     def about(self, platform: Platform, folder: Path = Path()) -> FromTable:
         """The file's poses, with quintic splines between them; shipped files are found by name."""
         path = recording_path(folder, self.file)
-        recording = read_recording(path, self.columns, self.largest_gap, self.convention, platform, self.leg_lengths)
-        table = recording.table
+        table, first, unit = read_recording(
+            path, self.columns, self.largest_gap, self.convention, platform, self.leg_lengths
+        )
         if not self.unusual_speed:
             try:
-                check_speed(table, recording.time_unit, platform.characteristic_length, self.time_scale)
+                check_speed(table, unit, platform.characteristic_length, self.time_scale)
             except MotionError as error:
                 raise MotionError(f"{path}: {error}") from error
         table = table if self.resample is None else resampled(table, self.resample)
         table = table if self.smoothing is None else smoothed(table, self.smoothing)
-        start = 0.0 if self.start_time is None else self.start_time - recording.first
+        start = 0.0 if self.start_time is None else self.start_time - first
         table = table if self.at_home is None else moved_home(table, platform, self.at_home, start)
         return table.from_time(start).scaled(self.time_scale, self.amplitude_scale)

@@ -9,8 +9,7 @@ from gough_stewart import Platform, leg_geometry, load_preset
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.paths.fastest import fastest
 from gough_stewart.harness.motion.paths.path import GeometricPath
-from gough_stewart.harness.motion.paths.polynomials import polynomials_of
-from gough_stewart.harness.motion.paths.time_law import TimedPath
+from gough_stewart.harness.motion.paths.time_law import TimedPath, polynomials_of
 from tests.support.direct_transcription import least_time
 
 pytestmark = pytest.mark.evidence

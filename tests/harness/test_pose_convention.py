@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.harness.pose_convention import PoseConvention
-from gough_stewart.harness.table_file import read_table, times_of, without_repeated_rows
 from tests.support.arrays import FloatArray
+from tests.support.motions import motion_of
 from tests.support.uneven import UNEVEN
 
 N = 40
@@ -57,6 +55,11 @@ def file_of(folder: Path, header: str, *columns: FloatArray, first: list[str] | 
     return path
 
 
+def read(path: Path, **keys: Any) -> Any:
+    """The motion that a file means."""
+    return motion_of(UNEVEN, path.parent, type="file", file=path.name, **keys)
+
+
 POSE = "t [s],x [mm],y [mm],z [mm],roll [rad],pitch [rad],yaw [rad]"
 LEGS = ",".join(f"leg_{k} [mm]" for k in range(1, 7))
 NED, MIRROR = np.diag([1.0, -1.0, -1.0]), np.diag([1.0, -1.0, 1.0])
@@ -87,7 +90,7 @@ CASES: dict[str, tuple[dict[str, Any], FloatArray, FloatArray]] = {
 def test_references_paths_and_logs_are_read_as_they_were_written(case: str, tmp_path: Path) -> None:
     keys, R, position = CASES[case]
     path = file_of(tmp_path, POSE, 1e3 * PLACE, ANGLES)
-    table = FromFile(file=path.name, **keys).about(UNEVEN, tmp_path)
+    table = read(path, **keys)
     np.testing.assert_allclose(matrices(table.orientation), R, atol=1e-9)
     np.testing.assert_allclose(table.position, position, atol=1e-9)
     log = gs.read_log(file_of(tmp_path, f"{POSE},{LEGS}", 1e3 * PLACE, ANGLES, np.ones((N, 6))), **keys)
@@ -95,19 +98,13 @@ def test_references_paths_and_logs_are_read_as_they_were_written(case: str, tmp_
     assert log.orientation is not None
     np.testing.assert_allclose(matrices(log.orientation), R, atol=1e-9)
     np.testing.assert_allclose(log.position, position, atol=1e-9)
-    # what is written is what was read
-    place, angles = PoseConvention(**keys).written(log.position, log.orientation)
-    again, R_again = PoseConvention(**keys).read(place, angles)
-    np.testing.assert_allclose(place, PLACE, atol=1e-9)
-    np.testing.assert_allclose(R_again, R, atol=1e-9)
-    np.testing.assert_allclose(again, position, atol=1e-9)
 
 
 @pytest.mark.parametrize("case", ["ours", "moving XYZ", "z down", "left-handed", "pivot"])
 def test_paths_pass_through_the_poses_that_are_meant(case: str) -> None:
     """Expected: displacements from home: of the pivot, and rotations applied after home's; at both ends at rest."""
     keys, R, _ = CASES[case]
-    M = PoseConvention(**keys).axes
+    M = {"z down": NED, "left-handed": MIRROR}.get(case, np.eye(3))
     rows = [0, 12, 30]
     moved = np.array([[0.02, 0.01, -0.01], [0.0, -0.02, 0.02], [0.01, 0.0, 0.03]])
     poses = np.hstack([moved, ANGLES[rows]]).tolist()
@@ -135,10 +132,10 @@ def test_a_log_that_fits_in_another_order_or_frame_is_told_so(tmp_path: Path) ->
         keys, R, position = CASES[case]
         path = file_of(tmp_path, f"{POSE},{LEGS}", 1e3 * PLACE, ANGLES, 1e3 * (lengths(position, R) + noise))
         with pytest.raises(gs.GoughStewartError, match=says):
-            FromFile(file=path.name).about(UNEVEN, tmp_path)
+            read(path)
         with pytest.raises(gs.GoughStewartError, match=says):
             gs.identify(path, UNEVEN, "leg_length_offset")
-        FromFile(file=path.name, **keys).about(UNEVEN, tmp_path)
+        read(path, **keys)
 
 
 def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path) -> None:
@@ -156,20 +153,20 @@ def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path
         lines = path.read_text().splitlines()
         path.write_text("\n".join([*lines[:6], lines[5], *lines[6:]]))
         with pytest.warns(UserWarning, match="row 6 repeats the row before"):
-            table = FromFile(file=path.name, **keys).about(UNEVEN, tmp_path)  # type: ignore[arg-type]
+            table = read(path, **keys)
         np.testing.assert_allclose(table.time, TIME, atol=3e-7)
         np.testing.assert_allclose(table.position, PLACE, atol=1e-8)
         np.testing.assert_allclose(matrices(table.orientation), R, atol=1e-8)
         path.write_text("\n".join([*lines[:6], lines[5][:-4] + "9999", *lines[6:]]))
         with pytest.raises(gs.GoughStewartError, match=r"in row 6, with other values"):
-            FromFile(file=path.name, **keys).about(UNEVEN, tmp_path)  # type: ignore[arg-type]
+            read(path, **keys)
     path.write_text("\n".join(lines))
     with pytest.raises(gs.GoughStewartError, match=r"of row 1 .*leg_lengths = \"from_home\""):
-        FromFile(file=path.name).about(UNEVEN, tmp_path)
+        read(path)
     L[7, 2] = 9.0
     path = file_of(tmp_path, f"t [s],{LEGS}", 1e3 * L)
     with pytest.raises(gs.GoughStewartError, match=r"no pose of this platform .*9\.0.* m of row 8 "):
-        FromFile(file=path.name).about(UNEVEN, tmp_path)
+        read(path)
 
 
 def test_messages_of_poses_are_read_by_their_names(tmp_path: Path) -> None:
@@ -180,13 +177,13 @@ def test_messages_of_poses_are_read_by_their_names(tmp_path: Path) -> None:
     stamps = [str(1709247599_000000000 + round(t * 1e9)) for t in TIME]
     quaternion = np.column_stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)])
     path = file_of(tmp_path, header.replace("stamp", "stamp [ns]"), PLACE, quaternion, first=stamps)
-    table = FromFile(file=path.name).about(UNEVEN, tmp_path)
+    table = read(path)
     np.testing.assert_allclose(table.orientation, np.column_stack([0 * yaw, 0 * yaw, yaw]), atol=1e-9)
     np.testing.assert_allclose(table.time, TIME, atol=1e-12)
     with pytest.raises(
         gs.GoughStewartError, match=r"rotation_order is 'ZYX'.* orientations are a quaternion; leave both"
     ):
-        FromFile(file=path.name, rotation_order="ZYX").about(UNEVEN, tmp_path)
+        read(path, rotation_order="ZYX")
 
 
 @pytest.mark.parametrize(
@@ -202,29 +199,19 @@ def test_messages_of_poses_are_read_by_their_names(tmp_path: Path) -> None:
 )
 def test_impossible_conventions_are_refused(keys: dict[str, Any], says: str, tmp_path: Path) -> None:
     with pytest.raises(gs.GoughStewartError, match=says):
-        FromFile(file="a.csv", **keys)
+        read(tmp_path / "a.csv", **keys)
     with pytest.raises(gs.GoughStewartError, match=says):
         gs.read_log(file_of(tmp_path, f"t [s],{LEGS}", np.ones((N, 6))), **keys)
 
 
-def test_quaternions_are_written_without_jumps_of_their_sign() -> None:
-    """Expected: (0, 0, sin γ/2, cos γ/2) beyond half a turn, where the scalar is negative."""
-    yaw = np.linspace(3.0, 6.0, 9)
-    angles = np.column_stack([0 * yaw, 0 * yaw, yaw])
-    _, quaternions = PoseConvention("quaternion").written(0 * angles, angles)
-    expected = np.column_stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)])
-    np.testing.assert_allclose(quaternions, expected, atol=1e-12)
-
-
-def test_dates_that_no_month_has_are_named_with_their_row(tmp_path: Path) -> None:
-    """Expected: nanoseconds kept, by whole numbers; zones, of which none is UTC, differ by hours."""
-    path = tmp_path / "dates.csv"
-    path.write_text("t,a\n2024-02-29T23:59:59.999999999Z,1\n2024-03-01 01:00:00+01:00,1\n2024-03-01T00:00:01,2\n")
-    first, since = times_of(read_table(path, "log"), "t")
-    assert first == pytest.approx(1709251199.999999999)
-    assert since.tolist() == [0, 1e-9, 1.000000001]
-    path.write_text("t,a\n2024-02-29T23:59:59Z,1\n2023-02-29T00:00:00Z,1\n")
-    with pytest.raises(gs.GoughStewartError, match=r"t in row 2 is '2023-02-29T00:00:00Z'; expected a date and time"):
-        times_of(read_table(path, "log"), "t")
-    kept = without_repeated_rows(np.array([0.0, 1, 2]), np.ones((3, 1)))
-    assert kept.tolist() == [0, 1, 2]
+def test_dates_keep_their_digits_and_those_that_no_month_has_are_named_with_their_row(tmp_path: Path) -> None:
+    """Expected: nanoseconds by whole numbers; zones, of which none is UTC, differ by hours."""
+    dates = ["2024-02-29T23:59:59.999999999Z", "2024-03-01 01:00:01+01:00"]
+    dates += [f"2024-03-01T00:00:0{k}" for k in range(2, 7)]
+    pose = np.column_stack([np.outer(np.arange(7), [1, 1, 1]), 0.01 * np.outer(np.arange(7), [1, 1, 1])])
+    header = POSE.replace("t [s]", "t")
+    path = file_of(tmp_path, header, pose, first=dates)
+    assert read(path).time.tolist() == [0, *((10**9 * k + 1) / 1e9 for k in range(1, 7))]
+    path = file_of(tmp_path, header, pose, first=[*dates[:3], "2023-02-29T00:00:00Z", *dates[4:]])
+    with pytest.raises(gs.GoughStewartError, match=r"t in row 4 is '2023-02-29T00:00:00Z'; expected a date and time"):
+        read(path)

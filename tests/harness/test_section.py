@@ -2,13 +2,12 @@
 
 import os
 import signal
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 from pydantic import Field
 
-from gough_stewart import GoughStewartError
-from gough_stewart.harness.section import FileName, Kind, TableSection, file_names, kinds
+from gough_stewart.harness.section import FileName, TableSection, file_names
 
 
 class Loud(TableSection):
@@ -54,24 +53,3 @@ def test_files_are_found_in_every_table_by_their_keys() -> None:
         ("several", "3", "file"): "three.csv",
         ("fmu",): "a.fmu",
     }
-
-
-def test_kinds_are_known_by_their_type_through_classes_between() -> None:
-    """Expected: subclasses of subclasses; those without a type of their own are none."""
-
-    class Base(Kind):
-        """A base."""
-
-    class Between(Base):
-        size: int = 1
-
-    class Own(Between):
-        type: Literal["own"] = "own"
-
-    class Other(Base):
-        type: Literal["other"] = "other"
-
-    assert kinds(Base) == {"own": Own, "other": Other}
-    assert Own().model_dump(exclude_unset=True) == {"type": "own"}
-    with pytest.raises(GoughStewartError, match=r"^sice: unknown key \(= 3\); did you mean 'size'\?$"):
-        Own(sice=3)  # type: ignore[call-arg]

@@ -1,44 +1,40 @@
-"""The least time along a path by another road: direct transcription in time, solved by IPOPT; forces by Newton–Euler.
+"""The least time along a path by another road: direct transcription in time, solved by IPOPT; forces by a Lagrangian.
 
 Unknown are x = ṡ² and s̈ at all points of a grid at once, with s̈ linear between them. Friction and power are in it as
 they are. Shared with what it checks are the path alone.
 """
 
-from dataclasses import replace
 from typing import Any
 
 import casadi
 import numpy as np
 
-from gough_stewart import Platform, leg_geometry
-from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.motion.paths.path import GeometricPath
-from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart import Platform
 from tests.support.arrays import FloatArray
+from tests.support.lagrangian import Pose, forces_along, legs_along
 
 # Keeps √x away from 0, where it has no slope.
 _ROUNDING = 1e-10
 
 
-def least_time(platform: Platform, path: GeometricPath, n: int) -> float:
-    """Duration [s] of the fastest motion with s̈ linear in s on each of n intervals."""
+def least_time(platform: Platform, path: Any, n: int) -> float:
+    """Duration [s] of the fastest motion with s̈ linear in s on each of n intervals; the path has poses for s (m,)."""
     even = np.linspace(0, 1, n + 1)
     s = (even + (1 - np.cos(np.pi * even)) / 2) / 2  # denser where ṡ is small
     l, k, a, b, c = _along(platform, path, s)
     # unknowns about 1
     size = float(1 / np.abs(l).max() ** 2)
     unknown = casadi.SX.sym("x", n + 1), casadi.SX.sym("u", n + 1)
-    x, u = (size * each for each in unknown)
+    x, u = (size * symbol for symbol in unknown)
     rate = casadi.sqrt(x + _ROUNDING * size)
     time = sum(2 * (s[i + 1] - s[i]) / (rate[i] + rate[i + 1]) for i in range(n))
     grown = [(x[i + 1] - x[i] - (s[i + 1] - s[i]) * (u[i] + u[i + 1])) / size for i in range(n)]
+    viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
+    coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor
     used = []
     for leg in range(6):
         speed = l[:, leg] * rate
-        friction = platform.leg_viscous_friction * speed + platform.leg_coulomb_friction * casadi.tanh(
-            speed / platform.leg_friction_velocity
-        )
+        friction = viscous[leg] * speed + coulomb[leg] * casadi.tanh(speed / platform.leg_friction_velocity)
         force = a[:, leg] * u + b[:, leg] * x + c[:, leg] + friction
         asked = {
             "leg_velocity_max": speed,
@@ -46,7 +42,8 @@ def least_time(platform: Platform, path: GeometricPath, n: int) -> float:
             "actuator_force_max": force,
             "actuator_power_max": force * speed,
         }
-        used += [each / getattr(platform, name) for name, each in asked.items() if getattr(platform, name) is not None]
+        stated = {name: getattr(platform, name) for name in asked}
+        used += [values / stated[name] for name, values in asked.items() if stated[name] is not None]
     shares = casadi.vertcat(*used)
     problem: dict[str, Any] = {"x": casadi.vertcat(*unknown), "f": time, "g": casadi.vertcat(*grown, shares)}
     options: dict[str, Any] = {
@@ -69,37 +66,14 @@ def least_time(platform: Platform, path: GeometricPath, n: int) -> float:
     return float(found["f"])
 
 
-def _along(platform: Platform, path: GeometricPath, s: FloatArray) -> tuple[FloatArray, ...]:
-    """L̇ = l ṡ, L̈ = l s̈ + k ṡ² by differences of leg lengths, F = a s̈ + b ṡ² + c without friction; each (n, 6)."""
+def _along(platform: Platform, path: Any, s: FloatArray) -> tuple[FloatArray, ...]:
+    """L̇ = l ṡ, L̈ = l s̈ + k ṡ², F = a s̈ + b ṡ² + c without friction; each (n, 6), by differences along the path."""
     h = 1e-4
     near = np.clip(s, h, 1 - h)
-    before, now, after = (
-        np.asarray(leg_geometry(platform, point.position, point.orientation).length)
-        for point in (path(near - h), path(near), path(near + h))
-    )
-    l, k = (after - before) / (2 * h), (after - 2 * now + before) / h**2
-    smooth = replace(platform, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
-    zero, one = np.zeros_like(s), np.ones_like(s)
-    point = path(s)
-    at_rest = point.motion(zero, zero)
-    weight = accelerations(smooth, at_rest, np.zeros(6))
-    gain = np.stack([accelerations(smooth, at_rest, force) - weight for force in np.eye(6)], axis=2)
-
-    def forces(motion: Motion) -> FloatArray:
-        """Those whose accelerations by Newton–Euler, affine in them, are the motion's."""
-        wanted = np.concatenate([motion.acceleration, motion.angular_acceleration], axis=1)
-        missing = wanted - accelerations(smooth, motion, np.zeros(6))
-        return np.asarray(np.linalg.solve(gain, missing[:, :, None])[:, :, 0])
-
-    c = forces(at_rest)
-    return l, k, forces(point.motion(zero, one)) - c, forces(point.motion(one, zero)) - c, c
-
-
-def accelerations(platform: Platform, motion: Motion, force: FloatArray) -> FloatArray:
-    """Linear and angular (n, 6) under six actuator forces."""
-    n = len(motion.position)
-    rates = (motion.velocity, motion.angular_velocity)
-    pose = (motion.position, matrix_from_orientation(motion.orientation))
-    nothing = np.zeros((n, 3))
-    found = newton_euler.solve(platform, *pose, *rates, np.broadcast_to(force, (n, 6)), nothing, nothing)
-    return np.concatenate([found.linear, found.angular], axis=1)
+    before, now, after = (np.hstack(path(near + step)[:2]) for step in (-h, 0, h))
+    first, second, none = (after - before) / (2 * h), (after - 2 * now + before) / h**2, np.zeros_like(now)
+    lengths = [legs_along(platform, Pose(q, none, none))[0] for q in (before, now, after)]
+    l, k = (lengths[2] - lengths[0]) / (2 * h), (lengths[2] - 2 * lengths[1] + lengths[0]) / h**2
+    c = forces_along(platform, Pose(now, none, none))
+    a, b = (forces_along(platform, pose) - c for pose in (Pose(now, none, first), Pose(now, first, second)))
+    return l, k, a, b, c

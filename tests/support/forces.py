@@ -1,26 +1,35 @@
-"""Actuator forces of a motion by Newton–Euler, independent of the inverse dynamics that plans and checks use."""
+"""Legs and actuator forces along a motion of polynomials, by a Lagrangian and friction's formula."""
+
+from typing import Any
 
 import numpy as np
 
 from gough_stewart import Platform
-from gough_stewart.harness.motion.motion import Reference
-from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.arrays import FloatArray
+from tests.support.lagrangian import Pose, forces_along
 
 
-def forces_by_newton_euler(platform: Platform, motion: Reference, time: FloatArray) -> FloatArray:
-    """Actuator forces (n, 6) with which Newton–Euler has the accelerations of a motion: they are affine in them."""
-    at = motion(time)
-    n, rotation = len(time), matrix_from_orientation(at.orientation)
+def pose_along(motion: Any, time: FloatArray) -> Pose:
+    """x, y, z, roll, pitch, yaw and their derivatives at times (n,), each (n, 6), of the motion's polynomials."""
+    begins, pieces = motion.pieces
+    piece = np.searchsorted(begins, time, side="right") - 1
+    since = (time - begins[piece])[:, None]
+    values = []
+    coefficients = pieces[piece]
+    for _ in range(3):
+        powers = np.arange(coefficients.shape[2] - 1, -1, -1)
+        values.append((coefficients * since[..., None] ** powers).sum(axis=2))
+        coefficients = coefficients[:, :, :-1] * powers[:-1]
+    return Pose(*values)
 
-    def accelerations(force: FloatArray) -> FloatArray:
-        rest = np.zeros((n, 3))
-        state = (at.position, rotation, at.velocity, at.angular_velocity)
-        found = newton_euler.solve(platform, *state, np.broadcast_to(force, (n, 6)), rest, rest)
-        return np.concatenate([found.linear, found.angular], axis=1)
 
-    free = accelerations(np.zeros(6))
-    gain = np.stack([accelerations(row) - free for row in np.eye(6)], axis=2)
-    wanted = np.concatenate([at.acceleration, at.angular_acceleration], axis=1)
-    return np.asarray(np.linalg.solve(gain, (wanted - free)[:, :, None])[:, :, 0])
+def friction_of(platform: Platform, velocity: FloatArray) -> FloatArray:
+    """Of legs that move so fast (n, 6) [N]."""
+    viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
+    coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor
+    return np.asarray(viscous * velocity + coulomb * np.tanh(velocity / platform.leg_friction_velocity))
+
+
+def actuator_forces(platform: Platform, pose: Pose, velocity: FloatArray) -> FloatArray:
+    """What the actuators have to give (n, 6) [N], with these leg velocities."""
+    return forces_along(platform, pose) + friction_of(platform, velocity)

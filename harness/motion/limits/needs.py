@@ -1,69 +1,82 @@
 """What a motion needs of each leg, whatever limits its platform states: the figures that choose an actuator.
 
 Speeds, forces and powers are peaks, with the speed and force at the same time, and root mean squares over the run.
-Forces are those of inverse dynamics without load, so all figures are without reserve.
+Forces are those of inverse dynamics without load, so all figures are without reserve. With their tables, and those of
+the shares of the limits.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gough_stewart.harness.motion.limits.shares import LABELS, LegLoads, Shares
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
+from gough_stewart.harness.quantities import plain
+from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.report.words import number_text
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
-    LegGeometry,
     condition_number_bound,
     joint_angles,
-    leg_accelerations,
     leg_geometry,
-    rates_of_legs,
     scaled_jacobian_of_legs,
 )
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 
-
-@dataclass(frozen=True, eq=False)
-class LegLoads:
-    """What a motion asks of the legs at n times, each (n, 6), evaluated when it is needed."""
-
-    platform: Platform
-    motion: Motion
-    legs: LegGeometry
-    # rows (n,) in which the legs can hold the pose; all rows by default
-    regular: NDArray[np.bool_] | None = None
-
-    @cached_property
-    def velocity(self) -> FloatArray:
-        """L̇ [m/s]."""
-        return np.asarray(rates_of_legs(self.legs, State(*self.motion[:4])).length_rate)
-
-    @cached_property
-    def acceleration(self) -> FloatArray:
-        """L̈ [m/s²]."""
-        return leg_accelerations(self.legs, State(*self.motion[:4]), *self.motion[4:])
-
-    @cached_property
-    def force(self) -> FloatArray:
-        """F [N] by inverse dynamics without load; 0 where the legs cannot hold the pose, which is refused elsewhere."""
-        n = len(self.motion.position)
-        regular = np.ones(n, dtype=bool) if self.regular is None else self.regular
-        force = np.zeros((n, 6))
-        if regular.any():
-            rows = [part[regular] for part in self.motion]
-            force[regular] = inverse_dynamics(self.platform, State(*rows[:4]), Acceleration(*rows[4:]))
-        return force
-
-    @cached_property
-    def power(self) -> FloatArray:
-        """F L̇ [W]."""
-        return self.force * self.velocity
-
-
+LEGS = tuple(range(1, 7))
+_LEGS = tuple(Column(str(leg)) for leg in LEGS)
+# Four digits, so that a small excess shows.
+OF_LIMIT = replace(SHARE, digits=4, name="share of the limit")
+# Needs in the terminal and on pages, by group.
+_NEEDS_SHOWN: tuple[dict[str, str], ...] = (
+    {
+        "leg_length_min": "shortest",
+        "leg_length_max": "longest",
+        "stroke": "stroke",
+        "stroke_rms": "  RMS",
+        "distance": "  travelled",
+    },
+    {"leg_velocity_peak": "speed, peak", "leg_velocity_peak_force": "  at force", "leg_velocity_rms": "  RMS"},
+    {"leg_acceleration_peak": "accel., peak", "leg_acceleration_rms": "  RMS"},
+    {
+        "actuator_force_peak": "force, peak",
+        "actuator_force_peak_velocity": "  at speed",
+        "actuator_force_rms": "  RMS",
+        "actuator_force_push": "  push, peak",
+        "actuator_force_pull": "  pull, peak",
+    },
+    {
+        "motoring_power_peak": "power, peak",
+        "motoring_power_peak_velocity": "  at speed",
+        "motoring_power_peak_force": "  at force",
+        "actuator_power_rms": "  RMS",
+        "regenerated_power_peak": "  regen., peak",
+    },
+    {"motoring_energy": "energy, motoring", "regenerated_energy": "  regenerated"},
+    {
+        f"{end}_joint_angle_{what}": label
+        for end in ("base", "platform")
+        for what, label in (("peak", f"{end} joint"), ("peak_velocity", "  at speed"), ("rms", "  RMS"))
+    },
+)
+# Of all legs in one row: label, peak, root mean square.
+_SUMMARY = (
+    ("stroke", "stroke", "stroke_rms"),
+    ("speed", "leg_velocity_peak", "leg_velocity_rms"),
+    ("acceleration", "leg_acceleration_peak", "leg_acceleration_rms"),
+    ("force", "actuator_force_peak", "actuator_force_rms"),
+    ("  push", "actuator_force_push", ""),
+    ("  pull", "actuator_force_pull", ""),
+    ("power", "motoring_power_peak", "actuator_power_rms"),
+    ("  regenerated", "regenerated_power_peak", "regenerated_power_rms"),
+    ("energy, motoring", "motoring_energy", ""),
+    ("angle of base joint", "base_joint_angle_peak", "base_joint_angle_rms"),
+    ("angle of platform joint", "platform_joint_angle_peak", "platform_joint_angle_rms"),
+)
+_UNITS_SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg"}
 # A step between two rows that the velocities do not explain is a jump if it exceeds this share of the stroke used.
 _JUMP = 0.01
 
@@ -89,17 +102,12 @@ class Needs:
 
 
 def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
-    """What a motion needs of each leg.
+    """What a motion, with rows at two or more times (n,) [s], needs of each leg.
 
     Stroke, speed, acceleration, force, power, energy and joint angle: peak, root mean square (√(∫x² dt/T), of the
     length about its mean), and the leg velocity [m/s], time [s] and force [N] at the peak. Positive forces push the
     platform; positive power is motoring, negative power is regenerated. Energies are integrals of each sign of F L̇,
     by the trapezoidal rule.
-
-    Parameters
-    ----------
-    time
-        Times of the motion's rows (n,) [s].
     """
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, motion.position, motion.orientation)
@@ -110,8 +118,13 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         base_angle, platform_angle = joint_angles(platform, motion.position, motion.orientation, *home)
     # forces exist in all rows, or none of their figures does
     F, P = (part if regular.all() else np.full_like(part, np.nan) for part in (loads.force, loads.power))
+    mean_length = _integral(time, length) / (time[-1] - time[0])
     needs = {
-        **_lengths(time, length),
+        "leg_length_min": Need("m", length.min(axis=0)),
+        "leg_length_max": Need("m", length.max(axis=0)),
+        "stroke": Need("m", np.ptp(length, axis=0)),
+        "stroke_rms": Need("m", _rms(time, length - mean_length)),
+        "distance": Need("m", np.abs(np.diff(length, axis=0)).sum(axis=0)),
         **_peak("leg_velocity", "m/s", v, time, force=F),
         **_peak("leg_acceleration", "m/s2", a, time, velocity=v, force=F),
         **_peak("actuator_force", "N", F, time, velocity=v),
@@ -125,19 +138,26 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         **_peak("base_joint_angle", "rad", base_angle, time, velocity=v),
         **_peak("platform_joint_angle", "rad", platform_angle, time, velocity=v),
     }
-    return Needs(needs, tuple(_notes(platform, time, length, v)))
 
-
-def _lengths(time: FloatArray, length: FloatArray) -> dict[str, Need]:
-    """Length and stroke; the root mean square is about the mean length."""
-    mean = _integral(time, length) / (time[-1] - time[0]) if len(time) > 1 else length[0]
-    return {
-        "leg_length_min": Need("m", length.min(axis=0)),
-        "leg_length_max": Need("m", length.max(axis=0)),
-        "stroke": Need("m", np.ptp(length, axis=0)),
-        "stroke_rms": Need("m", _rms(time, length - mean)),
-        "distance": Need("m", np.abs(np.diff(length, axis=0)).sum(axis=0)),
+    notes = ["nominal model, without load and without reserve for the controller"]
+    missing = {
+        "friction": not (platform.leg_viscous_friction or platform.leg_coulomb_friction),
+        "inertia of motors and screws (leg_armature)": not platform.leg_armature,
     }
+    absent = " and no ".join(name for name, is_missing in missing.items() if is_missing)
+    if absent:
+        notes.append(f"the platform states no {absent}, so forces and powers have none")
+    if platform.leg_stiffness:
+        notes.append("speeds and powers are those of rigid legs; springs let the motors move otherwise, as a run shows")
+    by_velocity = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
+    unexplained = np.abs(np.diff(length, axis=0) - by_velocity).max(axis=1, initial=0.0)
+    jump = unexplained > _JUMP * np.ptp(length, axis=0).max()
+    if jump.any():
+        notes.append(
+            f"the reference jumps at {time[1:][jump][0]:.6g} s, or moves much between two rows: what that needs is not "
+            "in these figures"
+        )
+    return Needs(needs, tuple(notes))
 
 
 def _peak(name: str, unit: str, values: FloatArray, time: FloatArray, **beside: FloatArray) -> dict[str, Need]:
@@ -160,8 +180,6 @@ def _integral(time: FloatArray, values: FloatArray) -> FloatArray:
 
 def _rms(time: FloatArray, values: FloatArray) -> FloatArray:
     """√(∫ x² dt/T) (6,)."""
-    if len(time) < 2:
-        return np.asarray(np.abs(values[0]))
     return np.asarray(np.sqrt(_integral(time, values**2) / (time[-1] - time[0])))
 
 
@@ -175,24 +193,76 @@ def _integral_of_positive(time: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray((h * np.where(crosses, triangle, trapezoid)).sum(axis=0))
 
 
-def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: FloatArray) -> list[str]:
-    notes = ["nominal model, without load and without reserve for the controller"]
-    missing = {
-        "friction": not (platform.leg_viscous_friction or platform.leg_coulomb_friction),
-        "inertia of motors and screws (leg_armature)": not platform.leg_armature,
+def summary_tables(shares: Shares, needs: Needs) -> list[Table]:
+    """What the motion needs of an actuator, the largest of all legs in a row, and the largest share of every limit."""
+    rows: list[tuple[Cell, ...]] = []
+    for label, peak, rms in _SUMMARY:
+        cells: list[Cell] = [label]
+        for name in (peak, rms):
+            if not name:
+                cells += [""] * 2
+                continue
+            need = needs.of[name]
+            leg = int(first_of_largest(np.abs(need.of_leg)))
+            quantity = replace(of_unit(_UNITS_SHOWN.get(need.unit, need.unit)), digits=3)
+            cells += [Value(float(abs(need.of_leg[leg])), quantity), str(leg + 1)]
+            if name == peak:
+                time = needs.of.get(f"{name}_time")
+                cells.append("" if time is None else Value(float(time.of_leg[leg]), TIME))
+        rows.append(tuple(cells))
+    columns = (
+        Column(""),
+        Column("largest", None, "of all legs"),
+        Column("leg"),
+        Column("at"),
+        Column("RMS", None, "the largest of all legs, over the whole motion"),
+        Column("leg "),
+    )
+    note = f"Needs: {'; '.join(needs.notes)}."
+    peaks = [shares.peak(name) for name in shares.of]
+    limits = tuple(
+        (LABELS[peak.limit], peak.share, "" if peak.leg is None else str(peak.leg), peak.time) for peak in peaks
+    )
+    share_columns = (Column("limit"), Column("share", OF_LIMIT), Column("leg"), Column("at", TIME))
+    return [
+        Table("Needs", columns, tuple(rows), note=note),
+        Table("Largest share of each limit", share_columns, limits),
+    ]
+
+
+def leg_tables(shares: Shares, needs: Needs) -> list[Table]:
+    """The largest share of every limit and its time, and the needs, of each leg."""
+    rows: list[tuple[Cell, ...]] = []
+    for name in (name for name, share in shares.of.items() if share.ndim == 2):
+        peaks = [shares.peak(name, leg) for leg in LEGS]
+        rows.append((LABELS[name], *(Value(peak.share, OF_LIMIT) for peak in peaks)))
+        rows.append(("  at", *(Value(peak.time, TIME) for peak in peaks)))
+    ends = tuple(range(1, len(rows) - 1, 2))
+    limits = Table("Largest share of each limit, by leg", (Column("leg"), *_LEGS), tuple(rows), group_ends=ends)
+
+    needed: list[tuple[Cell, ...]] = []  # in the units of data sheets; `needs.csv` has more
+    ends_of_groups = []
+    for group in _NEEDS_SHOWN:
+        for name, label in group.items():
+            need = needs.of[name]
+            quantity = replace(of_unit(_UNITS_SHOWN.get(need.unit, need.unit)), digits=3)
+            needed.append((label, *(Value(float(value), quantity) for value in need.of_leg)))
+        ends_of_groups.append(len(needed) - 1)
+    by_leg = Table("Needs of each leg", (Column("leg"), *_LEGS), tuple(needed), group_ends=tuple(ends_of_groups[:-1]))
+    return [*([limits] if rows else []), by_leg]
+
+
+def largest_needs(needs: Needs) -> str:
+    """The largest of each need over all legs."""
+
+    def largest(name: str) -> str:
+        return number_text(plain(float(np.abs(needs[name]).max())))
+
+    texts = {
+        "stroke": f"{largest('stroke')} m",
+        "speed": f"{largest('leg_velocity_peak')} m/s (RMS {largest('leg_velocity_rms')})",
+        "force": f"{largest('actuator_force_peak')} N (RMS {largest('actuator_force_rms')})",
+        "power": f"{largest('motoring_power_peak')} W (RMS {largest('actuator_power_rms')})",
+        "regenerated": f"{largest('regenerated_power_peak')} W",
     }
-    absent = " and no ".join(name for name, is_missing in missing.items() if is_missing)
-    if absent:
-        notes.append(f"the platform states no {absent}, so forces and powers have none")
-    if platform.leg_stiffness:
-        notes.append("speeds and powers are those of rigid legs; springs let the motors move otherwise, as a run shows")
-    steps = np.diff(length, axis=0)
-    by_velocity = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2
-    unexplained = np.abs(steps - by_velocity).max(axis=1, initial=0.0)
-    jump = unexplained > _JUMP * np.ptp(length, axis=0).max()
-    if jump.any():
-        notes.append(
-            f"the reference jumps at {time[1:][jump][0]:.6g} s, or moves much between two rows: what that needs is not "
-            "in these figures"
-        )
-    return notes
+    return f"needs: {', '.join(f'{name} {value}' for name, value in texts.items())}"

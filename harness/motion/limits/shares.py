@@ -7,18 +7,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.motion.limits.needs import LegLoads
-from gough_stewart.harness.motion.motion import Motion, once_at_rest
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
+from gough_stewart.harness.motion.motion import Motion, distinct_rows
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import (
+    LegGeometry,
     condition_number_bound,
     conditioning_of_legs,
     joint_angles,
+    leg_accelerations,
     leg_geometry,
+    rates_of_legs,
     scaled_jacobian_of_legs,
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 # Of the leg Jacobian with angles scaled to lengths; a motion with a larger one is too close to a singular pose.
@@ -27,6 +30,7 @@ WORST_CONDITION_NUMBER = 100.0
 GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
 # Limits of speed and effort, of which a margin can be reserved.
 DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
+_UNITS = ("m/s", "m/s²", "N", "W")
 # Limits that a platform may state or not.
 OPTIONAL = ("stroke", "joint_angle_max", *DYNAMIC)
 # Names for tables and figures.
@@ -41,6 +45,43 @@ LABELS = {
     "pitch": "pitch",
     "side": "singular pose",
 }
+
+
+@dataclass(frozen=True, eq=False)
+class LegLoads:
+    """What a motion asks of the legs at n times, each (n, 6), evaluated when it is needed."""
+
+    platform: Platform
+    motion: Motion
+    legs: LegGeometry
+    # rows (n,) in which the legs can hold the pose; all rows by default
+    regular: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """L̇ [m/s]."""
+        return np.asarray(rates_of_legs(self.legs, State(*self.motion[:4])).length_rate)
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """L̈ [m/s²]."""
+        return leg_accelerations(self.legs, State(*self.motion[:4]), *self.motion[4:])
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """F [N] by inverse dynamics without load; 0 where the legs cannot hold the pose, which is refused elsewhere."""
+        n = len(self.motion.position)
+        regular = np.ones(n, dtype=bool) if self.regular is None else self.regular
+        force = np.zeros((n, 6))
+        if regular.any():
+            rows = [part[regular] for part in self.motion]
+            force[regular] = inverse_dynamics(self.platform, State(*rows[:4]), Acceleration(*rows[4:]))
+        return force
+
+    @cached_property
+    def power(self) -> FloatArray:
+        """F L̇ [W]."""
+        return self.force * self.velocity
 
 
 class Beyond(NamedTuple):
@@ -129,12 +170,6 @@ class Shares:
         """The largest share over all limits (n,)."""
         return np.asarray(np.max(list(self.over_time.values()), axis=0))
 
-    @cached_property
-    def active(self) -> NDArray[np.str_]:
-        """The name of the limit with the largest share at each time (n,)."""
-        names = np.array(list(self.over_time))
-        return np.asarray(names[np.argmax(list(self.over_time.values()), axis=0)])
-
     @property
     def within(self) -> bool:
         """Whether all limits are kept."""
@@ -160,7 +195,7 @@ class Shares:
 def shares_along(
     platform: Platform, time: FloatArray, motion: Motion, largest_condition_number: float = WORST_CONDITION_NUMBER
 ) -> Shares:
-    """The shares that a motion uses of the platform's limits, and of the geometric limits.
+    """The shares that a motion, with rows at times (n,) [s], uses of the platform's and of the geometric limits.
 
     - `pitch`: |β| relative to ±90°; `side`: of the singular poses, 0 on home's side, infinite on the other;
       `condition_number`: of the leg Jacobian with angles scaled to lengths, relative to the largest allowed;
@@ -168,56 +203,34 @@ def shares_along(
     - `joint_angle_max`: the larger angle of a leg's two joints from home;
     - `leg_velocity_max`, `leg_acceleration_max`: |L̇| and |L̈|;
     - `actuator_force_max`, `actuator_power_max`: |F| and |F L̇|, F by inverse dynamics without load.
-
-    Parameters
-    ----------
-    time
-        Times of the motion's rows (n,) [s].
     """
-    limited = list[Limited]()
-
-    def values(motion: Motion) -> list[FloatArray]:
-        limited[:] = _limited(platform, motion, largest_condition_number)
-        return [quantity.values for quantity in limited]
-
+    rows, of_row = distinct_rows(motion)
+    pose = (rows.position, rows.orientation)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction; its condition number is not finite
-        along = once_at_rest(values, motion)
-    rows = zip(limited, along, strict=True)
-    return Shares(time, tuple(quantity._replace(values=values) for quantity, values in rows))
-
-
-def _limited(platform: Platform, motion: Motion, largest_condition_number: float) -> list[Limited]:
-    pose = (motion.position, motion.orientation)
-    legs = leg_geometry(platform, *pose)
-    condition_number = condition_number_bound(scaled_jacobian_of_legs(legs)[0])
-    if not (condition_number <= largest_condition_number).all():
-        condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
-    side = side_of_singular_poses(platform, legs)
-    pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # the plant refuses LARGEST_PITCH itself
-    name = "the condition number of the leg Jacobian"
-    limited = [
-        Limited("pitch", "the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),
-        Limited("condition_number", name, "", condition_number, 1.0 - 1e-9, largest_condition_number),
-        Limited("side", "the side of the singular poses (sign of det J against home)", "", side, 1.0, 1.0),
-    ]
-    low, high = platform.leg_length_min, platform.leg_length_max
-    if low is not None or high is not None:
-        middle = 0.0 if low is None or high is None else (low + high) / 2
-        ends = (0.0 if low is None else low, np.inf if high is None else high)
-        limited.append(Limited("stroke", "the length", "m", np.asarray(legs.length), *ends, middle))
-    if platform.joint_angle_max is not None:
-        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
-        for where, values in zip(("base", "platform"), angles, strict=True):
-            quantity = f"the angle of the {where} joint"
-            limited.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
-    loads = LegLoads(platform, motion, legs, condition_number < LARGEST_CONDITION_NUMBER)
-    quantities = {
-        "leg_velocity_max": ("velocity", "m/s"),
-        "leg_acceleration_max": ("acceleration", "m/s²"),
-        "actuator_force_max": ("force", "N"),
-        "actuator_power_max": ("power", "W"),
-    }
-    for limit, (name, unit) in quantities.items():
-        if (most := getattr(platform, limit)) is not None:
-            limited.append(Limited(limit, f"the {name}", unit, getattr(loads, name), -most, most))
-    return limited
+        legs = leg_geometry(platform, *pose)
+        condition_number = condition_number_bound(scaled_jacobian_of_legs(legs)[0])
+        if not (condition_number <= largest_condition_number).all():
+            condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
+        side = side_of_singular_poses(platform, legs)
+        pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # the plant refuses LARGEST_PITCH itself
+        name = "the condition number of the leg Jacobian"
+        limited = [
+            Limited("pitch", "the pitch", "rad", rows.orientation[:, 1], -pitch, pitch),
+            Limited("condition_number", name, "", condition_number, 1.0 - 1e-9, largest_condition_number),
+            Limited("side", "the side of the singular poses (sign of det J against home)", "", side, 1.0, 1.0),
+        ]
+        low, high = platform.leg_length_min, platform.leg_length_max
+        if low is not None or high is not None:
+            middle = 0.0 if low is None or high is None else (low + high) / 2
+            ends = (0.0 if low is None else low, np.inf if high is None else high)
+            limited.append(Limited("stroke", "the length", "m", np.asarray(legs.length), *ends, middle))
+        if platform.joint_angle_max is not None:
+            angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
+            for where, values in zip(("base", "platform"), angles, strict=True):
+                quantity = f"the angle of the {where} joint"
+                limited.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
+        loads = LegLoads(platform, rows, legs, condition_number < LARGEST_CONDITION_NUMBER)
+        for limit, name, unit in zip(DYNAMIC, ("velocity", "acceleration", "force", "power"), _UNITS, strict=True):
+            if (most := getattr(platform, limit)) is not None:
+                limited.append(Limited(limit, f"the {name}", unit, getattr(loads, name), -most, most))
+    return Shares(time, tuple(quantity._replace(values=quantity.values[of_row]) for quantity in limited))

@@ -4,23 +4,43 @@ A plan is optimal on a grid of the path. Limits are exceeded elsewhere: between 
 friction changes within one piece, and, with a ramp, wherever an average over time does not fit. There, and only there,
 the plan is made again with less of the limit. The last, smallest excess is removed by slowing the whole motion down,
 until the largest share of a limit at any time shows that none is left.
+
+A plan is the largest squared rates along the path, by toppra, which handles limits that are linear in s̈ and x = ṡ².
+Velocity, acceleration and inertial force of the legs are; viscous friction and power depend on ṡ = √x. They are
+linearised about the last plan; whoever plans again and again finds limits that hold without conservative bounds.
 """
 
+import logging
 import math
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.limits.needs import LegLoads
-from gough_stewart.harness.motion.limits.shares import DYNAMIC
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, LegLoads
 from gough_stewart.harness.motion.paths.path import GeometricPath
-from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomials_of
-from gough_stewart.harness.motion.paths.time_law import AlongPath, Averaged, Stepwise, Stretched, TimedPath, TimeLaw
-from gough_stewart.harness.motion.paths.time_optimal import DynamicLimits, LegsAlong, TimeOptimal, coefficients_at
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.harness.motion.paths.time_law import (
+    AlongPath,
+    Averaged,
+    Polynomials,
+    Stepwise,
+    Stretched,
+    TimedPath,
+    TimeLaw,
+    polynomials_of,
+)
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.friction import friction_force
+from gough_stewart.model.interface import SLIDING
+from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _PIECES = 1500
 # Share of the grid spacing that follows a cosine: ṡ is zero at the ends, where pieces take the longest.
@@ -44,50 +64,204 @@ _MOST_STRETCHES = 15
 _SAMPLES = np.linspace(0.0, 1.0, 9)
 _REFINEMENTS = 6
 _NEAR = 1e-3
+# Share of the largest x below which √x is not linearised.
+_SMALLEST_SQUARED_RATE = 1e-6
+# The largest bound of x, in rough estimates of x: where the velocity is not limited.
+_HIGHEST = 1e6
+
+
+class DynamicLimits(NamedTuple):
+    """Limits of every leg, less a margin; infinite if there is none."""
+
+    velocity: FloatArray  # (6,) [m/s]
+    acceleration: FloatArray  # (6,) [m/s²]
+    force: FloatArray  # (6,) [N]
+    power: FloatArray  # (6,) [W]
+
+
+class LegsAlong:
+    """Legs at the points of a grid of a path, each (n, 6), and splines between them.
+
+    L̇ = l ṡ, L̈ = l s̈ + k ṡ², F = a s̈ + b ṡ² + c + friction(L̇), from inverse dynamics at (ṡ, s̈) = (0, 0), (0, 1), and
+    (±1, 0), whose mean cancels the odd friction.
+    """
+
+    def __init__(self, platform: Platform, path: GeometricPath, grid: FloatArray) -> None:
+        self.platform, self.grid = platform, grid
+        point = path(grid)
+        zero, ones = np.zeros(len(grid)), np.ones(len(grid))
+
+        def forces(rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+            motion = point.motion(rate, acceleration)
+            return np.asarray(inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:])))
+
+        along = point.motion(ones, zero)
+        legs = leg_geometry(platform, point.position, point.orientation)
+        self.l = np.asarray(rates_of_legs(legs, State(*along[:4])).length_rate)
+        self.k = leg_accelerations(legs, State(*along[:4]), *along[4:])
+        self.c = forces(zero, zero)
+        self.a = forces(zero, ones) - self.c
+        self.b = (forces(ones, zero) + forces(-ones, zero)) / 2 - self.c
+
+    @cached_property
+    def _spline(self) -> "CubicSpline":
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.grid, np.stack([self.l, self.k, self.a, self.b, self.c], axis=1))
+
+    def shares(self, limits: DynamicLimits, at: AlongPath) -> FloatArray:
+        """|L̇|, |L̈|, |F| and |F L̇| relative to their limits (4, n, 6), at any points of the path."""
+        l, k, a, b, c = np.moveaxis(self._spline(np.clip(at.value, 0.0, 1.0)), 1, 0)
+        rate, acceleration = at.rate[:, None], at.acceleration[:, None]
+        velocity = l * rate
+        force = a * acceleration + b * rate**2 + c + friction_force(self.platform, velocity)
+        used = (velocity, l * acceleration + k * rate**2, force, force * velocity)
+        return np.stack([np.abs(values) / limit for values, limit in zip(used, limits, strict=True)])
+
+
+class TimeOptimal:
+    """Solves for x at the grid of a path; limits are shares, one for each kind of limit, point and leg."""
+
+    def __init__(self, legs: LegsAlong, limits: DynamicLimits) -> None:
+        self.legs, self.limits = legs, limits
+        self._slowness = np.abs(legs.l) / limits.velocity
+        # a rough estimate of the largest x (n,), with u of the same size: of order 1 for the solver, whose tolerances
+        # are absolute
+        tiny = np.finfo(float).tiny
+        by_force = (limits.force - np.abs(legs.c)) / (np.abs(legs.a) + np.abs(legs.b) + tiny)
+        by_acceleration = limits.acceleration / (np.abs(legs.l) + np.abs(legs.k) + tiny)
+        rough = np.minimum(by_force, by_acceleration).min(axis=1)
+        self._size = float(np.median(np.minimum(self._bound(np.ones((6,))), rough)))
+        # start of the iterations: x, at rest at both ends, and u = s̈
+        self.x = np.full(len(legs.grid), self._size)
+        self.x[[0, -1]] = 0.0
+        self.u = np.zeros(len(legs.grid))
+
+    def _bound(self, allowed: FloatArray) -> FloatArray:
+        """The largest x (n,) within the limit of velocity."""
+        with np.errstate(divide="ignore"):
+            return np.asarray((allowed / self._slowness).min(axis=1) ** 2)
+
+    def solve(self, allowed: FloatArray) -> FloatArray | None:
+        """The largest x (n,) with all limits at both ends of every piece, linearised about the last; None if none.
+
+        Of each limit the share that is allowed (4, n, 6), in the order of `DynamicLimits`. Coulomb friction is that of
+        x: at the ends, where the legs stand still, there is none to help braking.
+        """
+        at, limits, platform, size = self.legs, self.limits, self.legs.platform, self._size
+        x, u = self.x[:, None], self.u[:, None]
+        v = at.l * np.sqrt(x)  # L̇
+        dv = at.l / (2 * np.sqrt(np.maximum(x, _SMALLEST_SQUARED_RATE * x.max())))  # dL̇/dx
+        # viscous friction of each leg (6,) [N s/m]
+        slope = friction_force(platform.with_parameters(SLIDING), np.ones(6)) * dv
+        a, b, c = at.a, at.b + slope, at.c + friction_force(platform, v) - slope * x
+        # conditions a u + b x + c ≤ 0 as shares, m at each of n points
+        limited: list[tuple[Any, Any, Any, Any]] = []
+        if np.isfinite(limits.acceleration).all():
+            limited.append((at.l / limits.acceleration, at.k / limits.acceleration, 0 * at.l, allowed[1]))
+        if np.isfinite(limits.force).all():
+            limited.append((a / limits.force, b / limits.force, c / limits.force, allowed[2]))
+        if np.isfinite(limits.power).all():
+            # F L̇ linearised at F₀ L̇₀: L̇₀ F + F₀ dL̇/dx (x − x₀)
+            F = a * u + b * x + c
+            parts = (a * v, b * v + F * dv, c * v - F * dv * x)
+            limited.append((*(part / limits.power for part in parts), allowed[3]))
+        signed = [(sign * pa, sign * pb, sign * pc - most) for pa, pb, pc, most in limited for sign in (1, -1)]
+        of_u, of_x, constant = (np.concatenate(part, axis=1) for part in zip(*signed, strict=True))
+        bound = np.minimum(self._bound(allowed[0]), _HIGHEST * size)
+        solution = _solved(self.legs.grid, (of_u * size, of_x * size, constant), bound / size)
+        if solution is None:
+            return None
+        self.x = solution * size
+        u = np.diff(self.x) / (2 * np.diff(self.legs.grid))
+        self.u = np.append(u, u[-1])
+        return self.x
+
+
+def _solved(s: FloatArray, rows: tuple[FloatArray, ...], bound: FloatArray) -> FloatArray | None:
+    """The largest x (n,) within the rows and its upper bound (n,), by toppra; None if there is none."""
+    from toppra import constants
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import DiscretizationType, LinearConstraint, canlinear_colloc_to_interpolate
+    from toppra.interpolator import AbstractGeometricPath
+
+    logging.getLogger("toppra").setLevel(logging.CRITICAL)  # failures are visible in the result
+    m = rows[0].shape[1]
+
+    class Constraint(LinearConstraint):  # type: ignore[misc]
+        """The rows, at both ends of every piece."""
+
+        def compute_constraint_params(self, _path: Any, grid: Any, *_: Any) -> Any:
+            conditions = canlinear_colloc_to_interpolate(
+                *rows, np.eye(m), np.zeros(m), None, None, grid, identical=True
+            )
+            free = np.tile([-constants.MAXU, constants.MAXU], (len(s), 1)).astype(float)
+            return *conditions[:5], free, np.stack([np.zeros_like(bound), bound], axis=1)
+
+    class Straight(AbstractGeometricPath):  # type: ignore[misc]
+        """toppra does not evaluate the path: the rows contain it."""
+
+        dof, path_interval, waypoints = 1, np.array([0.0, 1.0]), None
+
+        def __call__(self, at: Any, order: int = 0) -> Any:  # noqa: ARG002
+            return np.zeros((np.size(at), 1))
+
+    constraint = Constraint()
+    constraint.identical = True
+    constraint.set_discretization_type(DiscretizationType.Interpolation)
+    _, rate, _ = TOPPRA([constraint], Straight(), gridpoints=s, solver_wrapper="seidel").compute_parameterization(0, 0)
+    if rate is None or not np.isfinite(rate).all() or not rate[1:-1].all():
+        return None
+    return np.asarray(rate**2)
 
 
 def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: float = 0.0) -> TimeLaw:
     """The time law that follows a path from rest to rest in the least time within the platform's limits.
 
     Limits are `leg_velocity_max`, `leg_acceleration_max`, `actuator_force_max` and `actuator_power_max`, as far as the
-    platform states them; forces are those of its inverse dynamics, including friction. No limit is exceeded at any
-    time, between rows too: see `largest_share`.
-
-    Parameters
-    ----------
-    margin
-        Share of every limit reserved for the controller, 0 to 1.
-    ramp
-        Time [s] over which s̈ is averaged, so that no force jumps; the motion takes about 1.0 to 2.3 times that longer.
-
-    Raises
-    ------
-    MotionError
-        The platform states no limit that bounds the acceleration, or cannot rest on the path.
+    platform states them, less a margin, the share reserved for the controller; forces are those of its inverse
+    dynamics, including friction. No limit is exceeded at any time, between rows too: see `largest_share`. Over a ramp
+    [s] s̈ is averaged, so that no force jumps; the motion takes about 1.0 to 2.3 times that longer.
     """
-    limits = _limits(platform, margin)
-    return _within(platform, path, _planned(platform, path, limits, ramp), limits)
-
-
-def _limits(platform: Platform, margin: float) -> DynamicLimits:
     if platform.leg_acceleration_max is None and platform.actuator_force_max is None:
         raise MotionError(
             "timing is 'fastest', but the platform states neither leg_acceleration_max nor actuator_force_max; "
             "expected at least one, for instance by platform.parameters.actuator_force_max, or a duration as timing"
         )
-    return DynamicLimits(*(of_legs(platform, name, np.inf) * (1 - margin) for name in DYNAMIC))
+    limits = DynamicLimits(*(of_legs(platform, name, np.inf) * (1 - margin) for name in DYNAMIC))
+    plan = _planned(platform, path, limits, ramp)
+    # slowed down by the last excess, until the motion as it is played exceeds no limit at any time
+    factor = plan.factor
+    for k in range(_MOST_STRETCHES):
+        law = Stretched(plan.law, factor)
+        excess = largest_share(platform, polynomials_of(TimedPath(path, law)), limits) - 1
+        if excess <= 0:
+            return law
+        factor *= 1 + excess + _ROUNDING * 4**k
+    raise MotionError(
+        f"the fastest motion along this path exceeds a limit by {100 * excess:.3g} %, however slow; expected poses "
+        "farther from the platform's limits, or a smaller margin"
+    )
 
 
 def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ramp: float) -> Stretched:
     """The shortest of the plans, each made with less of the limits that the last exceeded where it did."""
     even = np.linspace(0.0, 1.0, _PIECES + 1)
     s = (1 - _DENSER_AT_ENDS) * even + _DENSER_AT_ENDS * (1 - np.cos(np.pi * even)) / 2
-    legs = LegsAlong(platform, s, coefficients_at(platform, path(s)))
-    _check_standing(legs, limits, path)
+    legs = LegsAlong(platform, path, s)
+    weight = np.abs(legs.c)
+    if not (weight < limits.force).all():
+        row, leg = np.unravel_index(int((weight / limits.force).argmax()), weight.shape)
+        nearest = int(np.abs(path.at - s[row]).argmin())
+        raise MotionError(
+            f"rest near pose {nearest + 1} of the path takes {weight[row, leg]:.4g} N in leg {leg + 1}; "
+            f"the limit less the margin is {limits.force[leg]:.4g} N; expected other poses, stronger actuators, a "
+            "lighter platform, or a smaller margin"
+        )
     problem = TimeOptimal(legs, limits)
     allowed = np.ones((len(limits), len(s), 6))
     least = np.full_like(allowed, _LEAST)
-    at_rest = np.abs(legs.at_grid.c) / limits.force
+    at_rest = weight / limits.force
     least[2] = at_rest + _LEFT * (1 - at_rest)
     best: Stretched | None = None
     for _ in range(_MOST_PLANS):
@@ -110,19 +284,6 @@ def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ram
             "smaller margin, or a duration as timing"
         )
     return best
-
-
-def _check_standing(legs: LegsAlong, limits: DynamicLimits, path: GeometricPath) -> None:
-    """Refuse a path on which the actuators cannot hold the platform at rest."""
-    weight = np.abs(legs.at_grid.c)
-    if not (weight < limits.force).all():
-        row, leg = np.unravel_index(int((weight / limits.force).argmax()), weight.shape)
-        nearest = int(np.abs(path.at - legs.grid[row]).argmin())
-        raise MotionError(
-            f"rest near pose {nearest + 1} of the path takes {weight[row, leg]:.4g} N in leg {leg + 1}; "
-            f"the limit less the margin is {limits.force[leg]:.4g} N; expected other poses, stronger actuators, a "
-            "lighter platform, or a smaller margin"
-        )
 
 
 def _slowing(legs: LegsAlong, limits: DynamicLimits, at: AlongPath) -> float:
@@ -175,18 +336,3 @@ def largest_share(platform: Platform, motion: Polynomials, limits: DynamicLimits
         peak = share[near].argmax(axis=1)
         low, high = time[near, np.maximum(peak - 1, 0)], time[near, np.minimum(peak + 1, len(_SAMPLES) - 1)]
     return largest
-
-
-def _within(platform: Platform, path: GeometricPath, plan: Stretched, limits: DynamicLimits) -> TimeLaw:
-    """The plan, slowed down by the last excess, until the motion as it is played exceeds no limit at any time."""
-    factor = plan.factor
-    for k in range(_MOST_STRETCHES):
-        law = Stretched(plan.law, factor)
-        excess = largest_share(platform, polynomials_of(TimedPath(path, law)), limits) - 1
-        if excess <= 0:
-            return law
-        factor *= 1 + excess + _ROUNDING * 4**k
-    raise MotionError(
-        f"the fastest motion along this path exceeds a limit by {100 * excess:.3g} %, however slow; expected poses "
-        "farther from the platform's limits, or a smaller margin"
-    )

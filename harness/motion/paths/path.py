@@ -58,12 +58,6 @@ class GeometricPath:
     Roll, pitch and yaw are counted in the turns of the first pose.
     At both ends their second derivatives are zero, for degree 5 also the fourth.
     From pose to pose s grows with the distance √(|Δp|² + ℓ² |Δρ|²).
-
-    Raises
-    ------
-    MotionError
-        Fewer than two poses, a pose that is not finite, two neighbours that are equal up to rounding, or a pose rotated
-        by half a turn or more from the first.
     """
 
     position: FloatArray  # of the via poses (n, 3) [m]
@@ -84,9 +78,14 @@ class GeometricPath:
             except ValueError as error:
                 raise MotionError(f"{name} of the poses {error}") from None
         from scipy.interpolate import make_interp_spline
+        from scipy.spatial.transform import Rotation
 
         rotation = matrix_from_orientation(self.orientation)
-        rho = _rotation_vectors(rotation @ rotation[0].T)
+        rho = np.asarray(Rotation.from_matrix(rotation @ rotation[0].T).as_rotvec())
+        jumps = np.flatnonzero(~(np.linalg.norm(np.diff(rho, axis=0), axis=1) < math.pi - 1e-6))
+        if jumps.size:  # at half a turn rotation vectors jump
+            k = int(jumps[0]) + 2
+            raise MotionError(f"pose {k} of the path is rotated by half a turn or more from the first; expected less")
         steps = np.diff(np.hstack([self.position, self.length * rho]), axis=0)
         distance = np.sqrt((steps**2).sum(axis=1))
         near = distance <= _SAME * max(np.abs(self.position).max(), self.length)
@@ -108,51 +107,36 @@ class GeometricPath:
         return self.point(*(self._spline(s, k) for k in range(3)))
 
     def point(self, value: Array, first: Array, second: Array) -> PathPoint:
-        """The poses of positions and rotation vectors (n, 6) and their derivatives; also of symbols."""
+        """The poses of positions and rotation vectors (n, 6) and their derivatives; also of symbols.
+
+        R = 1 + a ρ̃ + b ρ̃², a = sin θ/θ, b = (1 − cos θ)/θ², θ = |ρ|. The turning is τ = ρ' + b ρ × ρ' + c ρ × (ρ × ρ'),
+        c = (θ − sin θ)/θ³, and τ' follows by the product rule; b' and c' are 2 ρ·ρ' times their derivatives by θ².
+        """
         rho, rate, acceleration = (part[:, 3:] for part in (value, first, second))
-        turning, turning_rate = turning_of(rho, rate, acceleration)
-        rotation = rotation_of(rho) @ self._first
+        a, b, c, db, dc = (coefficient[:, None] for coefficient in _coefficients(rho))
+        x = skew(rho)
+        rotation = np.asarray(np.eye(3) + a[:, :, None] * x + b[:, :, None] * (x @ x)) @ self._first
         angles = angles_of(rotation) if rotation.dtype == object else orientation_from_matrix(rotation)
+        growth = 2 * dot(rho, rate)[:, None]
+        once = cross(rho, rate)
+        twice = cross(rho, once)
+        turning = rate + b * once + c * twice
+        turning_rate = (
+            acceleration
+            + b * cross(rho, acceleration)
+            + c * (cross(rate, once) + cross(rho, cross(rho, acceleration)))
+            + growth * (db * once + dc * twice)
+        )
         orientation = nearest_angle(angles, self.orientation[0])
         return PathPoint(value[:, :3], orientation, first[:, :3], turning, second[:, :3], turning_rate)
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
-        """Positions and rotation vectors as polynomials: where each begins (m,), and coefficients since then (m, 6, k).
-
-        The highest power first.
-        """
+        """Positions and rotation vectors as polynomials: begins (m,), and coefficients (m, 6, k), highest first."""
         k = self.degree
         begins = self._spline.t[k : -k - 1]
         powers = range(k, -1, -1)
         return begins, np.stack([self._spline(begins, power) / math.factorial(power) for power in powers], axis=-1)
-
-
-def rotation_of(rho: FloatArray) -> FloatArray:
-    """exp(ρ̃) of rotation vectors (n, 3) [rad]: 1 + a ρ̃ + b ρ̃², a = sin θ/θ, b = (1 − cos θ)/θ², θ = |ρ|."""
-    a, b, _, _, _ = (coefficient[:, None, None] for coefficient in _coefficients(rho))
-    x = skew(rho)
-    return np.asarray(np.eye(3) + a * x + b * (x @ x))
-
-
-def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angular velocity and acceleration (n, 3) in world components of exp(ρ̃), from ρ and its derivatives.
-
-    ω = ρ' + b ρ × ρ' + c ρ × (ρ × ρ'), with b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³, and ω' by the product rule; b' and
-    c' are 2 ρ·ρ' times the derivatives of b and c with respect to θ².
-    """
-    _, b, c, db, dc = (coefficient[:, None] for coefficient in _coefficients(rho))
-    growth = 2 * dot(rho, rate)[:, None]
-    once = cross(rho, rate)
-    twice = cross(rho, once)
-    omega = rate + b * once + c * twice
-    alpha = (
-        acceleration
-        + b * cross(rho, acceleration)
-        + c * (cross(rate, once) + cross(rho, cross(rho, acceleration)))
-        + growth * (db * once + dc * twice)
-    )
-    return omega, alpha
 
 
 def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
@@ -173,15 +157,3 @@ def _series(k: int, q: FloatArray) -> FloatArray:
         return np.asarray(sum((-q) ** n / math.factorial(2 * n + 1 + k) for n in range(4)))
     terms = range(1, 5)
     return np.asarray(sum(-n * (-q) ** (n - 1) / math.factorial(2 * n + k - 1) for n in terms))
-
-
-def _rotation_vectors(rotation: FloatArray) -> FloatArray:
-    """ρ (n, 3) [rad] of rotation matrices; it would jump at half a turn."""
-    from scipy.spatial.transform import Rotation
-
-    rho = np.asarray(Rotation.from_matrix(rotation).as_rotvec())
-    jumps = np.flatnonzero(~(np.linalg.norm(np.diff(rho, axis=0), axis=1) < math.pi - 1e-6))
-    if jumps.size:
-        k = int(jumps[0]) + 2
-        raise MotionError(f"pose {k} of the path is rotated by half a turn or more from the first; expected less")
-    return rho

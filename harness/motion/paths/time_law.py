@@ -1,4 +1,7 @@
-"""Time laws of a path: its parameter s, from 0 to 1, over time with exact derivatives; the motion that results."""
+"""Time laws of a path: its parameter s, from 0 to 1, over time with exact derivatives; the motion that results.
+
+It is played and exported as piecewise polynomials, with identical numbers.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,10 +10,34 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.harness.motion.motion import Motion, smaller
+from gough_stewart.harness.motion.motion import (
+    ROUNDING,
+    Motion,
+    Piecewise,
+    coordinates_of,
+    motion_of,
+    quintic,
+    smaller,
+)
 from gough_stewart.harness.motion.paths.path import GeometricPath
-from gough_stewart.harness.motion.profiles import quintic
 from gough_stewart.model.vectors import FloatArray
+
+# A quintic in τ from 0 to 1 from value, rate and second derivative at both ends, highest power first.
+_HERMITE = np.array(
+    [
+        [-6, -3, -1 / 2, 6, -3, 1 / 2],
+        [15, 8, 3 / 2, -15, 7, -1],
+        [-10, -6, -3 / 2, 10, -4, 1 / 2],
+        [0, 0, 1 / 2, 0, 0, 0],
+        [0, 1, 0, 0, 0, 0],
+        [1, 0, 0, 0, 0, 0],
+    ]
+)
+# Pieces shorter than the first [s] do without the pose at their right end, whose rounding the second derivative
+# amplifies: 4e-16 m to 1e-5 m/s² in 0.05 ms. Pieces shorter than the second do without the rates, too.
+SHORT, SHORTEST = 5e-3, 5e-5
+# The longest piece, as a share of the motion.
+PIECES = 400
 
 
 class AlongPath(NamedTuple):
@@ -179,3 +206,88 @@ class TimedPath:
         if self.amplitude == 1:
             return motion
         return smaller(motion, self.amplitude, np.concatenate([self.path.position[0], self.path.orientation[0]]))
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomials(Piecewise):
+    """Piecewise quintics in x, y, z, roll, pitch, yaw; at rest before the first and after the last piece."""
+
+    begins: FloatArray  # start times of the pieces (n,) [s]
+    coefficients: FloatArray  # in the time since then, highest power first (n, 6, 6)
+    last: float  # end of the last piece [s]
+    source: TimedPath | None = None  # what the pieces are of, from which an export computes them again
+
+    def __call__(self, time: ArrayLike) -> Motion:
+        """The motion at times (n,) [s]."""
+        time = np.asarray(time, dtype=float)
+        moves = (time >= self.begins[0]) & (time <= self.last + ROUNDING)
+        inside = np.clip(time, self.begins[0], self.last)
+        at = np.searchsorted(self.begins, inside, side="right") - 1
+        since = (inside - self.begins[at])[:, None]
+        value = rate = half = np.zeros((len(time), 6))
+        for power in range(6):  # Horner's rule with derivatives
+            half = half * since + rate
+            rate = rate * since + value
+            value = value * since + self.coefficients[at, :, power]
+        return motion_of(value, moves[:, None] * rate, moves[:, None] * (2 * half))
+
+    @property
+    def end(self) -> float:
+        """The end of the last piece [s]."""
+        return self.last
+
+    @property
+    def pieces(self) -> tuple[FloatArray, FloatArray]:
+        """The pieces as stored."""
+        return self.begins, self.coefficients
+
+
+def polynomials_of(motion: TimedPath) -> Polynomials:
+    """The quintics between the knots of a path's time law, with its pose, rates and accelerations at both ends.
+
+    Accelerations may jump at the knots. The error between them is some 1e-12 m.
+    """
+    law, knots = motion.law, motion.law.knots
+    if motion.path.degree == 3:  # its third derivative jumps at the poses, whose times are found by bisection
+        values = motion.path.at[1:-1]
+        before, after = np.zeros(len(values)), np.full(len(values), law.duration)
+        for _ in range(60):
+            middle = (before + after) / 2
+            is_before = law(middle).value < values
+            before, after = np.where(is_before, middle, before), np.where(is_before, after, middle)
+        knots = np.unique(np.concatenate([knots, after]))
+
+    # refined where they are far apart and the motion nearly stops and turns; the longest but for rounding is one piece
+    steps = np.diff(knots)
+    parts = np.ceil((1 - 1e-9) * steps / (knots[-1] / PIECES)).astype(int)
+    begins = np.repeat(knots[:-1], parts)
+    place = np.arange(len(begins)) - np.repeat(np.cumsum(parts) - parts, parts)
+    knots = np.append(begins + np.repeat(steps / parts, parts) * place, knots[-1])
+
+    # accelerations at both ends of a piece, evaluated inside it
+    left = coordinates_of(motion.since_start(knots[:-1]))
+    right = coordinates_of(motion.since_start(np.nextafter(knots[1:], 0)))
+    h = np.diff(knots)[:, None]
+    # (pieces, 6 conditions, 6 coordinates), derivatives with respect to τ = t/h
+    ends = np.stack([part * h**k for side in (left, right) for k, part in enumerate(side)], axis=1)
+    pieces = np.moveaxis(_HERMITE @ ends, 1, 2) / h[:, :, None] ** np.arange(5, -1, -1)
+    pose, rate, acceleration = left
+    zero = np.zeros_like(pose)
+    # short pieces: the pose at the right end follows, to h⁵; shorter ones: an acceleration linear between the ends
+    mean = (right[1] - rate) / h
+    fourth, third = (
+        (acceleration + right[2] - 2 * mean) / (4 * h**2),
+        (3 * mean - 2 * acceleration - right[2]) / (3 * h),
+    )
+    quartics = np.stack([zero, fourth, third, acceleration / 2, rate, pose], axis=2)
+    linear = (right[2] - acceleration) / (6 * h)
+    cubics = np.stack([zero, zero, linear, acceleration / 2, rate, pose], axis=2)
+    pieces = np.where(h[:, :, None] < SHORT, quartics, pieces)
+    pieces = np.where(h[:, :, None] < SHORTEST, cubics, pieces)
+    begins = motion.start + knots[:-1]
+    if motion.start > 0:
+        # at rest before; the first piece may start with an acceleration
+        waiting = np.zeros((1, 6, 6))
+        waiting[0, :, 5] = pose[0]
+        begins, pieces = np.append(0.0, begins), np.concatenate([waiting, pieces])
+    return Polynomials(begins, pieces, motion.end, motion)

@@ -11,8 +11,14 @@ from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.limits.shares import shares_along
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.paths.path import DEGREES, GeometricPath
-from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomials_of
-from gough_stewart.harness.motion.paths.time_law import Quintic, Stretched, TimedPath, TimeLaw
+from gough_stewart.harness.motion.paths.time_law import (
+    Polynomials,
+    Quintic,
+    Stretched,
+    TimedPath,
+    TimeLaw,
+    polynomials_of,
+)
 from gough_stewart.harness.motion.recorded.recording import converted, read_poses
 from gough_stewart.harness.motion.references import WrittenPoses
 from gough_stewart.harness.pose_convention import OURS
@@ -20,7 +26,6 @@ from gough_stewart.harness.quantities import Share, Time, positive_or_word, vect
 from gough_stewart.harness.section import FileName
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle, orientation_from_matrix
-from gough_stewart.model.vectors import FloatArray
 
 
 def _poses(value: Any) -> list[tuple[float, ...]]:
@@ -106,7 +111,13 @@ class ViaPath(WrittenPoses):
             turned = matrix_from_orientation(orientation) @ home
             orientation = nearest_angle(orientation_from_matrix(turned), platform.home_orientation)
         path = GeometricPath(position, orientation, platform.characteristic_length, DEGREES[self.interpolation])
-        _check_poses(platform, position, orientation)
+        # poses that the platform cannot take are refused before planning through them
+        rest = np.zeros_like(position)
+        shares = shares_along(platform, rest[:, 0], Motion(position, orientation, rest, rest, rest, rest))
+        beyond = [limited.first_beyond for limited in shares.limited if not limited.within.all()]
+        if beyond:
+            first = min(beyond, key=lambda limited: limited.row)
+            raise MotionError(f"pose {first.row + 1} of the path cannot be reached: {first.text}")
         law = Stretched(self._law(platform, path), self.time_scale)
         return polynomials_of(TimedPath(path, law, self.at * self.time_scale, self.amplitude_scale))
 
@@ -116,14 +127,3 @@ class ViaPath(WrittenPoses):
         from gough_stewart.harness.motion.paths.fastest import fastest
 
         return fastest(platform, path, self.margin, self.ramp)
-
-
-def _check_poses(platform: Platform, position: FloatArray, orientation: FloatArray) -> None:
-    """Refuse poses (n, 3) that the platform cannot take, before planning through them."""
-    rest = np.zeros_like(position)
-    at_rest = Motion(position, orientation, rest, rest, rest, rest)
-    shares = shares_along(platform, np.zeros(len(position)), at_rest)
-    beyond = [limited.first_beyond for limited in shares.limited if not limited.within.all()]
-    if beyond:
-        first = min(beyond, key=lambda limited: limited.row)
-        raise MotionError(f"pose {first.row + 1} of the path cannot be reached: {first.text}")

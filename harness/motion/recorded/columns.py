@@ -77,25 +77,11 @@ def columns_of(
 ) -> dict[str, LogColumn]:
     """The columns for time, position, and one of orientation, quaternion, rotation_vector; or for time and leg lengths.
 
-    Leg lengths are read if they are chosen, or if the file has no position.
-
-    Parameters
-    ----------
-    header
-        The names of a file's columns, with units as in "x [mm]" or "x (mm)". In a table with this project's names
-        (`time`, `position[1]`, …) missing units mean SI.
-    chosen
-        Names in the file, with or without units, by this project's names; others are found by the usual names of
-        motion logs. Or the prefix of a record's signals, "reference" or "measured".
-    timed
-        Whether a time is required.
-    timestamps
-        Columns that need no unit as times: they have dates, or seconds since 1970.
-
-    Raises
-    ------
-    MotionError
-        A column is missing, or several match; or its unit is missing or unknown.
+    Leg lengths are read if they are chosen, or if the file has no position. Headings have units, as in "x [mm]" or
+    "x (mm)"; in a table with this project's names (`time`, `position[1]`, …) missing units mean SI. `chosen` has names
+    in the file, with or without units, by this project's names; others are found by the usual names of motion logs; or
+    it is the prefix of a record's signals, "reference" or "measured". `timestamps` need no unit as times: they have
+    dates, or seconds since 1970.
     """
     headings = [Heading.of(column) for column in header]
     if isinstance(chosen, str):
@@ -111,8 +97,19 @@ def columns_of(
     ):
         required: tuple[str, ...] = (*_PLACE[: 1 if timed else 0], *LEGS)
     else:
-        turning = _TURNING[_kind_of_turning(headings_found, chosen)]
-        required = (*(_PLACE if timed else _PLACE[1:]), *turning)
+        kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
+        has = {kind: sum(headings_found[name] is not None for name in names) for kind, names in _TURNING.items()}
+        whole = kinds or [kind for kind, names in _TURNING.items() if has[kind] == len(names)]
+        if len(whole) > 1:
+            first = _TURNING[whole[0]][0]
+            heading = headings_found[first]
+            column = heading.column if heading is not None else ""
+            raise MotionError(
+                f"has {' and '.join(whole)}; choose one by naming its columns: "
+                f'columns = {{ "{first}" = "{column}", … }}'
+            )
+        kind = whole[0] if whole else max(_TURNING, key=lambda kind: has[kind])
+        required = (*(_PLACE if timed else _PLACE[1:]), *_TURNING[kind])
     missing = [name for name in required if headings_found[name] is None]
     if missing:
         raise MotionError(
@@ -125,13 +122,7 @@ def columns_of(
 
 
 def leg_columns(header: Sequence[str]) -> dict[str, LogColumn]:
-    """The columns for six leg lengths.
-
-    Raises
-    ------
-    MotionError
-        One is missing, or there are several, or one has no unit or an unknown one.
-    """
+    """The columns for six leg lengths."""
     headings = [Heading.of(column) for column in header]
     found = {name: heading for name in LEGS if (heading := _heading_of(name, headings, {})) is not None}
     if len(found) < len(LEGS):
@@ -140,26 +131,14 @@ def leg_columns(header: Sequence[str]) -> dict[str, LogColumn]:
 
 
 def usual_headings(header: Sequence[str]) -> dict[str, Heading]:
-    """The columns under usual names, by this project's name, of quantities that the file does not have under that.
-
-    Raises
-    ------
-    MotionError
-        Several columns of one quantity.
-    """
+    """The columns under usual names, by this project's name, of quantities that the file does not have under that."""
     headings = [Heading.of(column) for column in header]
     found = {name: _heading_of(name, headings, {}) for name in _QUANTITIES}
     return {name: heading for name, heading in found.items() if heading is not None and heading.name != name}
 
 
 def chosen_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
-    """The chosen columns, by the name of what they have.
-
-    Raises
-    ------
-    MotionError
-        The file has no such column, or several.
-    """
+    """The chosen columns, by the name of what they have."""
     headings = [Heading.of(column) for column in header]
     return {name: _chosen(name, headings, text) for name, text in chosen.items()}
 
@@ -202,22 +181,6 @@ def _chosen(quantity: str, headings: Sequence[Heading], text: str) -> Heading:
     return candidates[0]._replace(unit=of_file if unit is None else unit)
 
 
-def _kind_of_turning(headings: Mapping[str, Heading | None], chosen: Mapping[str, str]) -> str:
-    """The one of orientation, quaternion and rotation_vector to read."""
-    kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
-    whole = kinds or [kind for kind, names in _TURNING.items() if all(headings[name] is not None for name in names)]
-    if len(whole) > 1:
-        first = _TURNING[whole[0]][0]
-        heading = headings[first]
-        column = heading.column if heading is not None else ""
-        raise MotionError(
-            f'has {" and ".join(whole)}; choose one by naming its columns: columns = {{ "{first}" = "{column}", … }}'
-        )
-    if whole:
-        return whole[0]
-    return max(_TURNING, key=lambda kind: sum(headings[name] is not None for name in _TURNING[kind]))
-
-
 def _in_units(headings: Mapping[str, Heading], timestamps: Collection[str]) -> dict[str, LogColumn]:
     is_ours = all(
         _OWN_PREFIX.sub("", heading.name) == quantity
@@ -237,10 +200,10 @@ def _in_units(headings: Mapping[str, Heading], timestamps: Collection[str]) -> d
         except ValueError as error:
             raise MotionError(str(error)) from None
     if without:
-        quantity, heading = next(iter(without.items()))
-        example = f"{heading.name} [{_EXAMPLES[quantity.partition('[')[0]]}]"
+        quantity, first = next(iter(without.items()))
+        example = f"{first.name} [{_EXAMPLES[quantity.partition('[')[0]]}]"
         raise MotionError(
-            f"units missing: {', '.join(each.column for each in without.values())}; expected them in the header, for "
-            f'instance \'{example}\', or in the reference: columns = {{ "{quantity}" = "{example}", … }}'
+            f"units missing: {', '.join(heading.column for heading in without.values())}; expected them in the header, "
+            f'for instance \'{example}\', or in the reference: columns = {{ "{quantity}" = "{example}", … }}'
         )
     return columns

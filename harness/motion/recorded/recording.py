@@ -1,7 +1,7 @@
 """Recorded motions: poses from logs, checked row by row, in SI units, and moved to the home pose of a platform."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import MotionError, TableError
 from gough_stewart.harness.motion.recorded.columns import LEGS, LogColumn, columns_of, leg_columns
-from gough_stewart.harness.motion.recorded.table import FromTable, check_increasing
+from gough_stewart.harness.motion.recorded.from_table import FromTable, check_increasing
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, check_convention
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of, timestamps_of, without_repeated_rows
 from gough_stewart.model.errors import NoPoseError
@@ -44,15 +44,6 @@ AtHome = Literal["start", "mean"]
 LegLengths = Literal["absolute", "from_home"]
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A recorded motion: its poses with times since the first row, and the file's time there and unit [s]."""
-
-    table: FromTable
-    first: float
-    time_unit: float
-
-
 def recording_path(folder: Path, file: str) -> Path | Traversable:
     """The file in a folder; if it does not exist, the shipped recording of that name."""
     path = folder / file
@@ -62,67 +53,77 @@ def recording_path(folder: Path, file: str) -> Path | Traversable:
 
 def read_recording(
     path: Path | Traversable,
-    columns: Mapping[str, str] | str = "",
-    largest_gap: float | None = None,
-    convention: PoseConvention = OURS,
-    platform: Platform | None = None,
+    columns: Mapping[str, str] | str = "",  # to read, if the header uses other names; see `columns_of`
+    largest_gap: float | None = None,  # the longest time between two rows [s]; by default five times the median
+    convention: PoseConvention = OURS,  # how the file writes poses
+    platform: Platform | None = None,  # whose leg lengths it may have; beside poses both are compared
     leg_lengths: LegLengths = "absolute",
-) -> Recording:
-    """A motion from a CSV or Parquet file.
+) -> tuple[FromTable, float, float]:
+    """A motion from a CSV or Parquet file with times since its first row; the file's time there and unit [s].
 
-    Parameters
-    ----------
-    columns
-        The columns to read, if the header uses other names; see `columns_of`.
-    largest_gap
-        The longest time between two rows [s]; by default five times the median.
-    convention
-        How the file writes poses.
-    platform
-        Whose leg lengths the file may have; where it has them beside poses, both are compared.
-    leg_lengths
-        Whether they are absolute, or changes from those at home.
-
-    Raises
-    ------
-    MotionError
-        The file cannot be read; a column or its unit is missing; a row has a non-numeric value, a time that does not
-        increase, a gap before it, a quaternion whose norm is not 1, or leg lengths that no pose has; names file, column
-        and row. Poses that contradict leg lengths in this convention, and not in another.
+    A `MotionError` names file, column and row: no table, a missing column or unit, no number, times that do not
+    increase, a gap, no unit quaternion, lengths that no pose has, or poses that contradict them in this convention.
     """
     try:
         table = read_table(path, "reference")
         chosen = columns_of(table.columns, columns, timestamps=timestamps_of(table))
-        first, since = times_of(table, chosen["time"].name)
-        first, since = chosen["time"].factor * first, chosen["time"].factor * since
+        unit = chosen["time"].factor
+        first, since = (unit * part for part in times_of(table, chosen["time"].name))
         values = _values(table, chosen)
         rows = without_repeated_rows(since, np.stack(list(values.values()), axis=1), first)
         since, values = since[rows], {name: column[rows] for name, column in values.items()}
         check_increasing(since, first)
-        _check_gaps(since, first, largest_gap)
-        if LEGS[0] in chosen:
-            pose = _poses_of_legs(values, platform, leg_lengths)
-        else:
+
+        steps = np.diff(since)
+        median = float(np.median(steps)) if steps.size else 0.0
+        bound = _LONGEST_STEP * median if largest_gap is None else largest_gap
+        for k in np.flatnonzero(steps > bound * (1 + 1e-9))[:1].tolist():
+            raise MotionError(  # noqa: TRY301 - named with the file
+                f"a gap of {steps[k]:.6g} s before row {k + 2}, at {first + since[k + 1]:.10g} s; expected steps of at "
+                f"most {bound:.6g} s; the median is {median:.6g} s; cut the file there, or let the spline bridge the "
+                f"gap: largest_gap = {steps[k]:.6g}"
+            )
+
+        if LEGS[0] not in chosen:
             pose = _poses(values, convention)
             if platform is not None and not (columns and isinstance(columns, str)):  # a record's own names
-                angles = "orientation[1]" in chosen
-                how = convention if angles else replace(convention, rotation_order=QUATERNION)
-                _compare(table, rows, platform, pose, how, leg_lengths)
-        return Recording(FromTable(since, *pose), first, chosen["time"].factor)
+                how = convention if "orientation[1]" in chosen else replace(convention, rotation_order=QUATERNION)
+                _compare_with_legs(table, rows, platform, pose, how, leg_lengths)
+        elif platform is None:
+            raise MotionError("has leg lengths and no positions; expected poses")  # noqa: TRY301 - named with the file
+        else:
+            lengths = absolute_lengths(platform, _stacked(values, LEGS), leg_lengths)
+            found = poses_of_lengths(platform, lengths)
+            pose = found.position, found.orientation
+        return FromTable(since, *pose), first, unit
     except (MotionError, TableError) as error:
         raise MotionError(f"{path}: {error}") from error
+
+
+def _compare_with_legs(
+    table: "polars.DataFrame",
+    rows: NDArray[np.intp],
+    platform: Platform,
+    pose: tuple[FloatArray, FloatArray],
+    convention: PoseConvention,
+    leg_lengths: LegLengths,
+) -> None:
+    """Refuse poses that contradict the leg lengths beside them, if the file has such columns with units."""
+    try:
+        columns = leg_columns(table.columns)
+    except MotionError:  # none, or without units
+        return
+    lengths = _stacked(_values(table, columns), LEGS)[rows]
+    try:
+        check_convention(platform, absolute_lengths(platform, lengths, leg_lengths), *pose, convention)
+    except ValueError as error:
+        raise MotionError(str(error)) from error
 
 
 def read_poses(
     path: Path | Traversable, columns: Mapping[str, str] | str = "", convention: PoseConvention = OURS
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions [m] and orientations [rad], each (n, 3), from a CSV or Parquet file, ignoring times.
-
-    Raises
-    ------
-    MotionError
-        As `read_recording`.
-    """
+    """Positions [m] and orientations [rad], each (n, 3), from a CSV or Parquet file, ignoring times."""
     try:
         table = read_table(path, "reference")
         chosen = columns_of(table.columns, columns, timed=False)
@@ -135,6 +136,10 @@ def read_poses(
 
 def _values(table: "polars.DataFrame", columns: Mapping[str, LogColumn]) -> dict[str, FloatArray]:
     return {name: column.factor * numbers_of(table, column.name) for name, column in columns.items() if name != "time"}
+
+
+def _stacked(values: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    return np.stack([values[name] for name in names], axis=1)
 
 
 def _poses(values: Mapping[str, FloatArray], convention: PoseConvention) -> tuple[FloatArray, FloatArray]:
@@ -151,15 +156,7 @@ def converted(
 ) -> tuple[FloatArray, FloatArray]:
     """Positions [m] and continuous roll, pitch, yaw [rad] of Op, each (n, 3), from poses in a convention.
 
-    Parameters
-    ----------
-    kind
-        What `turning` has: "orientation" (n, 3), three angles, "quaternion" (n, 4) or "rotation_vector" (n, 3).
-
-    Raises
-    ------
-    MotionError
-        An order of rotations where there are no angles; a norm that is not 1; a pitch near ±90°.
+    By kind `turning` has three angles, "orientation" (n, 3), a "quaternion" (n, 4) or a "rotation_vector" (n, 3).
     """
     if kind == "orientation":
         place, rotation = convention.read(position, turning)
@@ -173,15 +170,6 @@ def converted(
     return place, orientation_of(rotation)
 
 
-def _poses_of_legs(
-    values: Mapping[str, FloatArray], platform: Platform | None, leg_lengths: LegLengths
-) -> tuple[FloatArray, FloatArray]:
-    if platform is None:
-        raise MotionError("has leg lengths and no positions; expected poses")
-    found = poses_of_lengths(platform, absolute_lengths(platform, _stacked(values, list(LEGS)), leg_lengths))
-    return found.position, found.orientation
-
-
 def absolute_lengths(platform: Platform, leg_length: FloatArray, leg_lengths: LegLengths) -> FloatArray:
     """Leg lengths (n, 6) [m], of changes from those at home too."""
     if leg_lengths == "absolute":
@@ -191,13 +179,7 @@ def absolute_lengths(platform: Platform, leg_length: FloatArray, leg_lengths: Le
 
 
 def poses_of_lengths(platform: Platform, leg_length: FloatArray, *, conditioning: bool = False) -> "ForwardKinematics":
-    """The poses with these leg lengths (n, 6) [m], as one continuous motion from home; rows with NaN have none.
-
-    Raises
-    ------
-    MotionError
-        Lengths that no pose has; names the row.
-    """
+    """The poses with these leg lengths (n, 6) [m], as one continuous motion from home; rows with NaN have none."""
     from gough_stewart.model.forward_kinematics import forward_kinematics  # loads CasADi, and is rarely needed
 
     refused, cause = np.flatnonzero(((leg_length <= 0) | np.isinf(leg_length)).any(axis=1)), "expected lengths > 0"
@@ -216,46 +198,6 @@ def poses_of_lengths(platform: Platform, leg_length: FloatArray, *, conditioning
     )
 
 
-def _compare(
-    table: "polars.DataFrame",
-    rows: NDArray[np.intp],
-    platform: Platform,
-    pose: tuple[FloatArray, FloatArray],
-    convention: PoseConvention,
-    leg_lengths: LegLengths,
-) -> None:
-    """Refuse poses that contradict the leg lengths beside them, if the file has such columns with units."""
-    try:
-        columns = leg_columns(table.columns)
-    except MotionError:  # none, or without units
-        return
-    lengths = _stacked(_values(table, columns), list(LEGS))[rows]
-    try:
-        check_convention(platform, absolute_lengths(platform, lengths, leg_lengths), *pose, convention)
-    except ValueError as error:
-        raise MotionError(str(error)) from error
-
-
-def _stacked(values: Mapping[str, FloatArray], names: list[str]) -> FloatArray:
-    return np.stack([values[name] for name in names], axis=1)
-
-
-def _check_gaps(time: FloatArray, first: float, largest: float | None) -> None:
-    steps = np.diff(time)
-    if not steps.size:
-        return
-    median = float(np.median(steps))
-    bound = _LONGEST_STEP * median if largest is None else largest
-    long = np.flatnonzero(steps > bound * (1 + 1e-9))
-    if long.size:
-        k = int(long[0])
-        raise MotionError(
-            f"a gap of {steps[k]:.6g} s before row {k + 2}, at {first + time[k + 1]:.10g} s; expected steps of at most "
-            f"{bound:.6g} s; the median is {median:.6g} s; cut the file there, or let the spline bridge the gap: "
-            f"largest_gap = {steps[k]:.6g}"
-        )
-
-
 def continuous(orientation: FloatArray, near: Scalars = 0.0) -> FloatArray:
     """Roll, pitch, yaw (n, 3) [rad], unwrapped, with the first row in the turns of some angles, by default (−π, π]."""
     turned = np.unwrap(orientation, axis=0)
@@ -263,27 +205,15 @@ def continuous(orientation: FloatArray, near: Scalars = 0.0) -> FloatArray:
 
 
 def orientation_of(rotation: FloatArray, near: Scalars = 0.0) -> FloatArray:
-    """`continuous` roll, pitch, yaw (n, 3) [rad] of rotation matrices (n, 3, 3).
-
-    Raises
-    ------
-    MotionError
-        A pitch near ±90°, where roll and yaw are undefined; names the row, counted from 1.
-    """
+    """`continuous` roll, pitch, yaw (n, 3) [rad] of rotation matrices (n, 3, 3), with a pitch away from ±90°."""
     steep = np.flatnonzero(~(np.abs(rotation[:, 2, 0]) < np.sin(LARGEST_PITCH)))
     if steep.size:
         raise MotionError(f"in row {steep[0] + 1} the pitch is ±90°; expected a pitch between these limits")
     return continuous(orientation_from_matrix(rotation), near)
 
 
-def of_quaternions(quaternion: FloatArray) -> FloatArray:
-    """Continuous roll, pitch, yaw (n, 3) [rad] of unit quaternions (n, 4), scalar last; q and −q are the same.
-
-    Raises
-    ------
-    MotionError
-        A norm that is not 1; names the row, counted from 1.
-    """
+def _of_quaternions(quaternion: FloatArray) -> FloatArray:
+    """Continuous roll, pitch, yaw (n, 3) [rad] of unit quaternions (n, 4), scalar last; q and −q are the same."""
     length = np.linalg.norm(quaternion, axis=1)
     bad = np.flatnonzero(~(np.abs(length - 1) <= _LENGTH_TOLERANCE))
     if bad.size:
@@ -294,14 +224,8 @@ def of_quaternions(quaternion: FloatArray) -> FloatArray:
     return orientation_of(matrix_from_quaternion(quaternion))
 
 
-def of_rotation_vectors(vector: FloatArray) -> FloatArray:
-    """Continuous roll, pitch, yaw (n, 3) [rad] of rotation vectors (n, 3) [rad]: axis times angle.
-
-    Raises
-    ------
-    MotionError
-        As `orientation_of`.
-    """
+def _of_rotation_vectors(vector: FloatArray) -> FloatArray:
+    """Continuous roll, pitch, yaw (n, 3) [rad] of rotation vectors (n, 3) [rad]: axis times angle."""
     from scipy.spatial.transform import Rotation  # rarely needed
 
     return orientation_of(Rotation.from_rotvec(vector).as_matrix())
@@ -309,47 +233,32 @@ def of_rotation_vectors(vector: FloatArray) -> FloatArray:
 
 _ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
     "orientation": continuous,
-    "quaternion": of_quaternions,
-    "rotation_vector": of_rotation_vectors,
+    "quaternion": _of_quaternions,
+    "rotation_vector": _of_rotation_vectors,
 }
 
 
 def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float) -> FromTable:
-    """Move a motion rigidly, so that its pose at a time, or its mean pose, becomes the home pose.
+    """Move a motion rigidly, so that its pose at the time `start` [s], or its mean pose, becomes the home pose.
 
     p = p_home + R_home R₀ᵀ (p − p₀) and R = R_home R₀ᵀ R: displacements stay the same in the axes of the platform in
-    the pose p₀, R₀, so surge of a vehicle stays surge, whatever its heading. Means are over time; the mean rotation is
-    the rotation nearest to the mean of the matrices.
-
-    Parameters
-    ----------
-    start
-        The time of the pose "start" [s].
-
-    Raises
-    ------
-    MotionError
-        The time is outside the table, or a pitch reaches ±90°.
+    the pose p₀, R₀, so surge of a vehicle stays surge, whatever its heading. Means are over time, by the trapezoidal
+    rule; the mean rotation is the rotation nearest to the mean of the matrices.
     """
+    rotations = matrix_from_orientation(table.orientation)
     if pose == "start":
         at = table(np.array([start]))
         position, rotation = at.position[0], matrix_from_orientation(at.orientation[0])
     else:
-        position, rotation = _mean_pose(table)
+        from scipy.spatial.transform import Rotation  # rarely needed
+
+        steps = np.diff(table.time)
+        weights = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
+        position = np.average(table.position, axis=0, weights=weights)
+        rotation = Rotation.from_matrix(rotations).mean(weights=weights).as_matrix()
     turn = matrix_from_orientation(platform.home_orientation) @ rotation.T
     return FromTable(
         table.time,
         platform.home_position + (table.position - position) @ turn.T,
-        orientation_of(turn @ matrix_from_orientation(table.orientation), platform.home_orientation),
+        orientation_of(turn @ rotations, platform.home_orientation),
     )
-
-
-def _mean_pose(table: FromTable) -> tuple[FloatArray, FloatArray]:
-    """Mean position (3,) [m] and rotation (3, 3) over time, by the trapezoidal rule."""
-    from scipy.spatial.transform import Rotation  # rarely needed
-
-    steps = np.diff(table.time)
-    weights = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
-    rotations = Rotation.from_matrix(matrix_from_orientation(table.orientation))
-    position: FloatArray = np.average(table.position, axis=0, weights=weights)
-    return position, rotations.mean(weights=weights).as_matrix()

@@ -15,24 +15,24 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.export.design import designed
-from tests.support.exported import (
-    KD,
-    KI,
-    KP,
-    TOLERANCE,
-    Exported,
-    commanded,
-    largest_difference,
-    measured_by,
-    run_in_python,
-    uneven_experiment,
-)
+from tests.support import exported
+from tests.support.exported import TOLERANCE, Exported, commanded, largest_difference, measured_by, run_in_python
+from tests.support.motions import experiment
+from tests.support.uneven import UNEVEN
 
 T = 0.0015
+KP = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]
+KD = [60.0, 45.0, 71.0, 52.0, 83.0, 66.0]
+KI = [900.0, 0.0, 1100.0, 700.0, 1300.0, 0.0]
 SINE = {"type": "sine", "position_amplitude": [0.03, -0.02, 0.04], "frequency": 4.0, "fade_in": 0.05}
 LIMITED = {"force_limit": 47.0, "rate_limit": 900.0}
 LOOP: dict[str, Any] = {"reference": SINE, "controller": {"type": "open_loop", "feedforward": "gravity"}}
-QUIET = {**LOOP, "sensors": {}}
+
+
+def loop_of(**tables: Any) -> gs.Experiment:
+    """The uneven platform about home, without noise; two samples late."""
+    clocks = {"duration": 0.15, "sample_time": T, "plant_step": T / 3, "delay": 2}
+    return experiment(UNEVEN, SINE, controller=LOOP["controller"], loop=clocks, limits={"reference": "warn"}, **tables)
 
 
 def error_of(sample: Any) -> Any:
@@ -87,12 +87,12 @@ def test_its_c_commands_what_it_commands_at_its_limits(law: Any) -> None:
     if law == "CasADi":
         law = in_casadi()
         table["controller"] = {"type": "python", "feedforward": "gravity", "parameters": {"tracking": 0.02}}
-    experiment = uneven_experiment(**table)
-    made, run = designed(experiment, law), run_in_python(experiment, law)
+    tried = exported.uneven_experiment(**table)
+    made, run = designed(tried, law), run_in_python(tried, law)
     assert run.outcome.status == "completed"
     assert 0.1 < run.force_limited.mean() < 0.9
-    exported = Exported(made).start()
-    forces = np.array([exported.step(row)[0] for row in measured_by(run, made)])
+    compiled = Exported(made).start()
+    forces = np.array([compiled.step(row)[0] for row in measured_by(run, made)])
     assert largest_difference(forces, commanded(run, made)) < TOLERANCE["double"]
 
 
@@ -123,8 +123,7 @@ def counted() -> gs.LinearController:
 
 
 def test_its_margins_are_those_of_its_small_signals() -> None:
-    experiment = uneven_experiment(**QUIET)
-    found, expected = (gs.margins(experiment, controller=law) for law in (Counted, counted()))
+    found, expected = (gs.margins(loop_of(), controller=law) for law in (Counted, counted()))
     assert (found.is_numerical, found.doubt, expected.is_numerical) == (True, "", False)
     np.testing.assert_allclose([leg.phase for leg in found.legs], [leg.phase for leg in expected.legs], rtol=1e-7)
     assert found.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-7)
@@ -156,11 +155,11 @@ class Drifts:
 )
 def test_a_law_without_one_slope_or_without_rest_has_no_margins(law: Any, doubt: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=doubt):
-        gs.margins(uneven_experiment(**QUIET), controller=law)
+        gs.margins(loop_of(), controller=law)
 
 
 def test_a_law_with_two_slopes_leaves_its_margins_in_doubt() -> None:
-    found = gs.margins(uneven_experiment(**QUIET), controller=one_sided)
+    found = gs.margins(loop_of(), controller=one_sided)
     assert "the size or the sign" in found.doubt
     assert any("the size or the sign" in note.text for note in found.report().notes)
 
@@ -236,8 +235,8 @@ def test_members_of_an_ensemble_have_the_margins_of_their_machines() -> None:
         return np.array(KP) * error_of(sample) - 60 * sample.measured["leg_velocity"]
 
     varied = {"ensemble": {"members": 2, "margins": True, "platform_mass": {"grid": [20.0, 30.0]}}}
-    ensemble = gs.ensemble(uneven_experiment(**QUIET, **varied), controller=law, workers=1)
+    ensemble = gs.ensemble(loop_of(**varied), controller=law, workers=1)
     for mass, alpha in zip(ensemble.values("platform_mass"), ensemble.values("margins.disk"), strict=True):
         machine = {"plant": {"parameters": {"platform_mass": float(mass)}}}
-        alone = gs.margins(uneven_experiment(**QUIET, **machine), controller=law)
+        alone = gs.margins(loop_of(**machine), controller=law)
         assert alpha == pytest.approx(alone.disk.alpha, rel=1e-9)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.file import digests, experiment_from
 
 T = 0.002
 MASS = gs.load_preset("motion_base").platform_mass
@@ -207,7 +206,7 @@ def experiment(folder: Path, **keys: Any) -> Any:
         "controller": {"type": "python", "file": "mine.py", **keys},
         "loop": {"duration": 0.02, "sample_time": 0.005, "plant_step": 0.0025},
     }
-    return experiment_from(whole).from_file("told", folder)
+    return gs.Experiment(**whole).from_file("told", folder)
 
 
 def test_a_maker_is_told_the_nominal_model_and_the_sample_time(tmp_path: Path) -> None:
@@ -223,8 +222,9 @@ def test_files_that_count_are_those_that_imports_and_texts_reach(tmp_path: Path)
     """Expected: also through others, from packages, inside functions; not what lies there without a reference."""
     write(
         tmp_path,
-        mine="import numpy, a\ndef controller(sample):\n from pack.part import x\n open('gains/k.csv')\n",
-        a="import b\nname = 'b.csv', 'no file', '\\0'",
+        mine="import numpy, a\ndef controller(sample):\n if sample is None:\n  from pack.part import x\n"
+        "  open('gains/k.csv')\n return [0] * 6\n",
+        a="try:\n import b\nexcept SyntaxError:\n pass\nname = 'b.csv', 'no file', '\\0'",
         b="syntax error",
         unused="",
         pack____init__="",
@@ -236,6 +236,6 @@ def test_files_that_count_are_those_that_imports_and_texts_reach(tmp_path: Path)
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1")
     packages = {"pack/__init__.py", "pack/part.py", "pack/other.py", "plain/leaf.py"}
-    found = digests(experiment(tmp_path))
+    found = gs.run(experiment(tmp_path)).metadata["files"]
     assert found.keys() == {"mine.py", "a.py", "b.py", "b.csv", "gains/k.csv", *packages}
     assert all(np.fromiter(map(len, found.values()), int) == 64)

@@ -15,7 +15,6 @@ from scipy.linalg import eigh
 import gough_stewart as gs
 from gough_stewart import LoopMargins, Platform, UnstableLoopError, linearise, plant_system
 from tests.support.real_platforms import SPRINGS, real_platform
-from tests.support.tables_shown import rows_of
 
 # T. Dehaeze, stewart-simscape, org/identification.org: "Resonance Frequency [Hz]", from Simscape's linearisation
 PRINTED = [780.6, 780.6, 903.9, 1061.4, 1061.4, 1269.6]
@@ -107,11 +106,15 @@ def test_the_nonlinear_system_has_the_states_of_its_platform() -> None:
 
 
 def test_a_bandwidth_that_rigid_legs_bear_is_refused_on_legs_that_give() -> None:
-    """Expected: stable on rigid legs; on soft ones a run grows, no faster than the worst eigenvalue says."""
-    assert disk_of({"platform.parameters.leg_stiffness": 2e7}) < 0.5 * disk_of({})
+    """Expected: stable on rigid legs; on soft ones a run grows, no faster than the worst eigenvalue says.
+
+    A quarter of 2e7 N/m, with a mode at 37.95 Hz, has it at half of that.
+    """
     soft = {"platform.parameters.leg_stiffness": 5e6}
-    with pytest.raises(UnstableLoopError, match="choose a lower bandwidth") as caught:
+    text = r"stable on rigid legs: those of 5e\+06 N/m, whose first structural mode is at 19 Hz, limit the bandwidth"
+    with pytest.raises(UnstableLoopError, match=text) as caught:
         gs.margins("heave_step", soft)
+    assert "choose a lower bandwidth" in str(caught.value)
     # without what the linear model leaves out, and small enough for the force limit
     own = {"plant.parameters.leg_coulomb_friction": 0, "loop.duration": 0.8, "reference.position_change": [0, 0, 1e-3]}
     record = gs.run("heave_step", soft | own)
@@ -161,7 +164,7 @@ def found() -> LoopMargins:
 
 @pytest.mark.parametrize(
     ("changes", "bandwidth"),
-    [({}, 1.9), ({"platform.parameters.leg_damping": 8e4}, 7.3), ({"sensors.side": "motor"}, 5.3)],
+    [({}, 1.9), ({"sensors.side": "motor"}, 5.3)],
 )
 def test_what_the_page_says_that_the_allowed_bandwidth_rests_on(changes: dict[str, Any], bandwidth: float) -> None:
     """Expected: the numbers of docs/machine.md; each loop has its disk margin there, and not at 1.1 times as much."""
@@ -207,8 +210,7 @@ def test_margins_tell_the_modes_and_the_gain_of_the_loop_there(found: LoopMargin
     assert report.number("structure.gain").value == pytest.approx(20 * math.log10(largest))
     table: Any = next(part for part in report.parts() if getattr(part, "title", "") == "Structural modes")
     decibels = 20 * math.log10(first.gain)
-    row = (f"{first.frequency:.4g}", f"{first.damping_ratio:.3g}", f"{first.held_frequency:.4g}", f"{decibels:.4g}")
-    assert rows_of(table)[0] == ("1", *row)
+    assert table.rows[0] == ("1", first.frequency, first.damping_ratio, first.held_frequency, pytest.approx(decibels))
     told = found.as_dict()["structure"]
     assert told["modes"][0] == first._asdict()
     assert told["bandwidth"] == report.number("structure.bandwidth").value == structure.bandwidth
@@ -216,10 +218,9 @@ def test_margins_tell_the_modes_and_the_gain_of_the_loop_there(found: LoopMargin
     assert any(text in part.text for part in report.parts() if hasattr(part, "text"))
 
 
-@pytest.mark.parametrize("designed", [1.2, 6.0])
-def test_the_allowed_bandwidth_is_found_from_any_bandwidth_of_the_design(found: LoopMargins, designed: float) -> None:
+def test_the_allowed_bandwidth_is_found_from_any_bandwidth_of_the_design(found: LoopMargins) -> None:
     """Expected: that of another design, within the search's 1 %."""
-    other = gs.margins("heave_step", SOFT | {"controller.bandwidth": designed}).structure
+    other = gs.margins("heave_step", SOFT | {"controller.bandwidth": 6.0}).structure
     assert other is not None
     assert found.structure is not None
     assert other.bandwidth == pytest.approx(found.structure.bandwidth, rel=0.0101)
@@ -235,13 +236,6 @@ def test_rigid_legs_and_explicit_gains() -> None:
     assert found.structure is not None
     assert found.structure.bandwidth is None
     assert found.report(charts=False).number("structure.bandwidth").value is None
-
-
-def test_a_loop_that_legs_make_unstable_names_their_first_mode() -> None:
-    """Closed form: a quarter of 2e7 N/m, with a mode at 37.95 Hz, has it at half of that."""
-    text = r"stable on rigid legs: those of 5e\+06 N/m, whose first structural mode is at 19 Hz, limit the bandwidth"
-    with pytest.raises(UnstableLoopError, match=text):
-        gs.margins("heave_step", {"platform.parameters.leg_stiffness": 5e6})
 
 
 def test_the_first_mode_is_marked_in_the_bode_plot(found: LoopMargins) -> None:

@@ -55,23 +55,14 @@ def law(sample: gs.Sample) -> object:
     return GAIN * (sample.reference["leg_length"] - sample.measured["leg_length"])
 
 
-@pytest.mark.parametrize("is_foreign", [True, False])
-def test_a_unit_closes_the_loop_as_the_same_law_in_python(theirs: Path, is_foreign: bool) -> None:
+def test_a_unit_closes_the_loop_as_the_same_law_in_python(theirs: Path) -> None:
     """Expected: a Python function, one sample late through the loop's delay."""
-    chosen = experiment({"type": "open_loop", "feedforward": "none"})
-    unit = UnitController(theirs, NAMES, {"gain": GAIN}, is_foreign)
-    found, expected = gs.run(chosen, controller=unit), gs.run(chosen, controller=law)
+    choice = {"type": "fmu", "file": str(theirs), "names": NAMES, "parameters": {"gain": GAIN}}
+    found, expected = gs.run(experiment(choice)), gs.run(experiment({"type": "open_loop"}), controller=law)
     assert found.metadata["outcome"]["status"] == "completed"
     assert np.abs(expected["controller.force"]).max() > 100
     assert np.array_equal(found["controller.force"], expected["controller.force"])
     assert np.array_equal(found["position"], expected["position"])
-
-
-def test_an_experiment_names_a_unit_with_the_names_it_has(theirs: Path) -> None:
-    """Expected: the same given in Python."""
-    choice = {"type": "fmu", "file": str(theirs), "names": NAMES, "parameters": {"gain": GAIN}}
-    found, expected = gs.run(experiment(choice)), gs.run(experiment({"type": "open_loop"}), controller=law)
-    assert np.array_equal(found["controller.force"], expected["controller.force"])
 
 
 def test_a_unit_without_a_delay_is_refused_with_the_remedy(theirs: Path) -> None:
@@ -135,48 +126,32 @@ def test_what_does_not_fit_is_refused_by_name(
         opened(path, names, **parameters)
 
 
-@pytest.mark.parametrize(
-    ("changes", "parameters"),
-    [
+def test_what_fits_is_taken_as_it_is_meant(theirs: Path, tmp_path: Path) -> None:
+    """Expected: units of types or none, a delay of one sample; u = gain (r − y) with references as they were set.
+
+    Flags are outputs above a half, here the forces themselves; a step that is refused is named with its time.
+    """
+    for changes, parameters in (
         ((*IN_MM[:1], ("<ModelVariables>", TYPES.format("m"))), {}),  # the unit of a type
         ((('<Real unit="m" start="0"/>', '<Real start="0"/>'),), {}),  # none
         (LATE, {"output_delay": 1.0}),
         ((LATE[0], ('"1000"', '"1"')), {}),
-    ],
-)
-def test_what_fits_is_opened(theirs: Path, tmp_path: Path, changes: Any, parameters: dict[str, Any]) -> None:
-    opened(described(theirs, tmp_path / "changed.fmu", *changes), **parameters).close()
-
-
-def test_the_start_value_of_an_input_may_be_set_element_by_element(theirs: Path) -> None:
-    """Expected: u = gain (r − y) with the references as they were set; only lengths are fed back."""
-    r, y = np.linspace(1.0, 2.5, 6), np.linspace(0.3, -0.7, 6)
-    names = {name: own for name, own in NAMES.items() if name != "reference_leg_length"}
-    measured = np.zeros(24)
+    ):
+        opened(described(theirs, tmp_path / "changed.fmu", *changes), **parameters).close()
+    r, y, measured, none = np.linspace(1.0, 2.5, 6), np.linspace(0.3, -0.7, 6), np.zeros(24), np.zeros(6)
     measured[12:18] = y
-    with opened(theirs, names, gain=20.0, r=r) as law:
-        assert law.force(0, 0.0, np.full(30, 9.0), measured, np.zeros(6)) == pytest.approx(20 * (r - y))
-
-
-def test_flags_above_a_half_are_limited_forces(theirs: Path) -> None:
-    """Expected: u > 0.5 of the outputs that are named as flags, here the forces themselves."""
-    measured = np.zeros(24)
+    names = {name: own for name, own in NAMES.items() if name != "reference_leg_length"}
+    with opened(theirs, names, gain=20.0, r=r) as unit:
+        assert unit.force(0, 0.0, np.full(30, 9.0), measured, none) == pytest.approx(20 * (r - y))
     measured[12:18] = [-1.0, 0.4, -0.49, -0.51, 2.0, -0.7]
-    with opened(theirs, NAMES | {"force_limited": "u"}, gain=1.0) as law:
-        law.force(0, 0.0, np.zeros(30), measured, np.zeros(6))
-        assert law.limited.tolist() == [True, False, False, True, False, True]
-
-
-def test_a_step_that_a_unit_refuses_without_a_word_is_named(theirs: Path) -> None:
-    """Expected: the time, and the status of the call, 3; it logs nothing."""
-    with opened(theirs, sample_time=FAILS_AT, gain=REFUSES) as law:
-        law.force(0, 0.0, np.zeros(30), np.zeros(24), np.zeros(6))
+    with opened(theirs, NAMES | {"force_limited": "u"}, gain=1.0) as unit:
+        unit.force(0, 0.0, np.zeros(30), measured, none)
+        assert unit.limited.tolist() == [True, False, False, True, False, True]
+    with opened(theirs, sample_time=FAILS_AT, gain=REFUSES) as unit:
+        unit.force(0, 0.0, np.zeros(30), measured, none)
         with pytest.raises(gs.GoughStewartError, match=r"theirs\.fmu: at time 0\.5 s: .*3 \(error\)"):
-            law.force(1, FAILS_AT, np.zeros(30), np.zeros(24), np.zeros(6))
-
-
-def test_a_unit_for_another_sample_time_is_refused(theirs: Path, tmp_path: Path) -> None:
-    """Expected: one in a million off is another one, rounding is not."""
+            unit.force(1, FAILS_AT, np.zeros(30), measured, none)
+    # a sample time one in a million off is another one, rounding is not
     path = described(theirs, tmp_path / "timed.fmu", ('name="gain"', 'name="sample_time"'), ('"1000"', '"0.002"'))
     for factor in (1 - 1e-6, 1 + 1e-6):
         with pytest.raises(gs.GoughStewartError, match=r"timed\.fmu: its sample_time is 0\.002 s, the loop's"):

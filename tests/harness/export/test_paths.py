@@ -14,7 +14,7 @@ from gough_stewart import load_experiment
 from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.write import controller_sources, deviation_of
-from gough_stewart.harness.motion.paths.polynomials import Polynomials
+from gough_stewart.harness.motion.paths.time_law import Polynomials
 from tests.harness.export.test_toolchains import M4F
 from tests.support.exported import Exported, compiled, write_sources
 
