@@ -14,7 +14,7 @@ from rich.table import Table
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.excite import criteria, excite
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.names import expanded, value_of
+from gough_stewart.harness.identify.regressor import expanded, value_of
 from gough_stewart.harness.motion.references import Circle
 
 NAMES = [

@@ -34,11 +34,11 @@ from gough_stewart.harness.experiment.run import save_record as save_record
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
 from gough_stewart.harness.export.export import export as export
 from gough_stewart.harness.identify.estimate import Estimate as Estimate
+from gough_stewart.harness.identify.estimate_report import before_and_after as before_and_after
 from gough_stewart.harness.identify.excite import excite as excite
 from gough_stewart.harness.identify.identify import identify as identify
 from gough_stewart.harness.identify.log import Log as Log
 from gough_stewart.harness.identify.log import read_log as read_log
-from gough_stewart.harness.identify.retuned import before_and_after as before_and_after
 from gough_stewart.harness.motion.paths.via_path import ViaPath as ViaPath
 from gough_stewart.harness.motion.references import Chirp as Chirp
 from gough_stewart.harness.motion.references import Circle as Circle

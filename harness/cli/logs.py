@@ -57,7 +57,7 @@ def excite_command(
             raise UsageError(f"--{name} is {value:g}; expected a number > 0")
     loaded = opt.chosen_platform(preset, platform)
     from gough_stewart.harness.identify.excite import excite, excite_report, experiment_text
-    from gough_stewart.harness.identify.names import expanded
+    from gough_stewart.harness.identify.regressor import expanded
     from gough_stewart.model.platform import platform_to_toml
 
     running.hold(folder, ("excitation.toml", "platform.toml"))
@@ -237,10 +237,9 @@ def identify_command(
         raise UsageError("--validate and --validation exclude each other; give one")
     nominal = opt.chosen_platform(preset, platform)
     from gough_stewart.harness.identify.estimate import FILES, identification_files
+    from gough_stewart.harness.identify.estimate_report import before_and_after, estimate_report
     from gough_stewart.harness.identify.identify import identify
     from gough_stewart.harness.identify.log import read_log
-    from gough_stewart.harness.identify.report import estimate_report
-    from gough_stewart.harness.identify.retuned import before_and_after
     from gough_stewart.harness.report.document import settings_of
     from gough_stewart.harness.results.metric_folds import METRICS
 

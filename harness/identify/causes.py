@@ -1,14 +1,4 @@
-"""Whether a log contradicts its model, and what is wrong then: the right cause, a class of causes, or none.
-
-Each family of hypotheses, with columns X, is tested. X⊥ is what of them the fit could not absorb. In whitened rows of a
-right model the residual is white, so
-
-    F = (|P_X⊥ r|²/q)/s²,  s² = |r − P_all r|²/ν
-
-has the distribution F(q, ν); s² is that of the model with all extensions, and no error of the model that an extension
-describes is taken for noise. The p-values of the families and of whiteness are combined by min_i m p_(i)/i [Simes,
-Biometrika 73(3), 1986]. Families share columns, so this is compared with its own distribution for white noise, which is
-simulated: the share of false alarms is that which is stated.
+"""What is wrong with a log that contradicts its model: the right cause, a class of causes, or none.
 
 Every hypothesis is fitted with its own model, together with all parameters, in the same rows with the same noise; what
 the families describe is not taken for noise. Hypotheses are compared by their evidence,
@@ -21,41 +11,41 @@ model with it, and if no other hypothesis does nearly as well; if others of its 
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc, ndtri
 
-from gough_stewart.harness.identify.hypotheses import (
+from gough_stewart.harness.identify.estimate import Diagnosis, Finding, Unseen
+from gough_stewart.harness.identify.lack_of_fit import (
+    DELAY_SIZE,
+    FITS,
+    FRICTION_LAW,
+    FRICTION_SIZE,
     GEOMETRY,
-    TIMES,
-    Hypothesis,
-    at_several_places,
+    LEGS,
+    STRIBECK_WIDTHS,
+    TIMING,
+    Family,
+    LackOfFit,
+    Whitened,
+    basis_of,
+    lack_of_fit,
     leg_motion,
-    members_of,
-    reading_of,
-    rows_lost,
+    stribeck,
 )
-from gough_stewart.harness.identify.names import unit_of, value_of
-from gough_stewart.harness.identify.noise import Whitened
-from gough_stewart.harness.identify.regressor import parameter_columns
+from gough_stewart.harness.identify.regressor import parameter_columns, value_of
+from gough_stewart.harness.identify.rows import RowFit
 from gough_stewart.model.vectors import FloatArray
 
-# Share of logs that agree with the model and raise a false alarm.
-LEVEL = 0.05
-_SIMULATED = 4000
-# Singular values below this share of the column's own size are rounding errors.
-_NEGLIGIBLE = 1e-6
-# Effects of a family's size that are below this many standard deviations cannot be seen.
-_INVISIBLE = 0.3
 # Residuals below this share of the forces are errors of the filters.
 _RESOLVED = 1e-5
 # Evidence over the fit alone that a named hypothesis has, and over any other that fits; in −2 log.
 _SIGNIFICANT, _APART, _NESTED = 60.0, 10.0, 3.0
-# What may be left after it: a p-value, or a share of the excess of squares; and the least share that it explains.
-_FITS, _LEFT, _EXPLAINS = 0.02, 0.005, 0.5
+# Share of the excess of squares that may be left after it; and the least share that it explains.
+_LEFT, _EXPLAINS = 0.005, 0.5
 # Hypotheses below this share of the best one's evidence, and by more than that, are not refitted.
 _CONTENDS, _NEAR = 0.8, 60.0
 # By how much less squares a rival of no more parameters may explain.
@@ -70,238 +60,131 @@ _ROUNDING = 1e-4
 # Units in which η are shown: their factors from SI, and SI.
 _SHOWN = {"%": (100.0, ""), "ms": (1e3, "s"), "mm": (1e3, "m"), "°": (180 / np.pi, "rad")}
 COLOURED = "coloured noise"
+# Shares of the largest force at which forces may be clipped.
+_LEVELS = (0.98, 0.95, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7)
+# Times at which rows may be lost, at first, and afterwards at every row between them.
+TIMES = 24
 
 
-class LackOfFit(NamedTuple):
-    """The result of all tests."""
-
-    p_values: dict[str, float]  # of each family
-    combined: float  # p-value of all together
-    # of the sum of squares, what the families explain beyond chance, in variances of noise
-    excess: float = 0.0
-
-    @property
-    def alarm(self) -> bool:
-        """Whether the log contradicts the model."""
-        return self.combined < LEVEL
-
-
-def lack_of_fit(
-    D: FloatArray, families: Mapping[str, FloatArray], residual: FloatArray, used: FloatArray
-) -> tuple[LackOfFit, FloatArray, FloatArray] | None:
-    """The tests of all families and of whiteness, the p-values of whiteness of the legs, and what no family explains.
-
-    None if the rows are too few for these families. D (6 n, p) are whitened columns of the fitted parameters, those of
-    each family are times the sizes of what a user would want to know, `used` (n, 6) is 1 for rows that are used.
-    """
-    Q = basis_of(D, np.linalg.norm(D, axis=0))
-    left = residual - Q @ (Q.T @ residual)
-    bases = {name: basis_of(X - Q @ (Q.T @ X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
-    bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
-    every = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
-    U = basis_of(every, np.ones(every.shape[1]))
-    rank, freedom = U.shape[1], int(used.sum()) - Q.shape[1] - U.shape[1]
-    if freedom < max(rank, 1):
-        return None
-    z = U.T @ left
-    rest = left - U @ z
-    variance = max(float(rest @ rest) / freedom, np.finfo(float).tiny)
-    white = whiteness(left.reshape(-1, 6), used)
-    tested = [U.T @ basis for basis in bases.values()]
-
-    def of_families(z: FloatArray, variance: FloatArray | float) -> FloatArray:
-        """p-values (n, families) of residuals z (n, k)."""
-        F = [fdtrc(B.shape[1], freedom, ((z @ B) ** 2).sum(axis=1) / B.shape[1] / variance) for B in tested]
-        return np.stack(F, axis=1) if F else np.empty((len(z), 0))
-
-    p_values = dict(zip(bases, of_families(z[None] / np.sqrt(variance), 1.0)[0].tolist(), strict=True))
-    p_values["whiteness"] = float(_simes(white[None])[0])
-    rng = np.random.default_rng(0)
-    drawn = rng.standard_normal((_SIMULATED, rank))
-    variances = rng.chisquare(freedom, _SIMULATED) / freedom
-    simulated = _simes(np.column_stack([of_families(drawn, variances), rng.uniform(size=_SIMULATED)]))
-    below = int((simulated <= _simes(np.array([list(p_values.values())]))[0]).sum())
-    combined = (1 + below) / (1 + _SIMULATED)
-    return LackOfFit(p_values, combined, float(z @ z) / variance - rank), white, rest
-
-
-def basis_of(X: FloatArray, norms: FloatArray, smallest: float = 0.0) -> FloatArray:
-    """Orthonormal basis of the columns' span, without directions that are rounding errors, or smaller than that.
-
-    `norms` (q,) are those of the columns before what a fit absorbs was taken away.
-    """
-    if smallest:
-        U, sigma, _ = np.linalg.svd(X, full_matrices=False)
-        return np.asarray(U[:, (sigma > smallest) & (sigma > _NEGLIGIBLE * norms.max(initial=0.0))])
-    U, sigma, _ = np.linalg.svd(X / np.maximum(norms, 1e-300), full_matrices=False)
-    return np.asarray(U[:, sigma > _NEGLIGIBLE])
-
-
-def _simes(p_values: FloatArray) -> FloatArray:
-    """min_i m p_(i)/i of rows of p-values."""
-    m = p_values.shape[1]
-    return np.asarray((np.sort(p_values, axis=1) * (m / np.arange(1, m + 1))).min(axis=1))
-
-
-def whiteness(residuals: FloatArray, used: FloatArray, lags: int = 10) -> FloatArray:
-    """p-values (k,) that prewhitened residuals (n, k) are white: Σ_l (Σ_t r_t r_{t−l})²/(n_l s⁴) is χ²(lags).
-
-    n_l is the number of pairs of rows that are used (n, k), about n − l [Ljung & Box, Biometrika 65(2), 1978].
-    """
-    r = residuals * used
-    lags = min(lags, len(r) - 2)
-    with np.errstate(all="ignore"):
-        power = (r**2).sum(axis=0) / used.sum(axis=0)
-        Q = np.zeros(r.shape[1])
-        for lag in range(1, lags + 1):
-            pairs = (used[lag:] * used[:-lag]).sum(axis=0)
-            Q += np.where(pairs > 0, ((r[lag:] * r[:-lag]).sum(axis=0) / power) ** 2 / np.maximum(pairs, 1), 0.0)
-    return np.asarray(np.where(power > 0, chdtrc(lags, Q), 1.0))
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A hypothesis with its estimate."""
+class Hypothesis(NamedTuple):
+    """One error, with the columns of the fitted rows at the fit."""
 
     name: str
-    cause: str  # what it is one of
-    text: str
+    cause: str
     parameters: tuple[str, ...]
-    units: tuple[str, ...]  # of the values [SI]
-    values: FloatArray  # (q,) [SI]
-    covariance: FloatArray  # (q, q)
-    improvement: float  # share of what the residuals have beyond noise, 0 to 1
-
-    @property
-    def standard_errors(self) -> FloatArray:
-        """Square roots of the variances (q,) [SI]."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def interval(self) -> FloatArray:
-        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI]."""
-        half = ndtri(0.975) * self.standard_errors
-        return np.stack([self.values - half, self.values + half], axis=1)
+    units: tuple[str, ...]
+    remedy: str
+    columns: FloatArray  # (n, 6, q)
+    sizes: FloatArray  # (q,)
+    members: float  # how many there are of this kind
+    kind: str = "linear"
+    at: float = 0.0  # the velocity, force or time of one of several
+    legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
 
 
-class Unseen(NamedTuple):
-    """An error that hardly shows in residuals, since estimates absorb it."""
-
-    name: str  # of what, and by how much
-    shifts: FloatArray  # what it does to the estimates (p,) [SI]
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """Whether a log contradicts the model, and what is wrong then."""
-
-    test: LackOfFit | None  # None if there is none, and why
-    cause: str  # the named one; empty without an alarm, or if the log does not tell one
-    findings: tuple[Finding, ...]  # of that cause; without one, all that are possible
-    remains: float  # p-value of what is left after the first finding
-    unseen: tuple[Unseen, ...]
-    names: tuple[str, ...]  # of the estimates (p,)
-    standard_errors: FloatArray  # of the estimates (p,) [SI]
-    force_noise: FloatArray  # standard deviation of the raw forces (6,) [N]
-    length_noise: float  # of the raw lengths [m]
-    whiteness: FloatArray  # p-values that the prewhitened residuals of the legs are white (6,)
-    untested: str = ""  # why there is no test
-
-    @property
-    def alarm(self) -> bool:
-        """Whether the log contradicts the model."""
-        return self.test is not None and self.test.alarm
-
-    @property
-    def likely(self) -> str:
-        """The cause in words, then its hypothesis if the log separates it; what is possible if none is named."""
-        texts = "; or ".join(finding.text for finding in self.findings)
-        if self.cause and len(self.findings) == 1:
-            finding = self.findings[0]
-            return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
-        if self.cause:
-            return f"{self.cause}: this log does not tell which: {texts}"
-        if len(self.findings) == 1:
-            return texts
-        if self.findings:
-            return f"one of several causes, which this log does not tell apart: {texts}"
-        return "something that no hypothesis here explains"
-
-    @property
-    def alarms(self) -> tuple[str, ...]:
-        """The reason not to trust the fit, in words; empty without an alarm."""
-        if self.test is None or not self.alarm:
-            return ()
-        said = (
-            f"the log contradicts the model (p {_p(self.test.combined)}; a false alarm in {100 * LEVEL:.0f} of 100 "
-            "logs); values and intervals are not valid"
+def members_of(families: Sequence[Family]) -> list[Hypothesis]:
+    """The members of the families."""
+    return [
+        Hypothesis(
+            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
+            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
+            sum(len(others) == len(chosen) for _, others in family.members.values()),
+            "exact" if family.is_estimable else "linear",
         )
-        return (f"{said}. Most likely: {self.likely}",)
-
-    def moved(self, unseen: Unseen) -> list[tuple[str, float, float]]:
-        """Estimates, how far the error moves them [SI], and in how many standard errors; most first."""
-        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
-        sizes = np.abs(unseen.shifts) / errors
-        return [(self.names[k], float(unseen.shifts[k]), float(sizes[k])) for k in np.argsort(-sizes)]
-
-    @property
-    def unseen_text(self) -> str:
-        """What no residual shows, by the example that moves an estimate most; empty if none moves one."""
-        moved = [(*self.moved(unseen)[0], unseen.name) for unseen in self.unseen]
-        name, shift, size, error = max(moved, key=lambda row: row[2], default=("", 0.0, 0.0, ""))
-        if size < 1:
-            return ""
-        amount = f"{shift:+.2g} {unit_of(name)}".rstrip()
-        return f"no residual shows what is wrong alike for all legs: {error}, {name} would be off by {amount}"
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The diagnosis in words, without the alarm."""
-        said = []
-        if self.test is None:
-            said.append(f"not tested whether the model fits: {self.untested}")
-        elif not self.alarm:
-            said.append(f"the residuals are those of noise (p = {self.test.combined:.2g} of lack of fit)")
-        elif self.findings:
-            said.append(f"{self.findings[0].name} explains {100 * self.findings[0].improvement:.0f} % of the misfit")
-            if self.remains < _FITS:
-                said.append(f"something else is left after that (p {_p(self.remains)})")
-        return tuple(said)
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain data for files."""
-        return {
-            "alarm": self.alarm,
-            "p_value": None if self.test is None else self.test.combined,
-            "p_values": {} if self.test is None else self.test.p_values,
-            "cause": self.cause,
-            "findings": [
-                {
-                    "hypothesis": finding.name,
-                    "cause": finding.cause,
-                    "text": finding.text,
-                    "improvement": finding.improvement,
-                    "parameters": {
-                        name: {
-                            "value": finding.values[k], "standard_error": finding.standard_errors[k],
-                            "interval": finding.interval[k], "unit": finding.units[k],
-                        }
-                        for k, name in enumerate(finding.parameters)
-                    },
-                }
-                for finding in self.findings
-            ],
-            "p_value_of_the_rest": self.remains if self.findings else None,
-            "unseen": {
-                unseen.name: dict(zip(self.names, unseen.shifts.tolist(), strict=True)) for unseen in self.unseen
-            },
-            "noise": {"force": self.force_noise, "length": self.length_noise},
-            "sentences": self.sentences,
-        }  # fmt: skip
+        for family in families
+        for name, (cause, chosen) in family.members.items()
+    ]  # fmt: skip
 
 
-def _p(value: float) -> str:
-    return f"= {value:.2g}" if value > 3e-4 else "< 0.0003"
+def at_several_places(fit: RowFit, residual: FloatArray) -> list[list[Hypothesis]]:
+    """Hypotheses of which the log tells a velocity, a level, or two legs: in each list one of them."""
+    smooth, read = fit.model.platform.leg_friction_velocity, fit.model.regression.force[fit.is_fitted]
+    force, load = np.abs(read - residual), float(np.sqrt((read**2).mean()))
+    falling = [
+        Hypothesis(
+            "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
+            ("N", "m/s"), "set leg_friction_model, or leave slow motions out", _stribeck_columns(fit, width),
+            np.array([FRICTION_SIZE * load]), len(STRIBECK_WIDTHS), "stribeck", smooth * width,
+        )
+        for width in STRIBECK_WIDTHS
+    ]  # fmt: skip
+    groups = [falling]
+    for legs in (tuple(range(6)), *((leg,) for leg in range(6))):
+        most = float(np.abs(read[:, legs]).max())
+        beyond = {level: np.maximum(force - level * most, 0.0) * np.isin(range(6), legs) for level in _LEVELS}
+        groups.append([
+            Hypothesis(
+                "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped",
+                "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
+                (-np.sign(read) * more / (0.1 * level * most))[..., None], np.array([0.1 * level * most]),
+                len(_LEVELS) * 6 / len(legs), "clip", level * most, legs,
+            )
+            for level, more in beyond.items()
+        ])  # fmt: skip
+    exchanged = [
+        Hypothesis(
+            f"forces of legs {a} and {b} exchanged", "order of the legs", (), (), "exchange their columns",
+            np.zeros((*read.shape, 0)), np.zeros(0), 15, "exchange", 0.0, (a - 1, b - 1),
+        )
+        for a, b in combinations(LEGS, 2)
+    ]  # fmt: skip
+    return [*groups, exchanged]
+
+
+def rows_lost(fit: RowFit, times: FloatArray) -> list[Hypothesis]:
+    """Rows of all forces that are lost at one of these times [s]."""
+    time, rate = fit.model.regression.time[fit.is_fitted], fit.rate[fit.is_fitted]
+    # the filter mixes what is before and after the time
+    width = 1.5 * float(np.median(np.diff(time)))
+    return [
+        Hypothesis(
+            "rows lost in the forces", TIMING, ("forces early from then on by", "near it by"), ("ms", "ms"),
+            f"check the logger at {at:.4g} s",
+            rate[..., None] * np.stack([time > at, np.abs(time - at) < width], axis=1)[:, None],
+            np.full(2, 2 * DELAY_SIZE), 4 * TIMES, "lost", float(at),
+        )
+        for at in times
+    ]  # fmt: skip
+
+
+def _stribeck_columns(fit: RowFit, width: float) -> FloatArray:
+    smooth = fit.model.platform.leg_friction_velocity
+    return fit.model.regression.filtered(lambda v, _h: stribeck(v, smooth, width))[fit.is_fitted][..., None]
+
+
+def reading_of(
+    hypothesis: Hypothesis, fit: RowFit, theta: FloatArray, eta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residual (n, 6) and derivatives of the reading by θ and η (n, 6, p + q), by the hypothesis' own model."""
+    model, fitted, legs = fit.model, fit.is_fitted, list(hypothesis.legs)
+    if hypothesis.kind == "exact":
+        # relative to the platform's file, and to perfect instruments
+        nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
+        wider, values = model.extended(hypothesis.parameters), np.concatenate([theta, nominal + eta])
+        return wider.residual(values)[fitted], wider.columns(values)[fitted]
+    residual, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
+    match hypothesis.kind:
+        case "exchange":
+            read = model.regression.force[fitted]
+            residual = residual.copy()
+            residual[:, legs] += read[:, legs[::-1]] - read[:, legs]
+            return residual, by_theta
+        case "clip":
+            read = model.regression.force[fitted]
+            force, level = read - residual, hypothesis.at + eta[0]
+            is_clipped = np.zeros(force.shape, dtype=bool)
+            is_clipped[:, legs] = np.abs(force[:, legs]) > level
+            residual = np.where(is_clipped, read - np.sign(force) * level, residual)
+            by_theta = np.where(is_clipped[..., None], 0.0, by_theta)
+            return residual, np.concatenate([by_theta, (is_clipped * np.sign(force))[..., None]], axis=2)
+        case "stribeck":
+            width = hypothesis.at * math.exp(eta[1]) / model.platform.leg_friction_velocity
+            X, wider_X = (_stribeck_columns(fit, width * math.exp(step)) for step in (0.0, 0.01))
+            columns = np.concatenate([by_theta, X, eta[0] * (wider_X - X) / 0.01], axis=2)
+            return residual - eta[0] * X[..., 0], columns
+        case _:
+            X = hypothesis.columns
+            return residual - X @ eta, np.concatenate([by_theta, X], axis=2)
 
 
 def diagnosis_of(rows: Whitened, standard_errors: FloatArray) -> Diagnosis:
@@ -367,7 +250,7 @@ def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, .
     excess = max(alone - float(fit.used.sum()), before if math.isfinite(before) else 0.0, 1e-300)
 
     def fits(test: LackOfFit) -> bool:
-        return test.combined >= _FITS or test.excess <= _LEFT * excess
+        return test.combined >= FITS or test.excess <= _LEFT * excess
 
     def finding(refit: _Refit) -> Finding:
         return _finding(rows, refit, (alone - refit.chi_square - len(refit.eta)) / excess)

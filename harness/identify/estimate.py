@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.causes import Diagnosis
+from gough_stewart.harness.identify.lack_of_fit import FITS, LEVEL, LackOfFit
 from gough_stewart.harness.identify.log import Part
-from gough_stewart.harness.identify.names import unit_of, value_of, with_values
+from gough_stewart.harness.identify.regressor import unit_of, value_of, with_values
 from gough_stewart.harness.quantities import plain
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform, platform_to_toml
@@ -26,6 +26,152 @@ _SHOWN_PART = 0.1
 _UNSEEN = 1.0
 # Share of right fits whose validation raises a false alarm.
 VALIDATION_LEVEL = 0.005
+FILES = ("platform.toml", "estimate.json")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A hypothesis with its estimate."""
+
+    name: str
+    cause: str  # what it is one of
+    text: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]  # of the values [SI]
+    values: FloatArray  # (q,) [SI]
+    covariance: FloatArray  # (q, q)
+    improvement: float  # share of what the residuals have beyond noise, 0 to 1
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Square roots of the variances (q,) [SI]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def interval(self) -> FloatArray:
+        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI]."""
+        half = ndtri(0.975) * self.standard_errors
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+
+class Unseen(NamedTuple):
+    """An error that hardly shows in residuals, since estimates absorb it."""
+
+    name: str  # of what, and by how much
+    shifts: FloatArray  # what it does to the estimates (p,) [SI]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Whether a log contradicts the model, and what is wrong then."""
+
+    test: LackOfFit | None  # None if there is none, and why
+    cause: str  # the named one; empty without an alarm, or if the log does not tell one
+    findings: tuple[Finding, ...]  # of that cause; without one, all that are possible
+    remains: float  # p-value of what is left after the first finding
+    unseen: tuple[Unseen, ...]
+    names: tuple[str, ...]  # of the estimates (p,)
+    standard_errors: FloatArray  # of the estimates (p,) [SI]
+    force_noise: FloatArray  # standard deviation of the raw forces (6,) [N]
+    length_noise: float  # of the raw lengths [m]
+    whiteness: FloatArray  # p-values that the prewhitened residuals of the legs are white (6,)
+    untested: str = ""  # why there is no test
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the log contradicts the model."""
+        return self.test is not None and self.test.alarm
+
+    @property
+    def likely(self) -> str:
+        """The cause in words, then its hypothesis if the log separates it; what is possible if none is named."""
+        texts = "; or ".join(finding.text for finding in self.findings)
+        if self.cause and len(self.findings) == 1:
+            finding = self.findings[0]
+            return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
+        if self.cause:
+            return f"{self.cause}: this log does not tell which: {texts}"
+        if len(self.findings) == 1:
+            return texts
+        if self.findings:
+            return f"one of several causes, which this log does not tell apart: {texts}"
+        return "something that no hypothesis here explains"
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """The reason not to trust the fit, in words; empty without an alarm."""
+        if self.test is None or not self.alarm:
+            return ()
+        said = (
+            f"the log contradicts the model (p {_p(self.test.combined)}; a false alarm in {100 * LEVEL:.0f} of 100 "
+            "logs); values and intervals are not valid"
+        )
+        return (f"{said}. Most likely: {self.likely}",)
+
+    def moved(self, unseen: Unseen) -> list[tuple[str, float, float]]:
+        """Estimates, how far the error moves them [SI], and in how many standard errors; most first."""
+        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
+        sizes = np.abs(unseen.shifts) / errors
+        return [(self.names[k], float(unseen.shifts[k]), float(sizes[k])) for k in np.argsort(-sizes)]
+
+    @property
+    def unseen_text(self) -> str:
+        """What no residual shows, by the example that moves an estimate most; empty if none moves one."""
+        moved = [(*self.moved(unseen)[0], unseen.name) for unseen in self.unseen]
+        name, shift, size, error = max(moved, key=lambda row: row[2], default=("", 0.0, 0.0, ""))
+        if size < 1:
+            return ""
+        amount = f"{shift:+.2g} {unit_of(name)}".rstrip()
+        return f"no residual shows what is wrong alike for all legs: {error}, {name} would be off by {amount}"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The diagnosis in words, without the alarm."""
+        said = []
+        if self.test is None:
+            said.append(f"not tested whether the model fits: {self.untested}")
+        elif not self.alarm:
+            said.append(f"the residuals are those of noise (p = {self.test.combined:.2g} of lack of fit)")
+        elif self.findings:
+            said.append(f"{self.findings[0].name} explains {100 * self.findings[0].improvement:.0f} % of the misfit")
+            if self.remains < FITS:
+                said.append(f"something else is left after that (p {_p(self.remains)})")
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data for files."""
+        return {
+            "alarm": self.alarm,
+            "p_value": None if self.test is None else self.test.combined,
+            "p_values": {} if self.test is None else self.test.p_values,
+            "cause": self.cause,
+            "findings": [
+                {
+                    "hypothesis": finding.name,
+                    "cause": finding.cause,
+                    "text": finding.text,
+                    "improvement": finding.improvement,
+                    "parameters": {
+                        name: {
+                            "value": finding.values[k], "standard_error": finding.standard_errors[k],
+                            "interval": finding.interval[k], "unit": finding.units[k],
+                        }
+                        for k, name in enumerate(finding.parameters)
+                    },
+                }
+                for finding in self.findings
+            ],
+            "p_value_of_the_rest": self.remains if self.findings else None,
+            "unseen": {
+                unseen.name: dict(zip(self.names, unseen.shifts.tolist(), strict=True)) for unseen in self.unseen
+            },
+            "noise": {"force": self.force_noise, "length": self.length_noise},
+            "sentences": self.sentences,
+        }  # fmt: skip
+
+
+def _p(value: float) -> str:
+    return f"= {value:.2g}" if value > 3e-4 else "< 0.0003"
 
 
 class Validation(NamedTuple):
@@ -189,9 +335,6 @@ class Estimate:
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
         return (json.dumps(plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-FILES = ("platform.toml", "estimate.json")
 
 
 def identification_files(estimate: Estimate, nominal: Platform) -> dict[str, bytes]:

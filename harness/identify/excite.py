@@ -12,17 +12,18 @@ from gough_stewart.harness.identify.blas import one_blas_thread
 from gough_stewart.harness.identify.fit import scales_of
 from gough_stewart.harness.identify.friction import ideal_of
 from gough_stewart.harness.identify.log import Part
-from gough_stewart.harness.identify.names import expanded, unit_of
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
 from gough_stewart.harness.identify.regressor import (
     FRICTION,
     elements_of,
+    expanded,
     force_derivatives,
     friction_columns,
     gradient,
     linear_parameters,
     regressor,
     symbols,
+    unit_of,
     wrenches_function,
 )
 from gough_stewart.harness.identify.rows import Regression, segment_of

@@ -34,9 +34,9 @@ from gough_stewart.harness.identify.friction import (
     sticks,
     unit_friction,
 )
+from gough_stewart.harness.identify.lack_of_fit import Whitened
 from gough_stewart.harness.identify.log import Part
-from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.noise import Whitened, noises_of, whitened_by
+from gough_stewart.harness.identify.noise import noises_of, whitened_by
 from gough_stewart.harness.identify.regressor import (
     INERTIA,
     INERTIAL,
@@ -45,6 +45,7 @@ from gough_stewart.harness.identify.regressor import (
     elements_of,
     gradient,
     linear_parameters,
+    value_of,
     with_estimated,
 )
 from gough_stewart.harness.identify.rows import Regression, RowModel, is_of_instruments, row_fit, segment_of

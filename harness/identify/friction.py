@@ -17,8 +17,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.regressor import elements_of, symbols
+from gough_stewart.harness.identify.regressor import elements_of, symbols, value_of
 from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
 from gough_stewart.model.interface import RIGID, SLIDING, Variant
 from gough_stewart.model.parameters import PHYSICAL, Parameters

@@ -21,7 +21,7 @@ from scipy.special import fdtrc
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values, rms
 from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.regressor import expanded
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.platform import Platform

@@ -14,11 +14,10 @@ from gough_stewart.harness.identify.estimate import Estimate, expand_to_requeste
 from gough_stewart.harness.identify.fit import identify_linear, scales
 from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
-from gough_stewart.harness.identify.hypotheses import MASSES
+from gough_stewart.harness.identify.lack_of_fit import MASSES
 from gough_stewart.harness.identify.log import VALIDATION, Log, check_poses, log_of, read_log
-from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.observability import check_separable, identifiability, motion_rows
-from gough_stewart.harness.identify.regressor import is_linear
+from gough_stewart.harness.identify.regressor import expanded, is_linear
 from gough_stewart.harness.identify.screen import Screened, compared_forces, cutoff_within_noise, screened
 from gough_stewart.harness.identify.springs import SPRINGS, with_both_sides, with_springs
 from gough_stewart.harness.results.record import Record

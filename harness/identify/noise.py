@@ -11,7 +11,6 @@ Biometrika 58(3), 1971]: ℓ = −½ [log|V| + log|Xᵀ V⁻¹ X| + (n − k) lo
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +19,7 @@ from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import minimize_scalar
 
-from gough_stewart.harness.identify.hypotheses import Family, families_of
-from gough_stewart.harness.identify.rows import RawNoise, Regression, RowFit
+from gough_stewart.harness.identify.rows import RawNoise, Regression
 from gough_stewart.model.vectors import FloatArray
 
 # The shares are fitted from so many windows of so many rows, spread over a log; more would hardly improve them.
@@ -179,44 +177,3 @@ def _fitted_shares(
     variance = cost(ratio)[1]
     force, length = shares(ratio)
     return variance * force, variance * length
-
-
-@dataclass(frozen=True)
-class Whitened:
-    """The fitted rows with their covariance known: everything the tests and the estimates need."""
-
-    fit: RowFit
-    families: tuple[Family, ...]  # of the fitted rows
-    parts: tuple[PartNoise, ...]
-    noise: RowNoise
-
-    @classmethod
-    def at(cls, fit: RowFit, not_excited: Sequence[str] = ()) -> "Whitened":
-        """The covariance of the rows at a fit; what extensions of the model describe is not taken for noise."""
-        families = tuple(
-            family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(fit, not_excited)
-        )
-        parts = tuple(noises_of(fit.model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used))
-        every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
-        return cls(fit, families, parts, fitted_noise(parts, every, fit.residual, fit.used))
-
-    def of(self, columns: FloatArray) -> FloatArray:
-        """Whitened columns (6 n, k) of rows (n, 6, k)."""
-        used = self.fit.used[..., None] * columns
-        return whitened_by(self.noise.factors, used.reshape(6 * len(columns), -1))
-
-    @property
-    def whitened_families(self) -> dict[str, FloatArray]:
-        """Whitened columns of each family, in units of its sizes."""
-        return {family.name: self.of(family.columns * family.sizes) for family in self.families}
-
-    @property
-    def levels(self) -> tuple[FloatArray, float]:
-        """Standard deviations of the raw forces (6,) [N] and RMS of those of the lengths [m], of the first log."""
-        (force, length), raw = self.noise.shares[self.parts[0].which], self.parts[0].raw
-        return np.sqrt(force) * raw.force, float(np.sqrt(length * (raw.length**2).mean()))
-
-    def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
-        """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
-        every = np.concatenate([self.fit.columns, columns, *(family.columns for family in self.families)], axis=2)
-        return replace(self, noise=fitted_noise(self.parts, every, residual, self.fit.used))

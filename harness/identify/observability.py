@@ -14,7 +14,6 @@ import numpy as np
 from scipy.linalg import qr
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import HALF_LENGTH, cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import (
@@ -29,6 +28,7 @@ from gough_stewart.harness.identify.regressor import (
     with_estimated,
 )
 from gough_stewart.harness.identify.rows import length_kernels, spacing_of
+from gough_stewart.harness.identify.screen import noise_of
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.platform import Platform

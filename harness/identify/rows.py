@@ -27,7 +27,6 @@ from gough_stewart.harness.identify.lowpass import (
     noise_beyond,
     smoothed,
 )
-from gough_stewart.harness.identify.names import place_of, value_of
 from gough_stewart.harness.identify.regressor import (
     ARMATURE,
     INERTIAL,
@@ -38,8 +37,10 @@ from gough_stewart.harness.identify.regressor import (
     kernel_parameters,
     linear_parameters,
     motion_of_lengths,
+    place_of,
     regressor,
     states_of,
+    value_of,
     with_estimated,
 )
 from gough_stewart.model.platform import Platform

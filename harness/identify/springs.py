@@ -27,8 +27,7 @@ from gough_stewart.harness.identify.estimate import (
 from gough_stewart.harness.identify.friction import resolved
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import cutoff_of, edge, smoothed
-from gough_stewart.harness.identify.names import with_values
-from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths
+from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths, with_values
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform

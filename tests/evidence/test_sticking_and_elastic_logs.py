@@ -5,12 +5,12 @@ identification inverts. The machine's legs differ, and its payload is not in the
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gough_stewart import Log, identify, load_preset, run
-from gough_stewart.harness.identify.log import log_of
+from gough_stewart import Log, identify, load_preset, read_log, run
 
 pytestmark = pytest.mark.evidence
 LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])
@@ -28,7 +28,7 @@ PAYLOAD = {
 }
 
 
-def slow_log(scale: float = 0.06) -> Log:
+def slow_log(folder: Path, scale: float = 0.06) -> Log:
     """Without noise: the excitation's machine with these legs, some millimetres at some mm/s."""
     changes = {f"plant.parameters.{name}": value for name, value in STICKING.items()}
     sine = scale * np.array([[-0.06, 0.03, 0.05], [0.04, 0.05, -0.03], [0.02, -0.04, 0.03]])
@@ -40,7 +40,8 @@ def slow_log(scale: float = 0.06) -> Log:
         "reference.orientation_sine": cosine.tolist(),
         "reference.orientation_cosine": sine.tolist(),
     }
-    return log_of(run("excitation", changes | motion | {"sensors": {}, "loop.duration": 10}))
+    run("excitation", changes | motion | {"sensors": {}, "loop.duration": 10}).write_parquet(folder / "record.parquet")
+    return read_log(folder)
 
 
 def noisy(log: Log, seed: int, force: float = 10.0, length: float = 3e-7) -> Log:
@@ -52,14 +53,14 @@ def noisy(log: Log, seed: int, force: float = 10.0, length: float = 3e-7) -> Log
     )
 
 
-def test_a_closed_loop_of_the_plant_shows_how_its_legs_stick() -> None:
+def test_a_closed_loop_of_the_plant_shows_how_its_legs_stick(tmp_path: Path) -> None:
     """Expected: the machine's parameters, within four standard errors, and closely; of each of two noisy logs."""
     believed = load_preset("motion_base").with_parameters(
         PAYLOAD | {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": (80 * LEGS).tolist()}
     )
     truth = {"platform_mass": 1516.9, "leg_viscous_friction": 560.0, "leg_coulomb_friction": 100 * LEGS.mean()}
     truth |= {name: float(STICKING[name]) for name in ("leg_static_friction", "leg_stribeck_velocity")}
-    log = slow_log()
+    log = slow_log(tmp_path)
     for seed in (0, 1):
         found = identify(noisy(log, seed), believed, ",".join(truth))
         error = found.values - np.array(list(truth.values()))

@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart import identify
-from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.names import value_of
-from tests.support.machine_logs import NAMES
+import gough_stewart as gs
+from tests.support.machine_logs import NAMES, value_of
 from tests.support.model_errors import KINDS, Case, drawn, made
 
 FIRST = 10_000
@@ -54,8 +52,8 @@ def _of_case(case: Case) -> dict[str, Any]:
     believed, log, true = made(case)
     nothing = {"kind": case.kind, "seed": case.seed, "alarm": True, "excess": 0.0, "named": "", "is_true": False}
     try:
-        found = identify(log, believed, case.names)
-    except LogError as error:
+        found = gs.identify(log, believed, case.names)
+    except gs.GoughStewartError as error:
         # the check of the order of the legs names them
         named = "forces look exchanged" if "look exchanged" in str(error) else ""
         return {**nothing, "excess": np.inf, "named": named, "is_true": case.kind == "swapped", "inside": []}

@@ -15,7 +15,7 @@ import numpy as np
 from gough_stewart import Platform
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
-from tests.support.machine_logs import Course, friction, tilted
+from tests.support.machine_logs import Course, friction, place, tilted
 
 # Steps of differences; readings are polynomials of low degree in all but delay and tilt.
 _STEPS = {
@@ -31,12 +31,6 @@ _STEPS = {
     "delay": 1e-4,
     "base_tilt": 1e-4,
 }
-
-
-def place(element: str) -> tuple[str, tuple[int, ...]]:
-    """Name and index, from 0, of an element such as `platform_inertia[1,2]`."""
-    stem, _, index = element.partition("[")
-    return stem, tuple(int(k) - 1 for k in index[:-1].split(",")) if index else ()
 
 
 def with_changes(machine: Platform, changes: Mapping[str, float]) -> Platform:

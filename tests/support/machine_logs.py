@@ -6,16 +6,17 @@ Nothing here is what an identification inverts. Lengths and forces follow from a
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars
 from numpy.polynomial import Polynomial
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
+import gough_stewart as gs
 from gough_stewart import Log, Platform, load_preset
-from gough_stewart.harness.identify.log import Part
-from gough_stewart.model.errors import PlatformError
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import Pose, forces_along, legs_along
 
@@ -216,20 +217,28 @@ def force_of(log: Log) -> FloatArray:
     return log.actuator_force
 
 
-def part_of(log: Log, which: int = 0, fitted_until: float = np.inf) -> Part:
-    """The log as one part that is fitted until a time."""
-    assert log.time is not None
-    return Part(
-        log.time,
-        log.leg_length,
-        force_of(log),
-        log.holds_force,
-        log.side,
-        log.motor_position,
-        log.where,
-        which,
-        fitted_until,
-    )
+def value_of(machine: Platform, element: str) -> float:
+    """The machine's value of an element such as `platform_inertia[1,2]`; of a leg's friction its own."""
+    stem, index = place(element)
+    value = np.asarray(getattr(machine, stem))
+    if index and stem in ("leg_viscous_friction", "leg_coulomb_friction"):
+        return float(value * getattr(machine, f"{stem}_factor")[index])
+    return float(value[index])
+
+
+def place(element: str) -> tuple[str, tuple[int, ...]]:
+    """Name and index, from 0, of an element."""
+    stem, _, index = element.partition("[")
+    return stem, tuple(int(k) - 1 for k in index[:-1].split(",")) if index else ()
+
+
+def save_log(log: Log, path: Path) -> str:
+    """The log as a file of another origin: other units, underscores."""
+    columns = {"time [ms]": 1e3 * np.asarray(log.time)}
+    columns |= {f"leg_length_{k + 1} (mm)": 1e3 * log.leg_length[:, k] for k in range(6)}
+    columns |= {f"actuator_force[{k + 1}] [kN]": 1e-3 * force_of(log)[:, k] for k in range(6)}
+    polars.DataFrame(columns).write_csv(path)
+    return str(path)
 
 
 # Faults of data, each a function of a log.
@@ -314,6 +323,6 @@ def random_machine(seed: int, *, equal_friction: bool = True) -> tuple[Platform,
                 leg_viscous_friction_factor=factors[0],
                 leg_coulomb_friction_factor=factors[1],
             )
-        except PlatformError:
+        except gs.GoughStewartError:
             continue
         return machine, believed

@@ -12,7 +12,6 @@ import numpy as np
 
 import gough_stewart as gs
 from gough_stewart import Log, Platform, leg_jacobian
-from gough_stewart.model.errors import PlatformError
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import legs_along
 from tests.support.machine_logs import NAMES, Course, Sensing, Swing, exchanged, machine_log, random_machine
@@ -354,7 +353,7 @@ def made(case: Case) -> tuple[Platform, Log, Made]:
         try:
             change(result)
             break
-        except PlatformError:
+        except gs.GoughStewartError:
             continue
     result.names |= names
     result.causes |= causes

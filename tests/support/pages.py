@@ -7,7 +7,7 @@ import numpy as np
 from gough_stewart import identify, load_preset, sweep
 from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
-from gough_stewart.harness.identify.report import estimate_report
+from gough_stewart.harness.identify.estimate_report import estimate_report
 from gough_stewart.harness.plants.unit_report import unit_report
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.view.view import view_page

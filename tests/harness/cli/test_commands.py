@@ -21,11 +21,10 @@ from typer.main import get_command
 import gough_stewart as gs
 from gough_stewart.harness.cli.app import app
 from gough_stewart.harness.report.codec import from_json
-from tests.harness.cli.test_identify import written
 from tests.harness.experiment.test_frf import uneven_run
 from tests.support.commands import invoke
 from tests.support.demo import Demo
-from tests.support.machine_logs import Course, machine_log
+from tests.support.machine_logs import Course, machine_log, save_log
 
 SHORT = "--set loop.duration=0.3"
 FEW = f"--members 6 --workers 1 {SHORT}"
@@ -72,7 +71,7 @@ def test_every_study_shows_what_it_found_in_all_ways(study: str, opened: list[st
         injection = {"type": "multisine", "leg": 4, "amplitude": 0.2, "band": [2, 100], "lines_at_most": 9, "settle": 1}
         gs.save_record(uneven_run(injection, loop={"duration": 1.5, "sample_time": 4e-3, "delay": 1}), "injected")
     elif study in ("identify", "poses"):
-        written(machine_log(course=Course(duration=2.0)), Path("log.csv"))
+        save_log(machine_log(course=Course(duration=2.0)), Path("log.csv"))
     elif study == "ensemble --compare":
         text = invoke("experiments", "heave_tolerances").stdout
         Path("slower.toml").write_text(text.replace('bandwidth = "3.5 Hz"', 'bandwidth = "2.5 Hz"'), encoding="utf-8")

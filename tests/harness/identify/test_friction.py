@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gough_stewart import Platform, load_preset
-from gough_stewart.harness.identify.friction import StickingFriction, sliding_rows, unit_friction
+from gough_stewart.harness.identify.friction import StickingFriction, sliding_rows
 from tests.support.arrays import FloatArray
 from tests.support.sticking_logs import LEGS, Law
 
@@ -32,53 +32,41 @@ def velocities(n: int = 800) -> FloatArray:
 def test_bristles_are_those_of_small_steps_of_the_published_law(law: Law) -> None:
     """Expected: the test's own integration of the papers' equations, to 2 % of a leg's presliding, 0.1 % RMS."""
     platform = replace(PLATFORM, leg_friction_model=2.0) if law.is_lugre else PLATFORM
-    found = StickingFriction(platform, NAMES).bent(VALUES, velocities(), H)[:, :, 0]
+    z = StickingFriction(platform, NAMES).bent(VALUES, velocities(), H)[:, :, 0]
     expected = law.bent(velocities(), H)
-    assert np.abs(found - expected).max() < 0.02 * law.coulomb / law.stiffness
-    assert np.sqrt(((found - expected) ** 2).mean()) < 1e-3 * law.coulomb / law.stiffness
+    assert np.abs(z - expected).max() < 0.02 * law.coulomb / law.stiffness
+    assert np.sqrt(((z - expected) ** 2).mean()) < 1e-3 * law.coulomb / law.stiffness
 
 
 @pytest.mark.parametrize("platform", [PLATFORM, DERIVED])
 def test_friction_is_differentiated_by_its_parameters(platform: Platform) -> None:
     """Expected: central differences of the force; presliding of the platform's, or that follows from the friction."""
     friction, v = StickingFriction(platform, NAMES), velocities(400)
-    found = friction.force(VALUES, v, H)
+    force = friction.force(VALUES, v, H)
     for k, value in enumerate(VALUES):
         step = 1e-4 * value * np.eye(3)[k]
         ends = [friction.force(VALUES + s * step, v, H)[:, :, 0] for s in (1, -1)]
         expected = (ends[0] - ends[1]) / (2e-4 * value)
-        assert np.abs(found[:, :, 1 + k] - expected).max() < 1e-5 * np.abs(expected).max()
+        assert np.abs(force[:, :, 1 + k] - expected).max() < 1e-5 * np.abs(expected).max()
 
 
-def test_a_leg_s_own_friction_is_its_own() -> None:
-    """Expected: 30 N more in leg 4 is 30 N more along its velocity in fast sliding, static friction in proportion."""
-    names = tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
-    v = np.full((200, 6), 0.1)
-    more = 80 * LEGS + 30 * np.eye(6)[3]
-    friction = StickingFriction(PLATFORM, names)
-    change = friction.force(more, v, H) - friction.force(80 * LEGS, v, H)
-    np.testing.assert_allclose(change[-1, :, 0], 30 * np.eye(6)[3], atol=1e-6)
-    np.testing.assert_allclose(unit_friction(PLATFORM, v, H)[-1], 1.0, rtol=1e-9)
+def test_slopes_by_length_and_rows_that_slide_are_those_of_closed_forms() -> None:
+    """Expected: σ0 and σ1 within the elastic range; −2 v/v_s² (F_s − F_c) e^(−(v/v_s)²) in steady sliding.
 
-
-def test_slopes_by_length_are_the_bristle_s_where_a_leg_sticks_and_the_curve_s_where_it_slides() -> None:
-    """Expected: σ0 and σ1 within the elastic range; −2 v/v_s² (F_s − F_c) e^(−(v/v_s)²) in steady sliding."""
+    A leg slides four presliding distances after a reversal: of 10 µm, so 40 µm at 10 mm/s are 4 rows; leg 2 reverses
+    once more.
+    """
     friction = StickingFriction(PLATFORM, NAMES)
     stuck = friction.by_lengths(VALUES, np.full((3, 6), 1e-4), H)
-    np.testing.assert_allclose(stuck[-1, :, 0], LAW.stiffness)
-    np.testing.assert_allclose(stuck[-1, :, 1], LAW.damping)
+    np.testing.assert_allclose(stuck[-1], np.tile([LAW.stiffness, LAW.damping], (6, 1)))
     v = 3e-3
     slid = friction.by_lengths(VALUES, np.full((200, 6), v), H)[-1]
     r = v / LAW.stribeck_velocity
     slope = -2 * r / LAW.stribeck_velocity * (LAW.static - LAW.coulomb) * LEGS * np.exp(-(r**2))
     np.testing.assert_allclose(slid[:, 1], slope, rtol=1e-6)
     np.testing.assert_allclose(slid[:, 0], 0.0, atol=1e-4 * LAW.stiffness)
-
-
-def test_a_leg_slides_four_presliding_distances_after_its_reversal() -> None:
-    """Expected: 10 µm of presliding, so 40 µm at 10 mm/s are 4 rows; leg 2 reverses once more."""
-    v = np.full((12, 6), 0.01)
-    v[6:, 1] *= -1
-    found = sliding_rows(DERIVED, v, H)
-    np.testing.assert_array_equal(found[:, 0], [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1])
-    np.testing.assert_array_equal(found[:, 1], [0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1])
+    turning = np.full((12, 6), 0.01)
+    turning[6:, 1] *= -1
+    slides = sliding_rows(DERIVED, turning, H)
+    np.testing.assert_array_equal(slides[:, 0], [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1])
+    np.testing.assert_array_equal(slides[:, 1], [0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1])

@@ -10,9 +10,16 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from gough_stewart import Estimate, GoughStewartError, Log, Platform, forward_kinematics, load_platform, save_platform
-from gough_stewart.harness.identify import geometry as eq
-from gough_stewart.harness.identify.geometry import GEOMETRY, identify_geometry
+from gough_stewart import (
+    Estimate,
+    GoughStewartError,
+    Log,
+    Platform,
+    forward_kinematics,
+    identify,
+    load_platform,
+    save_platform,
+)
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 
@@ -24,7 +31,7 @@ TABLE = (("leg_length", 6, "mm"), ("position", 3, "mm"), ("orientation", 3, "deg
 WRONG = 1e-3  # of joints and offsets [m]
 X, X_T = Rotation.from_euler("xyz", [0.3, -0.4, 2.1]), np.array([4.0, -3.0, 1.2])
 Y, Y_T = Rotation.from_euler("xyz", [1.0, 0.2, -0.7]), np.array([0.1, 0.2, 0.15])
-N_FRAMES = 12
+GEOMETRY = ("base_points", "platform_points", "leg_length_offset")
 
 
 class Machine:
@@ -54,13 +61,17 @@ def some_poses(rng: np.random.Generator, n: int) -> tuple[np.ndarray, Rotation]:
     return position, Rotation.from_euler("xyz", NOMINAL.home_orientation + rng.uniform(-0.3, 0.3, (n, 3)))
 
 
-def in_own_frame(log: Log) -> Log:
+def in_own_frame(log: Log, target: np.ndarray = Y_T) -> Log:
     """As a tracker shows a target on the platform, both somewhere."""
     assert log.position is not None
     assert log.orientation is not None
     turn = Rotation.from_euler("xyz", log.orientation)
-    position = X_T + X.apply(log.position + turn.apply(Y_T))
+    position = X_T + X.apply(log.position + turn.apply(target))
     return replace(log, position=position, orientation=(X * turn * Y).as_euler("xyz"))
+
+
+def calibrated(log: Log, names: Any = GEOMETRY, **options: Any) -> Estimate:
+    return identify(log, NOMINAL, names, **options)
 
 
 def pose_error(machine: Machine, platform: Platform, offset: np.ndarray, *, relative: bool = False) -> float:
@@ -70,9 +81,9 @@ def pose_error(machine: Machine, platform: Platform, offset: np.ndarray, *, rela
     motion of world and of the platform's frame.
     """
     position, turn = some_poses(np.random.default_rng(77), 25)
-    found = [forward_kinematics(platform, each - offset) for each in machine.encoders(position, turn)]
-    there = np.array([each.position for each in found])
-    turned = Rotation.from_euler("xyz", [each.orientation for each in found])
+    found = [forward_kinematics(platform, length - offset) for length in machine.encoders(position, turn)]
+    there = np.array([pose.position for pose in found])
+    turned = Rotation.from_euler("xyz", [pose.orientation for pose in found])
 
     def gap(v: np.ndarray) -> np.ndarray:
         of_world, of_platform = Rotation.from_rotvec(v[:3]), Rotation.from_rotvec(v[6:9])
@@ -94,7 +105,7 @@ def gain(machine: Machine, found: Estimate, *, relative: bool = False) -> float:
 def test_sixty_poses_make_fresh_poses_twenty_times_as_exact() -> None:
     """Expected: the figure that this project promises; the machine's own poses."""
     machine = Machine()
-    found = identify_geometry(machine.log(2), NOMINAL)
+    found = calibrated(machine.log(2))
     assert gain(machine, found) > 20
     assert found.rank == 42
     assert 0.9 < found.details["factor"] < 1.1
@@ -106,74 +117,33 @@ def test_intervals_hold_the_truth_in_95_of_100() -> None:
     accuracy = (ENCODER / np.sqrt(12), NOISE, None)
     holds = []
     for seed in range(30):
-        found = identify_geometry(machine.log(seed), NOMINAL, accuracy=accuracy, nominal_error=1.0)
+        found = calibrated(machine.log(seed), accuracy=accuracy, nominal_error=1.0)
         low, high = found.interval.T
         holds.append((low < machine.numbers) & (machine.numbers < high))
     assert 0.92 < np.mean(holds) < 0.98
 
 
-def test_derivatives_are_those_of_differences() -> None:
-    """Expected: central differences of the residuals, in a frame of its own and for single angles in world."""
-    rng, machine = np.random.default_rng(5), Machine()
-    log = in_own_frame(machine.log(4, n=3))
-    assert log.position is not None
-    position, turn = some_poses(rng, 3)
-    geometry = np.concatenate([NOMINAL.base_points.ravel(), NOMINAL.platform_points.ravel(), 1e-3 * rng.normal(size=6)])
-    poses = position, turn.as_matrix()
-    single = np.where([True, True, False], turn.as_euler("xyz") + 1e-3, np.nan)
-    own = eq.CalibrationState(geometry, X_T, X.as_matrix(), Y_T, Y.as_matrix(), *poses)
-    world = eq.CalibrationState(geometry, np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), *poses)
-    # residuals of a rotation are small where their derivatives are those of vectors
-    shown = (X * turn * Y).as_euler("xyz")
-    for at, orientation, setting in ((log.position, shown, own), (position + 0.01, single, world)):
-        values = np.concatenate([log.leg_length, at, orientation], axis=1)
-        measured = eq.Measured(values, rng.uniform(0.5, 2, 12))
-        now = eq.equations(setting, measured)
-
-        def residuals(s: np.ndarray, at: eq.Measured = measured, setting: eq.CalibrationState = setting) -> np.ndarray:
-            return eq.equations(setting.moved(s[:42], s[42:54], np.tile(s[54:], (3, 1))), at).residual
-
-        steps = 1e-6 * np.eye(60)
-        expected = np.stack([(residuals(-s) - residuals(s)) / 2e-6 for s in steps], axis=-1)
-        found = np.concatenate([now.by_geometry, now.by_frames, now.by_pose], axis=-1)
-        # single angles are in world, where frames are no unknowns
-        columns = slice(None) if setting is own else np.r_[:42, 54:60]
-        assert np.allclose(found[..., columns], expected[..., columns], rtol=0, atol=1e-6)
-        assert np.abs(expected).max() > 0.1
-
-
-@pytest.mark.parametrize("missing", [0, 4, N_FRAMES])
-@pytest.mark.parametrize("target", [np.array([0.4, -0.7, 1.2]), np.zeros(3)])
-def test_frames_of_exact_poses_are_guessed(missing: int, target: np.ndarray) -> None:
+@pytest.mark.parametrize(("missing", "target"), [(0, (0.4, -0.7, 1.2)), (12, (0.4, -0.7, 1.2)), (12, (0.0, 0.0, 0.0))])
+def test_the_frames_of_a_tracker_are_found_of_any_target(missing: int, target: tuple[float, float, float]) -> None:
     """Expected: the frames that made the readings, of a target far from Op or there; some have no position or angles.
 
-    Of positions alone X and X_t, of a target at Op; of rotations alone X and Y.
+    Of a machine whose joints are as believed, to the tracker's noise.
     """
-    rng = np.random.default_rng(3)
-    turns = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, (N_FRAMES, 3)))
-    t = NOMINAL.home_position + rng.uniform(-0.3, 0.3, (N_FRAMES, 3))
-    position, angles = X_T + X.apply(t + turns.apply(target)), (X * turns * Y).as_euler("xyz")
-    lengths = np.full((N_FRAMES, 6), np.nan)
-    start = eq.CalibrationState(np.zeros(42), np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), t, turns.as_matrix())
-
-    def guessed(position: np.ndarray, angles: np.ndarray) -> eq.CalibrationState:
-        return eq.with_guessed_frames(start, eq.Measured(np.hstack([lengths, position, angles]), np.ones(12)))
-
-    if missing < N_FRAMES:
-        position[:missing], angles[N_FRAMES - missing :] = np.nan, np.nan
-        found, wanted = guessed(position, angles), {"X": X.as_matrix(), "Y": Y.as_matrix(), "X_t": X_T, "y": target}
-    elif target.any():
-        found, wanted = guessed(np.full_like(position, np.nan), angles), {"X": X.as_matrix(), "Y": Y.as_matrix()}
-    else:
-        found, wanted = guessed(position, np.full_like(angles, np.nan)), {"X": X.as_matrix(), "X_t": X_T}
-    for name, value in wanted.items():
-        np.testing.assert_allclose(getattr(found, name), value, atol=1e-9, err_msg=name)
+    machine = Machine()
+    machine.base, machine.top = NOMINAL.base_points, NOMINAL.platform_points
+    log = in_own_frame(machine.log(3, n=30), np.array(target))
+    position, angles = np.array(log.position), np.array(log.orientation)
+    position[:missing], angles[30 - missing :] = np.nan, np.nan
+    log = replace(log, position=position, orientation=angles)
+    frames = calibrated(log, ["leg_length_offset"], pose_frame="own").details["found"]
+    for name, value in {"X": X.as_matrix(), "Y": Y.as_matrix(), "X_t": X_T, "y": target}.items():
+        np.testing.assert_allclose(getattr(frames, name), value, atol=1e-3, err_msg=name)
 
 
 def test_a_tracker_in_its_own_frame_calibrates_all_but_where_base_and_platform_are() -> None:
     """Expected: motions between poses as exact as in world; unseen are the 12 rigid motions of base and platform."""
     machine = Machine()
-    found = identify_geometry(in_own_frame(machine.log(2)), NOMINAL, pose_frame="own")
+    found = calibrated(in_own_frame(machine.log(2)), pose_frame="own")
     assert gain(machine, found, relative=True) > 20
     assert found.rank == 30
     seen = found.directions[:30]
@@ -201,11 +171,11 @@ def test_a_part_of_the_pose_calibrates_in_part(part: str, least: float) -> None:
         "orientation": replace(log, position=None),
         "inclination": replace(log, position=None, orientation=np.where([1, 1, 0], log.orientation, np.nan)),
     }[part]
-    found = identify_geometry(some, NOMINAL)
-    whole = identify_geometry(log, NOMINAL)
+    found = calibrated(some)
+    whole = calibrated(log)
     assert least < gain(machine, found) < gain(machine, whole)
     assert found.rank < 42
-    few = identify_geometry(some.rows(slice(0, 9)), NOMINAL)
+    few = calibrated(some.rows(slice(0, 9)))
     assert 0 < few.rank <= 9 * {"position": 3, "orientation": 3, "inclination": 2}[part]
     # along what is not seen there is no step from nominal
     step = few.values - few.nominal
@@ -218,10 +188,10 @@ def test_some_names_are_found_while_the_others_stay() -> None:
     """Expected: offsets of a machine whose joints are where they should be, to twice their standard errors or so."""
     machine = Machine()
     machine.base, machine.top = NOMINAL.base_points, NOMINAL.platform_points
-    found = identify_geometry(machine.log(7), NOMINAL, ["leg_length_offset[2]", "leg_length_offset[5]"])
+    found = calibrated(machine.log(7), ["leg_length_offset[2]", "leg_length_offset[5]"])
     assert found.names == ("leg_length_offset[2]", "leg_length_offset[5]")
     assert found.details["factor"] > 2  # four offsets are there that were not looked for
-    all_six = identify_geometry(machine.log(7), NOMINAL, ["leg_length_offset"])
+    all_six = calibrated(machine.log(7), ["leg_length_offset"])
     assert np.abs((all_six.values - machine.offset) / all_six.standard_errors).max() < 3.5
     assert all_six.platform(NOMINAL) == NOMINAL
 
@@ -234,11 +204,11 @@ def test_a_pose_that_is_not_like_the_others_is_left_out(row: int, error: float, 
     assert log.position is not None
     position = log.position.copy()
     position[row, 1] += error
-    found = identify_geometry(replace(log, position=position), NOMINAL)
+    found = calibrated(replace(log, position=position))
     named = [note for note in found.notes if note.startswith("row ")]
     assert [note.split()[1] for note in named] == [str(row + 1)]
     assert "is left out: the other rows contradict it by" in named[0]
-    without = identify_geometry(log.rows(np.delete(np.arange(60), row)), NOMINAL)
+    without = calibrated(log.rows(np.delete(np.arange(60), row)))
     np.testing.assert_allclose(found.values, without.values, atol=1e-9)
     np.testing.assert_allclose(found.covariance, without.covariance, rtol=1e-5, atol=1e-16)
     assert found.alarms == ()
@@ -250,7 +220,7 @@ def test_many_poses_that_are_not_like_the_others_are_an_alarm() -> None:
     assert log.position is not None
     position = log.position.copy()
     position[::6, 1] += 2e-3
-    found = identify_geometry(replace(log, position=position), NOMINAL)
+    found = calibrated(replace(log, position=position))
     assert sum(note.startswith("row ") for note in found.notes) == 3
     assert found.alarms[0].startswith("3 of 30 rows were left out, and others are contradicted as strongly, row ")
 
@@ -269,7 +239,7 @@ def test_what_has_an_interval_is_right_with_few_poses_and_with_a_small_stroke(n:
         length = machine.encoders(position, turn) + ENCODER / np.sqrt(12) * rng.normal(size=(n, 6))
         shown = Rotation.from_rotvec(NOISE / SIZE * rng.normal(size=(n, 3))) * turn
         log = Log(length, position=position + NOISE * rng.normal(size=(n, 3)), orientation=shown.as_euler("xyz"))
-        found = identify_geometry(log, NOMINAL, accuracy=(ENCODER / np.sqrt(12), NOISE, None))
+        found = calibrated(log, accuracy=(ENCODER / np.sqrt(12), NOISE, None))
         known = np.isfinite(found.standard_errors)
         # one right element in a million is beyond five standard errors; 7 degrees of freedom or more
         assert (np.abs(found.values - machine.numbers)[known] < 7 * found.standard_errors[known]).all()
@@ -287,7 +257,7 @@ def test_what_has_an_interval_is_right_with_few_poses_and_with_a_small_stroke(n:
 
 def refused(log: Log, match: str, names: Any = GEOMETRY, **options: Any) -> None:
     with pytest.raises(GoughStewartError, match=match):
-        identify_geometry(log, NOMINAL, names, **options)
+        calibrated(log, names, **options)
 
 
 def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
@@ -302,7 +272,7 @@ def test_logs_that_cannot_calibrate_are_refused_with_the_reason() -> None:
     shifted = log.position + np.array([0.3, 0.0, 0.0])
     refused(replace(log, position=shifted), "contradicts any geometry.*times their standard", ["leg_length_offset"])
     refused(replace(log, leg_length=1e-3 * log.leg_length, position=None), "row 1: the nominal platform has no pose")
-    refused(log, "platform_mass with the method geometry", ["platform_mass", "base_points"])
+    refused(log, "platform_mass with the method geometry", ["platform_mass", "base_points"], method="geometry")
     gap = log.leg_length.copy()
     gap[7, 3] = np.nan
     pose = log.position.copy()
@@ -331,7 +301,7 @@ def test_the_command_calibrates_from_a_table_of_poses(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "30 of 42 combinations are observable" in done.output
-    found = identify_geometry(log, NOMINAL, pose_frame="own")
+    found = calibrated(log, pose_frame="own")
     made = load_platform(tmp_path / "out" / "platform.toml")
     assert np.abs(made.base_points - found.platform(NOMINAL).base_points).max() < 1e-9
     written = json.loads((tmp_path / "out" / "estimate.json").read_text())
@@ -384,7 +354,7 @@ def test_everything_of_a_calibration_is_that_of_a_dense_least_squares() -> None:
     assert log.orientation is not None
     names, scale = ["platform_points", "leg_length_offset[4]", "base_points[6,3]", "base_points[2,1]"], 2e-3
     accuracy = (2e-6, 7e-5, 1.1e-4)
-    found = identify_geometry(log, NOMINAL, names, accuracy=accuracy, nominal_error=scale)
+    found = calibrated(log, names, accuracy=accuracy, nominal_error=scale)
     free = np.array([*range(18, 36), 39, 17, 3])
     deviation = np.repeat([2e-6, 7e-5, 1.1e-4], [6, 3, 3])
     values, information, cost = dense(log, deviation, free)
@@ -426,7 +396,7 @@ def test_the_cost_in_an_own_frame_is_that_of_a_dense_least_squares() -> None:
     """Expected: SciPy's fit with both frames free, over as many degrees of freedom as there are equations too many."""
     log = in_own_frame(Machine(6).log(9, n=16))
     accuracy = (3e-6, 6e-5, None)
-    found = identify_geometry(log, NOMINAL, accuracy=accuracy, pose_frame="own", nominal_error=0.5)
+    found = calibrated(log, accuracy=accuracy, pose_frame="own", nominal_error=0.5)
     deviation = np.repeat([3e-6, 6e-5, 6e-5 / SIZE], [6, 3, 3])
     cost = dense(log, deviation, np.arange(42), own=True)[2]
     # of twelve numbers of frames, all are seen beside thirty of the geometry

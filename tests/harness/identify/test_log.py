@@ -30,9 +30,9 @@ def table(**changes: object) -> dict[str, object]:
 def test_some_rows_of_a_log_are_those_of_all_its_readings() -> None:
     """Expected: the rows of every array; what is not an array stays."""
     arrays: dict[str, Any] = {
-        each.name: np.random.default_rng(k).normal(size=(9,) if each.name == "time" else (9, 3))
-        for k, each in enumerate(fields(Log))
-        if "float64" in str(each.type)
+        row.name: np.random.default_rng(k).normal(size=(9,) if row.name == "time" else (9, 3))
+        for k, row in enumerate(fields(Log))
+        if "float64" in str(row.type)
     }
     assert len(arrays) == 6
     some = Log(**arrays, holds_force=True, where="here", side="motor").rows(slice(2, 8, 3))
@@ -54,9 +54,11 @@ def test_units_in_the_header_become_si(tmp_path: Path) -> None:
 
 def test_columns_with_underscores_in_any_order_are_the_same(tmp_path: Path) -> None:
     columns = {f"leg_length_{k}": LENGTHS[:, k - 1] for k in (4, 2, 6, 1, 3, 5)} | {"time": np.arange(8.0)}
-    log = read_log(written(tmp_path / "log.csv", columns))
-    np.testing.assert_array_equal(log.leg_length, LENGTHS)
-    assert log.actuator_force is None
+    read = read_log(written(tmp_path / "log.csv", columns))
+    polars.DataFrame(columns).write_parquet(tmp_path / "log.parquet")
+    for log in (read, read_log(tmp_path / "log.parquet")):
+        np.testing.assert_array_equal(log.leg_length, LENGTHS)
+        assert log.actuator_force is None
 
 
 def test_currents_become_forces_by_their_factor(tmp_path: Path) -> None:
@@ -69,12 +71,6 @@ def test_currents_become_forces_by_their_factor(tmp_path: Path) -> None:
         GoughStewartError, match=r"motor currents, but force_per_current is None; expected the factor \[N/A\]"
     ):
         read_log(path)
-
-
-def test_parquet_is_read_as_csv_is(tmp_path: Path) -> None:
-    polars.DataFrame(table()).write_parquet(tmp_path / "log.parquet")
-    log, other = read_log(tmp_path / "log.parquet"), read_log(written(tmp_path / "log.csv", table()))
-    np.testing.assert_array_equal(log.leg_length, other.leg_length)
 
 
 def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sample(tmp_path: Path) -> None:
@@ -114,8 +110,5 @@ def test_what_is_no_log_is_refused_with_its_place(columns: dict[str, object], me
     polars.DataFrame(columns, strict=False).write_csv(path)
     with pytest.raises(GoughStewartError, match=message):
         read_log(path)
-
-
-def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(GoughStewartError, match="no such file; expected a log as CSV or Parquet"):
         read_log(tmp_path / "none.csv")

@@ -10,10 +10,9 @@ from gough_stewart import Acceleration, Platform, inverse_dynamics, leg_geometry
 from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of, smoothed
 from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
 from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
-from gough_stewart.harness.identify.rows import RawNoise, tilt_directions, tilted
+from gough_stewart.harness.identify.rows import RawNoise
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, rates_of_legs
-from tests.support import machine_logs
 from tests.support.arrays import FloatArray
 from tests.support.uneven import STATE, UNEVEN
 
@@ -135,12 +134,3 @@ def test_derivatives_of_forces_by_the_motion_of_legs_and_by_parameters_are_those
         element = f"{name}[{','.join(str(k + 1) for k in where)}]"
         column = (found.by_parameters @ parameter_columns([element]))[0, :, 0]
         assert_allclose(column, (ends[0] - ends[1]) / (2 * h), rtol=2e-5, atol=1e-4)
-
-
-def test_gravity_in_a_tilted_base_turns_about_x_then_y() -> None:
-    """Expected: the rotation matrices of the logs' own generator, and its central differences."""
-    gravity, tilt, h = np.array([0.3, -0.2, -9.8]), np.array([0.1, -0.07]), 1e-6
-    assert_allclose(tilted(gravity, tilt), machine_logs.tilted(gravity, *tilt), atol=1e-14)
-    for k, step in enumerate(h * np.eye(2)):
-        ends = [machine_logs.tilted(gravity, *(tilt + sign * step)) for sign in (1, -1)]
-        assert_allclose(tilt_directions(gravity, tilt)[:, k], (ends[0] - ends[1]) / (2 * h), atol=1e-8)

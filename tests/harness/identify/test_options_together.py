@@ -17,13 +17,12 @@ from scipy.stats import chi2
 
 import gough_stewart as gs
 from gough_stewart import Log
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.covering import covering
 from tests.support.information import information, readings, sensitivities, with_changes
 from tests.support.lagrangian import legs_along
-from tests.support.machine_logs import Course, Sensing, Swing, machine_log, random_machine, without_rows
+from tests.support.machine_logs import Course, Sensing, Swing, machine_log, random_machine, value_of, without_rows
 
 RATE, DURATION, FROM = 250.0, 2.8, 7.3
 FACTOR = -37.5  # force per current [N/A]
@@ -94,7 +93,7 @@ def _rows() -> list[dict[str, Any]]:
     rows = [row | ({"cutoff": None} if row["door"] == "command" else {}) for row in rows]
     wanted = _pairs(rows)
     for row in list(rows):
-        others = [each for each in rows if each is not row]
+        others = [other for other in rows if other is not row]
         rows = others if _pairs(others) == wanted else rows
     for name, value in _QUICK.items():
         for k, row in enumerate(rows):
@@ -209,7 +208,7 @@ def _identified(row: dict[str, Any], folder: Path) -> dict[str, Any]:
         given = [str(path) for path in paths[: len(logs)]]
         done = invoke("identify", *given, *options, "--out", str(folder / "out"))
         found: dict[str, Any] = json.loads((folder / "out" / "estimate.json").read_text("utf-8"))
-        assert done.exit_code == (ExitCode.MISSED if found["alarms"] else ExitCode.DONE), done.stderr
+        assert done.exit_code == (3 if found["alarms"] else 0), done.stderr
         return found | {"platform": gs.load_platform(folder / "out" / "platform.toml")}
     if source != "object":
         read = [gs.read_log(path, factor, holds_force=source == "held") for path in paths]
@@ -253,17 +252,17 @@ def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
     found = _identified(row, tmp_path)
     names = _names(row)
     assert list(found["parameters"]) == list(names)
-    each = found["parameters"].values()
-    values = np.array([one["value"] for one in each])
+    shown = found["parameters"].values()
+    values = np.array([one["value"] for one in shown])
     machine = _machine(row)
     truth = np.array([_true(machine, row, name) for name in names])
     C = np.array(found["covariance"])
     distance = (values - truth) @ np.linalg.solve(C, values - truth)
     assert chi2.ppf(5e-5, len(names)) < distance < chi2.isf(5e-5, len(names))
-    errors = np.array([one["standard_error"] for one in each])
+    errors = np.array([one["standard_error"] for one in shown])
     np.testing.assert_allclose(errors, np.sqrt(np.diag(C)), rtol=1e-9)
     np.testing.assert_allclose(found["correlation"], C / np.outer(errors, errors), atol=1e-9)
-    ends = np.array([one["interval"] for one in each])
+    ends = np.array([one["interval"] for one in shown])
     # Student's t of a hundred degrees of freedom or more
     half = np.stack([values - ends[:, 0], ends[:, 1] - values]) / errors
     assert np.ptp(half) < 1e-9 * half.max()
@@ -282,12 +281,8 @@ def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
     assert judged > 1e-4
     assert bool(found["alarms"]) == (found["diagnosis"]["p_value"] < 0.05 or judged < 0.005)
     _check_noise(found, row)
-    platform = found["platform"]
     for name in (name for name in names if name in WRONG):
-        stem = name.partition("[")[0]
-        index = tuple(int(k) - 1 for k in name[len(stem) + 1 : -1].split(",")) if "[" in name else ()
-        kept = np.asarray(getattr(platform, stem))[index]
-        np.testing.assert_allclose(kept, found["parameters"][name]["value"], rtol=1e-9)
+        np.testing.assert_allclose(value_of(found["platform"], name), found["parameters"][name]["value"], rtol=1e-9)
 
 
 def _check_noise(found: dict[str, Any], row: dict[str, Any]) -> None:
@@ -311,16 +306,7 @@ def _check_noise(found: dict[str, Any], row: dict[str, Any]) -> None:
 
 def _true(machine: gs.Platform, row: dict[str, Any], name: str) -> float:
     own = INSTRUMENTS[row["instruments"]]
-    if name in own:
-        return own[name] + name.startswith("force_gain")
-    stem = name.partition("[")[0]
-    value = np.asarray(getattr(machine, stem))
-    if name == stem:
-        return float(value)
-    index = tuple(int(k) - 1 for k in name[len(stem) + 1 : -1].split(","))
-    if stem == "leg_viscous_friction":
-        return float(value * machine.leg_viscous_friction_factor[index])
-    return float(value[index])
+    return own[name] + name.startswith("force_gain") if name in own else value_of(machine, name)
 
 
 def test_every_pair_of_values_is_in_a_row() -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart import GoughStewartError
 from gough_stewart.harness.identify.lowpass import edge, smoothed
 
 H = 4e-3
@@ -12,12 +11,9 @@ T = 7.3 + H * np.arange(400)
 
 
 @pytest.mark.parametrize("cutoff", [15.0, 40.0, 0.5 / H / 1.5])
-@pytest.mark.parametrize("late", [0.0, 0.7e-3, -2e-3])
+@pytest.mark.parametrize("late", [0.0, -2e-3])
 def test_lines_and_parabolas_have_their_derivatives_exactly(cutoff: float, late: float) -> None:
-    """Expected: closed forms, up to the highest cut-off; there, second derivatives were 0.15 % too large.
-
-    Masses were so, too, and right logs of fast motions raised alarms.
-    """
+    """Expected: closed forms, up to the highest cut-off: 0.15 % of a second derivative is as much of a mass."""
     x = np.stack([0.3 + 0.2 * (T - late) - 1.7 * (T - late) ** 2, 1.1 - 0.9 * (T - late)], axis=1)
     inner = T[edge(H, cutoff) : -edge(H, cutoff)][::3]
     rate = smoothed(x, H, cutoff, 3, 1, late)
@@ -39,13 +35,3 @@ def test_gains_are_those_that_are_documented(share: float, gain: float, error: f
     assert_allclose(smoothed(x, H, 30.0), gain * np.stack([s, c], 1), atol=error)
     assert_allclose(smoothed(x, H, 30.0, 1, 1) / w, gain * np.stack([c, -s], 1), atol=error)
     assert_allclose(smoothed(x, H, 30.0, 1, 2) / w**2, -gain * np.stack([s, c], 1), atol=error)
-
-
-def test_a_log_shorter_than_the_filter_is_refused_with_both_lengths() -> None:
-    """Expected: 2.75 periods of the cut-off on either side, and the row itself."""
-    rows = 2 * int(np.ceil(2.75 / 20 / H)) + 1
-    assert len(smoothed(np.ones((rows, 6)), H, 20.0)) == 1
-    with pytest.raises(
-        GoughStewartError, match=f"{rows - 1} rows at 250 Hz are shorter than the filter of 20 Hz, {rows} rows"
-    ):
-        smoothed(np.ones((rows - 1, 6)), H, 20.0)

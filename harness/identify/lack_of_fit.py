@@ -1,23 +1,27 @@
-"""What may be wrong with a log or with the model: the table of hypotheses, and how each changes what is read.
+"""Whether a log contradicts its model: tests of extensions of the model, and of the whiteness of what is left.
 
-A family extends the model by parameters η, which are 0 if the model is right: its columns are ∂(reading of forces)/∂η
-at a fit, in the rows of the regression. Its members are hypotheses: a choice of its columns, such as the gain of one
-leg, each of a cause. What one cause may do is hard to separate: a cause is named first, then its member if the log
-separates it. Sizes of η are those of errors that are common, as shares of the machine's own size, load and speed.
-Other hypotheses have a velocity, a force or a time that the log tells: friction that falls as a leg begins to slide,
-forces that are clipped, rows that were lost; or exchange the forces of two legs.
+Each family of hypotheses, with columns X, is tested. X⊥ is what of them the fit could not absorb. In whitened rows of a
+right model the residual is white, so
+
+    F = (|P_X⊥ r|²/q)/s²,  s² = |r − P_all r|²/ν
+
+has the distribution F(q, ν); s² is that of the model with all extensions, and no error of the model that an extension
+describes is taken for noise. The p-values of the families and of whiteness are combined by min_i m p_(i)/i [Simes,
+Biometrika 73(3), 1986]. Families share columns, and whiteness is that of short series, so this is compared with its own
+distribution for white noise, which is simulated: the share of false alarms is that which is stated.
 """
 
-import math
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
 from gough_stewart.harness.identify.friction import travel_since_reversal
-from gough_stewart.harness.identify.names import expanded, unit_of, value_of
-from gough_stewart.harness.identify.regressor import INERTIAL, parameter_columns, states_of
+from gough_stewart.harness.identify.noise import PartNoise, RowNoise, fitted_noise, noises_of, whitened_by
+from gough_stewart.harness.identify.regressor import INERTIAL, expanded, parameter_columns, states_of, unit_of
 from gough_stewart.harness.identify.rows import RowFit, tilt_directions
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
@@ -27,24 +31,19 @@ LEGS = range(1, 7)
 # Parameters of the platform that may be wrong if they are not estimated.
 MASSES = ("platform_mass", "platform_com", "platform_inertia", "leg_armature")
 # Velocities over which friction falls as a leg begins to slide, in those that smooth its sign.
-_STRIBECK = np.geomspace(2.0, 200.0, 9)
+STRIBECK_WIDTHS = np.geomspace(2.0, 200.0, 9)
 # Travel over which friction builds up after a reversal, by elastic contact [m].
 _TRAVELS = (3e-5, 1e-4, 3e-4)
 # Where the delay of the forces may change, as shares of the log: rows are lost at any time.
 _CHANGES = np.linspace(0.0, 1.0, 9)[1:-1]
 # Sizes of delays and of what lost rows add to them [s], of tilts [rad]; of gains, scales and clocks, of 1.
-_DELAY, _TILT, _GAIN, _SCALE, _CLOCK = 1.5e-3, 0.5 * np.pi / 180, 0.02, 0.005, 0.01
+DELAY_SIZE, _TILT, _GAIN, _SCALE, _CLOCK = 1.5e-3, 0.5 * np.pi / 180, 0.02, 0.005, 0.01
 # Of errors of joints and of lengths, and of centres of mass, in sizes of the platform.
 _JOINT, _OFFSET, _COM = 1.5e-3, 2e-3, 0.1
 # Of moments and of products of inertia in mass times squared size, of the armature and of a payload in masses.
 _MOMENT, _PRODUCT, _ARMATURE, _PAYLOAD = 0.08, 0.025, 1 / 12, 0.1
 # Of offsets and of friction in loads of a leg, at its usual velocity.
-_LOAD, _FRICTION = 0.01, 0.02
-# Shares of the largest force at which forces may be clipped.
-_LEVELS = (0.98, 0.95, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7)
-# Times at which rows may be lost, at first, and afterwards at every row between them.
-TIMES = 24
-
+_LOAD, FRICTION_SIZE = 0.01, 0.02
 PAYLOAD = "payload, centre of mass or inertia"
 GEOMETRY = "geometry: several errors of joints and encoders, calibrate by poses; or something that is not listed"
 FRICTION_LAW = "law of friction"
@@ -52,6 +51,16 @@ TIMING = "timing of the forces"
 _CALIBRATE = "calibrate by poses (geometry)"
 _SENSORS = "force sensors"
 _CLOCK_OR_ARMATURE = "armature or clock"
+# Share of logs that agree with the model and raise a false alarm.
+LEVEL = 0.05
+# What is left after an extension of the model is noise from this p-value on.
+FITS = 0.02
+# Draws of white noise at once, and the most; and the longest series that is simulated for the test of whiteness.
+_DRAWS, _MOST_DRAWS, _MOST_ROWS = 4000, 40_000, 800
+# Singular values below this share of the column's own size are rounding errors.
+_NEGLIGIBLE = 1e-6
+# Effects of a family's size that are below this many standard deviations cannot be seen.
+_INVISIBLE = 0.3
 
 
 class Family(NamedTuple):
@@ -96,7 +105,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     def of_laws(velocity: FloatArray, step: float) -> FloatArray:
         travel = travel_since_reversal(velocity) * step
         later = [-np.sign(velocity) * np.exp(-travel / over) for over in _TRAVELS]
-        falling = [_stribeck(velocity, platform.leg_friction_velocity, width) for width in _STRIBECK[[1, 4, 6]]]
+        falling = [stribeck(velocity, platform.leg_friction_velocity, width) for width in STRIBECK_WIDTHS[[1, 4, 6]]]
         return np.stack([velocity * np.abs(velocity), np.abs(velocity), *falling, *later], axis=-1)
 
     laws = regression.filtered(of_laws)
@@ -147,16 +156,16 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
             "let the force sensors warm up",
         ),
         Family(
-            "delay of forces", ("delay",), ("ms",), -fit.rate[..., None], np.array([_DELAY]),
+            "delay of forces", ("delay",), ("ms",), -fit.rate[..., None], np.array([DELAY_SIZE]),
             {"delay of all forces": (TIMING, (0,))},
             "look for filters and buses in the path of the forces, or estimate delay", True,
         ),
         Family(
-            "delay of a leg's force", elements("delay"), ("ms",) * 6, -fit.rate[..., None] * eye, _DELAY * ones,
+            "delay of a leg's force", elements("delay"), ("ms",) * 6, -fit.rate[..., None] * eye, DELAY_SIZE * ones,
             each_leg("delay of the force", TIMING), "look for filters and buses in the path of this force",
         ),
         Family("delays that change", tuple(f"at {s:.3g} of the log" for s in _CHANGES), ("ms",) * len(_CHANGES),
-               steps, np.full(len(_CHANGES), 2 * _DELAY), {}, ""),
+               steps, np.full(len(_CHANGES), 2 * DELAY_SIZE), {}, ""),
         Family(
             "tilt of the base", ("base_tilt[1]", "base_tilt[2]"), ("°", "°"),
             of_platform("gravity[1]", "gravity[2]", "gravity[3]") @ tilt_directions(platform.gravity, tilt),
@@ -166,7 +175,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
         Family(
             "friction of each leg", (*elements("leg_viscous_friction"), *elements("leg_coulomb_friction")),
             (*("N·s/m",) * 6, *("N",) * 6), np.concatenate([viscous, coulomb], axis=2),
-            _FRICTION * load * np.repeat([1 / speed, 1.0], 6),
+            FRICTION_SIZE * load * np.repeat([1 / speed, 1.0], 6),
             {f"friction of leg {i}": ("friction of the legs", (i - 1, i + 5)) for i in LEGS}
             | all_legs("viscous friction", "friction of the legs")
             | {"Coulomb friction of all legs": ("friction of the legs", tuple(range(6, 12))),
@@ -176,7 +185,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
         Family(
             FRICTION_LAW, tuple(name or f"term {k} of the law of friction" for k, name in enumerate(law_names, 1)),
             ("N·s²/m²", "N·s/m", *("N",) * 6, "%"), laws,
-            load * np.array([_FRICTION / speed**2, _FRICTION / speed, *(_FRICTION,) * 6, _FRICTION / load]),
+            FRICTION_SIZE * load * np.array([1 / speed**2, 1 / speed, *(1.0,) * 6, 1 / load]),
             {name: (FRICTION_LAW, (k,)) for k, name in enumerate(law_names) if name}
             | {"elastic contact after a reversal": (FRICTION_LAW, (5, 6, 7))},
             "friction is not viscous and Coulomb alone (stiction, elastic contact, load, speed)",
@@ -229,7 +238,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     return [family for family in kept if family.parameters]
 
 
-def _stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
+def stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
     """What is more than Coulomb friction while a leg begins to slide, for a unit (n, 6); widths in velocities."""
     v = velocity / smooth
     return np.asarray(np.tanh(v) * np.exp(-((v / width) ** 2)))
@@ -243,122 +252,140 @@ def leg_motion(platform: Platform, motion: FloatArray) -> FloatArray:
     return np.array([legs.length, rates.length_rate, leg_accelerations(legs, state, *acceleration)])
 
 
-class Hypothesis(NamedTuple):
-    """One error, with the columns of the fitted rows at the fit."""
+@dataclass(frozen=True)
+class Whitened:
+    """The fitted rows with their covariance known: everything the tests and the estimates need."""
 
-    name: str
-    cause: str
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    remedy: str
-    columns: FloatArray  # (n, 6, q)
-    sizes: FloatArray  # (q,)
-    members: float  # how many there are of this kind
-    kind: str = "linear"
-    at: float = 0.0  # the velocity, force or time of one of several
-    legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
+    fit: RowFit
+    families: tuple[Family, ...]  # of the fitted rows
+    parts: tuple[PartNoise, ...]
+    noise: RowNoise
 
-
-def members_of(families: Sequence[Family]) -> list[Hypothesis]:
-    """The members of the families."""
-    return [
-        Hypothesis(
-            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
-            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
-            sum(len(others) == len(chosen) for _, others in family.members.values()),
-            "exact" if family.is_estimable else "linear",
+    @classmethod
+    def at(cls, fit: RowFit, not_excited: Sequence[str] = ()) -> "Whitened":
+        """The covariance of the rows at a fit; what extensions of the model describe is not taken for noise."""
+        families = tuple(
+            family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(fit, not_excited)
         )
-        for family in families
-        for name, (cause, chosen) in family.members.items()
-    ]  # fmt: skip
+        parts = tuple(noises_of(fit.model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used))
+        every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
+        return cls(fit, families, parts, fitted_noise(parts, every, fit.residual, fit.used))
+
+    def of(self, columns: FloatArray) -> FloatArray:
+        """Whitened columns (6 n, k) of rows (n, 6, k)."""
+        used = self.fit.used[..., None] * columns
+        return whitened_by(self.noise.factors, used.reshape(6 * len(columns), -1))
+
+    @property
+    def whitened_families(self) -> dict[str, FloatArray]:
+        """Whitened columns of each family, in units of its sizes."""
+        return {family.name: self.of(family.columns * family.sizes) for family in self.families}
+
+    @property
+    def levels(self) -> tuple[FloatArray, float]:
+        """Standard deviations of the raw forces (6,) [N] and RMS of those of the lengths [m], of the first log."""
+        (force, length), raw = self.noise.shares[self.parts[0].which], self.parts[0].raw
+        return np.sqrt(force) * raw.force, float(np.sqrt(length * (raw.length**2).mean()))
+
+    def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
+        """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
+        every = np.concatenate([self.fit.columns, columns, *(family.columns for family in self.families)], axis=2)
+        return replace(self, noise=fitted_noise(self.parts, every, residual, self.fit.used))
 
 
-def at_several_places(fit: RowFit, residual: FloatArray) -> list[list[Hypothesis]]:
-    """Hypotheses of which the log tells a velocity, a level, or two legs: in each list one of them."""
-    smooth, read = fit.model.platform.leg_friction_velocity, fit.model.regression.force[fit.is_fitted]
-    force, load = np.abs(read - residual), float(np.sqrt((read**2).mean()))
-    falling = [
-        Hypothesis(
-            "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
-            ("N", "m/s"), "set leg_friction_model, or leave slow motions out", _stribeck_columns(fit, width),
-            np.array([_FRICTION * load]), len(_STRIBECK), "stribeck", smooth * width,
-        )
-        for width in _STRIBECK
-    ]  # fmt: skip
-    groups = [falling]
-    for legs in (tuple(range(6)), *((leg,) for leg in range(6))):
-        most = float(np.abs(read[:, legs]).max())
-        beyond = {level: np.maximum(force - level * most, 0.0) * np.isin(range(6), legs) for level in _LEVELS}
-        groups.append([
-            Hypothesis(
-                "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped",
-                "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
-                (-np.sign(read) * more / (0.1 * level * most))[..., None], np.array([0.1 * level * most]),
-                len(_LEVELS) * 6 / len(legs), "clip", level * most, legs,
-            )
-            for level, more in beyond.items()
-        ])  # fmt: skip
-    exchanged = [
-        Hypothesis(
-            f"forces of legs {a} and {b} exchanged", "order of the legs", (), (), "exchange their columns",
-            np.zeros((*read.shape, 0)), np.zeros(0), 15, "exchange", 0.0, (a - 1, b - 1),
-        )
-        for a, b in combinations(LEGS, 2)
-    ]  # fmt: skip
-    return [*groups, exchanged]
+class LackOfFit(NamedTuple):
+    """The result of all tests."""
+
+    p_values: dict[str, float]  # of each family
+    combined: float  # p-value of all together
+    # of the sum of squares, what the families explain beyond chance, in variances of noise
+    excess: float = 0.0
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the log contradicts the model."""
+        return self.combined < LEVEL
 
 
-def rows_lost(fit: RowFit, times: FloatArray) -> list[Hypothesis]:
-    """Rows of all forces that are lost at one of these times [s]."""
-    time, rate = fit.model.regression.time[fit.is_fitted], fit.rate[fit.is_fitted]
-    # the filter mixes what is before and after the time
-    width = 1.5 * float(np.median(np.diff(time)))
-    return [
-        Hypothesis(
-            "rows lost in the forces", TIMING, ("forces early from then on by", "near it by"), ("ms", "ms"),
-            f"check the logger at {at:.4g} s",
-            rate[..., None] * np.stack([time > at, np.abs(time - at) < width], axis=1)[:, None],
-            np.full(2, 2 * _DELAY), 4 * TIMES, "lost", float(at),
-        )
-        for at in times
-    ]  # fmt: skip
+def lack_of_fit(
+    D: FloatArray, families: Mapping[str, FloatArray], residual: FloatArray, used: FloatArray
+) -> tuple[LackOfFit, FloatArray, FloatArray] | None:
+    """The tests of all families and of whiteness, the p-values of whiteness of the legs, and what no family explains.
+
+    None if the rows are too few for these families. D (6 n, p) are whitened columns of the fitted parameters, those of
+    each family are times the sizes of what a user would want to know, `used` (n, 6) is 1 for rows that are used.
+    """
+    Q = basis_of(D, np.linalg.norm(D, axis=0))
+    left = residual - Q @ (Q.T @ residual)
+    bases = {name: basis_of(X - Q @ (Q.T @ X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
+    bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
+    every = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
+    U = basis_of(every, np.ones(every.shape[1]))
+    rank, freedom = U.shape[1], int(used.sum()) - Q.shape[1] - U.shape[1]
+    if freedom < max(rank, 1):
+        return None
+    z = U.T @ left
+    rest = left - U @ z
+    variance = max(float(rest @ rest) / freedom, np.finfo(float).tiny)
+    white = whiteness(left.reshape(-1, 6), used)
+    tested = [U.T @ basis for basis in bases.values()]
+
+    def of_families(z: FloatArray, variance: FloatArray | float) -> FloatArray:
+        """p-values (n, families) of residuals z (n, k)."""
+        F = [fdtrc(B.shape[1], freedom, ((z @ B) ** 2).sum(axis=1) / B.shape[1] / variance) for B in tested]
+        return np.stack(F, axis=1) if F else np.empty((len(z), 0))
+
+    p_values = dict(zip(bases, of_families(z[None] / np.sqrt(variance), 1.0)[0].tolist(), strict=True))
+    p_values["whiteness"] = float(_simes(white[None])[0])
+    observed = _simes(np.array([list(p_values.values())]))[0]
+    rng, below, simulated = np.random.default_rng(0), 0, 0
+    legs = _whiteness_of_noise(min(int(used.sum() / 6), _MOST_ROWS))
+    # until it is clear on which side of the level the p-value is
+    while simulated < _MOST_DRAWS and abs(below - LEVEL * simulated) <= 4 * np.sqrt(LEVEL * simulated):
+        drawn, variances = rng.standard_normal((_DRAWS, rank)), rng.chisquare(freedom, _DRAWS) / freedom
+        of_legs = _simes(rng.choice(legs, (_DRAWS, 6)))
+        below += int((_simes(np.column_stack([of_families(drawn, variances), of_legs])) <= observed).sum())
+        simulated += _DRAWS
+    combined = (1 + below) / (1 + simulated)
+    return LackOfFit(p_values, combined, float(z @ z) / variance - rank), white, rest
 
 
-def _stribeck_columns(fit: RowFit, width: float) -> FloatArray:
-    smooth = fit.model.platform.leg_friction_velocity
-    return fit.model.regression.filtered(lambda v, _h: _stribeck(v, smooth, width))[fit.is_fitted][..., None]
+def basis_of(X: FloatArray, norms: FloatArray, smallest: float = 0.0) -> FloatArray:
+    """Orthonormal basis of the columns' span, without directions that are rounding errors, or smaller than that.
+
+    `norms` (q,) are those of the columns before what a fit absorbs was taken away.
+    """
+    if smallest:
+        U, sigma, _ = np.linalg.svd(X, full_matrices=False)
+        return np.asarray(U[:, (sigma > smallest) & (sigma > _NEGLIGIBLE * norms.max(initial=0.0))])
+    U, sigma, _ = np.linalg.svd(X / np.maximum(norms, 1e-300), full_matrices=False)
+    return np.asarray(U[:, sigma > _NEGLIGIBLE])
 
 
-def reading_of(
-    hypothesis: Hypothesis, fit: RowFit, theta: FloatArray, eta: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Residual (n, 6) and derivatives of the reading by θ and η (n, 6, p + q), by the hypothesis' own model."""
-    model, fitted, legs = fit.model, fit.is_fitted, list(hypothesis.legs)
-    if hypothesis.kind == "exact":
-        # relative to the platform's file, and to perfect instruments
-        nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
-        wider, values = model.extended(hypothesis.parameters), np.concatenate([theta, nominal + eta])
-        return wider.residual(values)[fitted], wider.columns(values)[fitted]
-    residual, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
-    match hypothesis.kind:
-        case "exchange":
-            read = model.regression.force[fitted]
-            residual = residual.copy()
-            residual[:, legs] += read[:, legs[::-1]] - read[:, legs]
-            return residual, by_theta
-        case "clip":
-            read = model.regression.force[fitted]
-            force, level = read - residual, hypothesis.at + eta[0]
-            is_clipped = np.zeros(force.shape, dtype=bool)
-            is_clipped[:, legs] = np.abs(force[:, legs]) > level
-            residual = np.where(is_clipped, read - np.sign(force) * level, residual)
-            by_theta = np.where(is_clipped[..., None], 0.0, by_theta)
-            return residual, np.concatenate([by_theta, (is_clipped * np.sign(force))[..., None]], axis=2)
-        case "stribeck":
-            width = hypothesis.at * math.exp(eta[1]) / model.platform.leg_friction_velocity
-            X, wider_X = (_stribeck_columns(fit, width * math.exp(step)) for step in (0.0, 0.01))
-            columns = np.concatenate([by_theta, X, eta[0] * (wider_X - X) / 0.01], axis=2)
-            return residual - eta[0] * X[..., 0], columns
-        case _:
-            X = hypothesis.columns
-            return residual - X @ eta, np.concatenate([by_theta, X], axis=2)
+def _simes(p_values: FloatArray) -> FloatArray:
+    """min_i m p_(i)/i of rows of p-values."""
+    m = p_values.shape[1]
+    return np.asarray((np.sort(p_values, axis=1) * (m / np.arange(1, m + 1))).min(axis=1))
+
+
+@cache
+def _whiteness_of_noise(rows: int) -> FloatArray:
+    """`whiteness` of series of white noise: of so few rows its statistic has a heavier tail than χ²."""
+    series = np.random.default_rng(0).standard_normal((rows, _DRAWS))
+    return whiteness(series, np.ones_like(series))
+
+
+def whiteness(residuals: FloatArray, used: FloatArray, lags: int = 10) -> FloatArray:
+    """p-values (k,) that prewhitened residuals (n, k) are white: Σ_l (Σ_t r_t r_{t−l})²/(n_l s⁴) is χ²(lags).
+
+    n_l is the number of pairs of rows that are used (n, k), about n − l [Ljung & Box, Biometrika 65(2), 1978].
+    """
+    r = residuals * used
+    lags = min(lags, len(r) - 2)
+    with np.errstate(all="ignore"):
+        power = (r**2).sum(axis=0) / used.sum(axis=0)
+        Q = np.zeros(r.shape[1])
+        for lag in range(1, lags + 1):
+            pairs = (used[lag:] * used[:-lag]).sum(axis=0)
+            Q += np.where(pairs > 0, ((r[lag:] * r[:-lag]).sum(axis=0) / power) ** 2 / np.maximum(pairs, 1), 0.0)
+    return np.asarray(np.where(power > 0, chdtrc(lags, Q), 1.0))
