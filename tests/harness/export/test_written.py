@@ -192,20 +192,22 @@ def test_notes_say_all_that_was_judged(tmp_path: Path) -> None:
     settings = {
         "loop.delay": 2, "loop.jitter": 5e-4, "loop.plant_step": 5e-4, "sensors.quantisation": {}, "loop.duration": 3,
         "actuators.lag": 0.003, "change": [{"at": 2.0, "factors": {"platform_mass": 1.2}}],
-        "ensemble": {"platform_mass": {"grid": [900.0, -5.0, 800.0]}, "actuators.lag": {"choice": [0.004, 0.005]}},
+        "ensemble": {"members": 3, "platform_mass": {"grid": [900.0, -5.0, 800.0]},
+                     "actuators.lag": {"choice": [0.004, 0.005]}},
     }  # fmt: skip
     said, loops, verdicts = list[str](), list[Any](), list[str]()
     files = gs.export("pitch_sine", settings, forms="c", out=tmp_path, warn=said.append, stability=loops.extend,
                       verdict=verdicts.append, allow_unstable=True)  # fmt: skip
     (loop,) = loops
+    late = "with a delay of 2 samples, up to 0.5 ms by the sensors' clock and jitter and a lag of"
 
     def margins(case: Any, found: Any) -> str:
         disk, legs, lag = found.disk, found.legs, round(1000 * case.loop.lag)
         up, down = min(leg.gain_up for leg in legs), max(leg.gain_down for leg in legs)
         phase, delay = min(leg.phase for leg in legs), min(leg.delay for leg in legs)
         return (
-            f"Margins of {case.what} with a delay of 2 samples, up to 0.5 ms by the sensors' clock and jitter and a lag of "
-            f"{lag} ms: all legs at once disk margin {disk.alpha:.3g}, gains x {disk.gain[0]:.3g} to "
+            f"Margins of {case.what} {late} {lag} ms: all legs at once disk margin {disk.alpha:.3g}, gains x "
+            f"{disk.gain[0]:.3g} to "
             f"{disk.gain[1]:.3g}, phases +- {np.degrees(disk.phase):.3g} deg; one leg at a time gain x {down:.3g} to "
             f"{up:.3g}, phase {np.degrees(phase):.3g} deg, delay {1000 * delay:.3g} ms."
         )
@@ -213,7 +215,6 @@ def test_notes_say_all_that_was_judged(tmp_path: Path) -> None:
     def size(case: Any) -> str:
         return f"|z| = {case.size:.5g} ({case.frequency:.3g} Hz)"
 
-    late = "with a delay of 2 samples, up to 0.5 ms by the sensors' clock and jitter and a lag of"
     expected = (
         "The loop: - Delay: a step computes its forces at once; the experiment has a delay of 2 samples from "
         "measurement to force, and the machine should have the same. "
@@ -229,9 +230,7 @@ def test_notes_say_all_that_was_judged(tmp_path: Path) -> None:
     )
     assert expected in words_of(files[1])
     (line,) = said
-    assert line.startswith(
-        "the C is without loop.jitter, actuators.lag, change, ensemble.actuators.lag: it is the contr"
-    )
+    assert line.startswith("the C is without loop.jitter, actuators.lag, change: it is the controller alone, not")
     worst = loop.worst if loop.worst.size > loop.changed[0].size else loop.changed[0]
     alpha = min(loop.margins.disk.alpha, loop.margins_of_worst[1].disk.alpha)
     assert verdicts[0].startswith("stable in C with a delay of 2 samples")

@@ -30,10 +30,8 @@ def test_it_hunts_alike_in_every_host(springs: bool) -> None:
     """Expected: the unit at 1e-11. Asked were 1e-6 at 1e-10, 1e-4 at 1 ms."""
     from gough_stewart import load_experiment
     from gough_stewart.harness.experiment.preparation import prepare
-    from gough_stewart.harness.export.machine import machine_of
     from gough_stewart.harness.plants.open import ModelPlant
-    from tests.harness.export.test_machine import Machine
-    from tests.support.hunting import GIVES, SETTINGS, cycle_of
+    from tests.support.hunting import GIVES, SETTINGS
 
     more = GIVES if springs else {}
     fixed: dict[str, Any] = {**more, "plant.fixed_step_size": 1e-3}
@@ -41,12 +39,8 @@ def test_it_hunts_alike_in_every_host(springs: bool) -> None:
     print(exact)
     experiment = load_experiment("hold_against_gravity", SETTINGS | more)
     prepared = prepare(experiment)
-    machine = Machine(machine_of(experiment, prepared, kept=4601))
-    signals = machine.run(4601)["row_signals"]
-    time = prepared.loop.timing.times
     found = {
         "C": (hunting(**more), 1e-6),
-        "live machine": (cycle_of(time, signals[:, 2], signals[:, 8]), 1e-6),
         "fmu2": (hunting("fmu2", **more), 1e-6),
         "fmu3": (hunting("fmu3", **more), 1e-6),
         "Python": (hunting(ModelPlant(prepared.machine, None, 1e-10), **more), 1e-6),
