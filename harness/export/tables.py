@@ -129,7 +129,8 @@ def _add_path(tables: ConstantTables, source: TimedPath) -> None:
     tables.lines.append("#include <stdint.h>")
     tables.add("FIRST_KNOT", np.searchsorted(begin, begins), "int32_t")
     tables.add("KNOTS", knots, "moment")
-    tables.add("LAW_VALUE", np.rint((at.value - begin) / _UNIT), "int32_t")
+    # at the end of a path of one piece the value is 1, one unit beyond the largest number
+    tables.add("LAW_VALUE", np.minimum(np.rint((at.value - begin) / _UNIT), 2**31 - 1), "int32_t")
     tables.add("LAW_RATE", at.rate.astype(np.float32).astype(float), "float")
     tables.add("LAW_CHANGE", at.acceleration.astype(np.float32).astype(float), "float")
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
+from gough_stewart.harness.control.by_hand import HandMotion
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.controllers import Feedforward
 from gough_stewart.harness.control.drive import Drive, ForceLimits
@@ -177,14 +178,13 @@ def motion_function(reference: Reference, home: Home | None = None) -> casadi.Fu
         if home is not None:
             at = at._replace(position=pose[:, :3], orientation=pose[:, 3:])
         return symbols.function("motion_of_table", parts, {"motion": vector_of(at)})
-    time = casadi.SX.sym("time")
-    try:
-        motion = vector_of(_from_home(reference(symbols.elements(time)), home))
-    except Exception as error:  # a user's motion may raise anything when called with a symbol
+    if isinstance(reference, HandMotion):
         raise ExportError(
-            f"the reference cannot be traced with CasADi ({type(error).__name__}: {error}); expected arithmetic "
-            "without branches, or export with reference = 'inputs'"
-        ) from error
+            "the reference is a motion by hand, which is no formula and no table; expected reference = 'inputs', with "
+            "the poses of a record as inputs, or a motion file"
+        )
+    time = casadi.SX.sym("time")
+    motion = vector_of(_from_home(reference(symbols.elements(time)), home))
     return symbols.function("motion", {"time": time}, {"motion": motion})
 
 

@@ -16,7 +16,7 @@ from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.formulations.cases import paper_case
 from tests.support.arrays import FloatArray
-from tests.support.controllers import SAMPLE_TIME, run_of, uneven_experiment
+from tests.support.controllers import SAMPLE_TIME, uneven_experiment
 from tests.support.exported_loop import MISTAKEN, exported_loop
 
 pytestmark = pytest.mark.evidence
@@ -59,7 +59,7 @@ def test_plant_and_controller_connected_in_libcosim_are_the_loop_in_python(
     from libcosimpy.CosimSlave import CosimLocalSlave
 
     experiment = uneven_experiment(tmp_path, rate_limit=None)
-    loop, controller = run_of(experiment), component_of(designed(experiment))
+    record, controller = gs.run(experiment), component_of(designed(experiment))
     prepared = prepare(experiment)
     own = plant_component(
         prepared.platform, start=prepared.start, actuator_force=prepared.loop.start_force, is_in_a_system=True
@@ -82,7 +82,8 @@ def test_plant_and_controller_connected_in_libcosim_are_the_loop_in_python(
     assert execution.simulate_until(round(samples * SAMPLE_TIME * 1e9))
     first = PLANT.by_name["position"].first
     pose = np.array(observer.last_real_values(plant, list(range(first, first + 6))))
-    error = np.abs(pose - loop.results[4 * samples, :6]).max()
+    expected = np.concatenate([record["position"][4 * samples], record["orientation"][4 * samples]])
+    error = np.abs(pose - expected).max()
     log = capfd.readouterr()
     print(f"libcosim against the loop in Python: {error:.1e} m, rad")
     assert error <= 1e-9

@@ -1,6 +1,6 @@
 // Plays sessions in the worker of live pages, without a browser: node session.mjs SESSIONS.json OUT.json
-// SESSIONS has the data of pages and, of each session, its page and the messages that its hand sends. OUT has what the
-// worker said in each, by the type of message.
+// SESSIONS has the data of pages and, of each session, its page and the messages that its hand sends; one of type "hear"
+// waits until the worker says `what`. OUT has what the worker said in each, by the type of message.
 import * as fs from "node:fs";
 import process from "node:process";
 import vm from "node:vm";
@@ -19,8 +19,11 @@ const play = async ({ page, messages }) => {
   });
   vm.runInContext(worker, context);
   const until = (type) => new Promise((resolve) => { hear = (heard) => { if (heard === type) resolve(); }; });
-  for (const message of [{ type: "open", data }, ...messages, { type: "state" }]) context.onmessage({ data: message });
-  await until("state");
+  for (const message of [{ type: "open", data }, ...messages, { type: "state" }]) {
+    const heard = message.type === "hear" ? until(message.what) : message.type === "state" ? until("state") : null;
+    if (message.type !== "hear") context.onmessage({ data: message });
+    await heard;
+  }
   return said;
 };
 const out = [];

@@ -1,6 +1,5 @@
 """Exported controllers that carry drives and sensors, against runs; unequal clocks, six different legs."""
 
-import re
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,20 +12,11 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
-from gough_stewart import Experiment, UnstableLoopError
-from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.export.choices import Part, carried
-from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.notes import Notes, left_out, notes_of
-from gough_stewart.harness.export.stability import Host, stability_of
-from gough_stewart.harness.loop.run import Run
-from gough_stewart.harness.plants import signals
-from tests.harness.export.test_controllers import PD
-from tests.harness.export.test_controllers import PID as UNFED
-from tests.harness.export.test_controllers import SINE as UNFADED
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.exported import Exported, run_in_python, uneven_experiment
+from tests.support.exported import PD, Exported, source_of, uneven_experiment
+from tests.support.exported import PID as UNFED
+from tests.support.exported import SINE as UNFADED
 from tests.support.exported_loop import EXPORTED
 from tests.support.sampled_unit import run_unit
 
@@ -36,8 +26,8 @@ LOOP: dict[str, Any] = {"duration": 0.15, "sample_time": 0.0015, "plant_step": 0
 ACTUATORS: dict[str, Any] = {"force_limit": 90.0, "rate_limit": 9e3, "lag": 0.0021}
 SENSORS: dict[str, Any] = {"quantisation": {"leg_length": 2e-4}, "sample_time": 0.001}
 TASK = {**PD, "space": "task"}
-PARTS: tuple[Part, ...] = ("drives", "sensors")
-Row = tuple[dict[str, Any], tuple[Part, ...]]
+PARTS = ("drives", "sensors")
+Row = tuple[dict[str, Any], tuple[str, ...]]
 ROWS: dict[str, Row] = {
     "readings faster than samples": ({}, PARTS),
     "readings slower than samples, no lag": (
@@ -70,28 +60,14 @@ ROWS: dict[str, Row] = {
 }
 
 
-def made(tables: Mapping[str, Any]) -> Experiment:
+def made(tables: Mapping[str, Any]) -> gs.Experiment:
     tables = {"reference": SINE, "controller": PID, "loop": LOOP, "actuators": ACTUATORS, "sensors": SENSORS, **tables}
     return uneven_experiment(**tables)
 
 
-def steps_of(experiment: Experiment, parts: tuple[Part, ...]) -> tuple[int, int]:
-    """Rows of a run from step to step of the exported code, and rows of the delay."""
-    step = experiment.loop.plant_step or experiment.loop.sample_time
-    in_sample = round(experiment.loop.sample_time / step)
-    is_fine = "drives" in parts or experiment.sensors.sample_time is not None
-    return 1 if is_fine else in_sample, in_sample * experiment.loop.delay
-
-
-def true_signals(run: Run, names: list[str]) -> FloatArray:
-    return run.results[:, signals.positions(names) if names else []]
-
-
-def forces_of(code: Exported, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Forces and flags of every step, and which of them the rate limit affects."""
-    code.start()
-    found = [code.step(row) for row in rows]
-    return np.array([each[0] for each in found]), np.array([each[1] for each in found])
+def true_lengths(record: gs.Record) -> FloatArray:
+    """What the legs are at every row, with which exported code is fed."""
+    return np.asarray(record["leg_length"][:-1])
 
 
 @pytest.mark.parametrize("name", ROWS)
@@ -102,50 +78,44 @@ def test_c_gives_the_forces_that_act_in_a_run(name: str) -> None:
     """
     tables, parts = ROWS[name]
     experiment = made(tables)
-    run = run_in_python(experiment)
-    code = Exported(designed(experiment, parts=parts))
-    every, late = steps_of(experiment, parts)
-    true = true_signals(run, [v.name for v in code.designed.measured])[:-1:every]
-    force, limited = forces_of(code, true)
-    expected = run.inputs[:-1:every, :6]
-    n = late // every
-    expected, force, limited = expected[n:], force[: len(force) - n], limited[: len(limited) - n]
+    record, code, loop = gs.run(experiment), Exported(source_of(experiment, parts=parts)), experiment.loop
+    # rows of a run from step to step of the exported code, and steps of the delay
+    in_sample = round(loop.sample_time / (loop.plant_step or loop.sample_time))
+    every = 1 if "drives" in parts or experiment.sensors.sample_time is not None else in_sample
+    n = in_sample * loop.delay // every
+    true = true_lengths(record)[::every]
+    force, limited = code.steps(true if code.sizes["N_MEASURED"] else true[:, :0])
+    expected = record["actuator_force"][:-1:every][n:]
     assert np.ptp(expected, axis=0).min() > 1.5
-    assert np.abs(force - expected).max() < 1e-9 * np.abs(expected).max()
-    of_rows = run.force_limited[run.sample_of_row][: len(run.inputs) - 1 : every][: len(limited)]
-    np.testing.assert_array_equal(limited, of_rows)
+    assert np.abs(force[: len(expected)] - expected).max() < 1e-9 * np.abs(expected).max()
+    np.testing.assert_array_equal(limited, record["flag.force_limited"][:-1:every])
     if "force_limit" in tables.get("actuators", ACTUATORS):
         assert limited.any()
 
 
-def test_settings_of_drives_and_sensors_are_live() -> None:
-    """Expected: a run with the new values from the start; and what is set to 0 is not there."""
-    code = Exported(designed(made({}), parts=PARTS))
+def test_settings_of_drives_and_sensors_are_live_and_bounded() -> None:
+    """Expected: a run with the new values from the start, and what is set to 0 is not there; a refusal's number."""
+    code = Exported(source_of(made({}), parts=PARTS))
     for lag, rate, limit, step in ((0.006, 4e3, 70.0, 5e-4), (0.0, 0.0, 0.0, 0.0)):
         values = {"force_limit": limit or "none", "lag": lag, **({"rate_limit": rate} if rate else {})}
-        experiment = made(
-            {"actuators": values, "sensors": {"quantisation": {"leg_length": step}, "sample_time": 0.001}}
-        )
-        run = run_in_python(experiment)
+        sensors = {"quantisation": {"leg_length": step}, "sample_time": 0.001}
+        record = gs.run(made({"actuators": values, "sensors": sensors}))
         for name, value in (("force_lag", lag), ("force_rate_limit", rate), ("force_limit", limit)):
             code.parameters[name] = value
         code.parameters["leg_length_quantisation"] = step
         # an open force limit changes the excess alone, and starts from the same forces
-        force, _ = forces_of(code, true_signals(run, ["leg_length"])[:-1])
-        expected = run.inputs[6:-1, :6]
+        force, _ = code.steps(true_lengths(record))
+        expected = record["actuator_force"][6:-1]
         assert np.abs(force[:-6] - expected).max() < 1e-9 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("force_lag", -1e-3), ("force_lag", np.inf), ("leg_length_quantisation", -1e-6),
-     ("leg_length_quantisation", 1e-16), ("leg_length_quantisation", np.nan), ("force_rate_limit", 1e-4)],
-)  # fmt: skip
-def test_settings_that_cannot_be_are_refused(name: str, value: float) -> None:
-    """Expected: the number of the parameter in the struct."""
-    code = Exported(designed(made({}), parts=PARTS))
-    code.parameters[name] = value
-    assert code.prepare() == 1 + [s.variable.name for s in code.designed.settings].index(name)
+    for name, bad in (
+        *(("force_lag", value) for value in (-1e-3, np.inf)),
+        *(("leg_length_quantisation", value) for value in (-1e-6, 1e-16, np.nan)),
+        ("force_rate_limit", 1e-4),
+    ):
+        good = code.parameters[name].copy()
+        code.parameters[name] = bad
+        assert code.prepare() == 1 + code.names.index(name)
+        code.parameters[name] = good
 
 
 def test_signals_have_quantisers_of_their_own() -> None:
@@ -155,58 +125,49 @@ def test_signals_have_quantisers_of_their_own() -> None:
     out = 1e3 * s["leg_length"] + casadi.vertcat(1e4 * s["orientation"], casadi.SX.zeros(3))
     law = casadi.Function("law", list(s.values()), [out], list(s), ["actuator_force"])
     steps = {"leg_length": 0.004, "orientation": 0.03}
-    experiment = made(
-        {"controller": {"type": "open_loop"}, "actuators": {"force_limit": "none"}, "sensors": {"quantisation": steps}}
-    )
-    code = Exported(designed(experiment, law, parts=("sensors",)))
+    around = {"actuators": {"force_limit": "none"}, "sensors": {"quantisation": steps}}
+    code = Exported(source_of(made({"controller": {"type": "open_loop"}, **around}), law, parts="sensors"))
     rng = np.random.default_rng(5)
     rows = np.hstack([rng.uniform(-0.2, 0.2, (30, 3)), rng.uniform(2.6, 3.2, (30, 6))])
-    force, _ = forces_of(code, rows)
     angle, length = (q * np.rint(part / q) for q, part in ((0.03, rows[:, :3]), (0.004, rows[:, 3:])))
     expected = 1e3 * length + 1e4 * np.hstack([angle, 0 * angle])
-    assert np.abs(force - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.abs(code.steps(rows)[0] - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 # --- units and systems -----------------------------------------------------------------------------------------------
 
+Written = tuple[gs.Record, list[Path], list[str]]
+
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Experiment, list[Path], list[str]]:
-    """The units of a loop with everything, and the warnings."""
+def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
+    """The run of a loop with everything, its units, and the warnings."""
     experiment, said = made({}), list[str]()
-    files = gs.export(experiment, forms=["fmu"], parts=["drives", "sensors"], out=tmp_path_factory.mktemp("units"),
-                      warn=said.append, allow_unstable=True)  # fmt: skip
-    return experiment, files, said
+    files = gs.export(experiment, parts=PARTS, out=tmp_path_factory.mktemp("units"), warn=said.append,
+                      allow_unstable=True)  # fmt: skip
+    return gs.run(experiment), files, said
 
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("parts_of_step", [1, 2])
-def test_units_give_the_forces_that_act_in_a_run(
-    written: tuple[Experiment, list[Path], list[str]], version: int, parts_of_step: int
-) -> None:
+def test_units_give_the_forces_that_act_in_a_run(written: Written, version: int, parts_of_step: int) -> None:
     """Expected: the run's rows; all of the delay is the unit's. By FMPy, in steps of the plant and in half of them."""
-    experiment, files, _ = written
-    run = run_in_python(experiment)
-    (path,) = (file for file in files if f"fmi{version}" in file.name)
-    true = true_signals(run, ["leg_length"])[:-1]
-    inputs = [{"leg_length": row} for row in true]
-    outputs, begun = run_unit(path, inputs, 0.0005, 0.0, parts_of_step, ["rate_limited"])
+    record, files, _ = written
+    inputs, acting = [{"leg_length": row} for row in true_lengths(record)], record["actuator_force"]
+    outputs, begun = run_unit(files[version - 2], inputs, 0.0005, 0.0, parts_of_step, ["rate_limited"])
     assert begun["output_delay"] == 2
     # outputs are those of the next row
-    assert np.abs(outputs.force[:-1] - run.inputs[1:-1, :6]).max() < 1e-9 * np.abs(run.inputs[:, :6]).max()
-    assert np.abs(run.inputs[:-1, :6] - run.inputs[0, :6]).max() > 10
-    np.testing.assert_array_equal(begun["rate_limited"][:-1], run.rate_limited[1:-1])
-    commanded = run.force_limited[run.sample_of_row][:-1]
-    np.testing.assert_array_equal(outputs.limited[5:], commanded[: len(commanded) - 5])
+    assert np.abs(outputs.force[:-1] - acting[1:-1]).max() < 1e-9 * np.abs(acting).max()
+    assert np.abs(acting[:-1] - acting[0]).max() > 10
+    np.testing.assert_array_equal(begun["rate_limited"][:-1], record["flag.rate_limited"][1:-1])
+    np.testing.assert_array_equal(outputs.limited[5:], record["flag.force_limited"][:-6])
 
 
-def test_a_unit_takes_its_steps_by_itself(written: tuple[Experiment, list[Path], list[str]]) -> None:
+def test_a_unit_takes_its_steps_by_itself(written: Written) -> None:
     """Expected: for inputs that stay, the forces of short communication steps, at the ends of longer ones."""
-    _, files, _ = written
-    (path,) = (file for file in files if "fmi3" in file.name)
     lengths = np.array([2.81, 2.92, 2.77, 2.88, 2.97, 2.84])
     short, *others = (
-        run_unit(path, [{"leg_length": lengths}] * round(0.06 / step), step, 1.7)[0].force
+        run_unit(written[1][1], [{"leg_length": lengths}] * round(0.06 / step), step, 1.7)[0].force
         for step in (0.0005, 0.003, 0.0025)
     )
     assert np.abs(np.diff(short, axis=0)).max() > 1
@@ -214,21 +175,17 @@ def test_a_unit_takes_its_steps_by_itself(written: tuple[Experiment, list[Path],
         np.testing.assert_array_equal(force, short[n - 1 :: n])
 
 
-def test_a_loop_of_the_harness_refuses_a_unit_with_parts(written: tuple[Experiment, list[Path], list[str]]) -> None:
+def test_a_loop_of_the_harness_refuses_a_unit_with_parts(written: Written) -> None:
     """Expected: its drives would act twice; what is wrong, and what to do."""
-    experiment, files, _ = written
-    table = {"type": "fmu", "file": str(files[0]), "parameters": {"output_delay": 1}}
-    with pytest.raises(
-        gs.GoughStewartError, match="carries drives or sensors of its machine, which the loop has as well"
-    ):
-        gs.run(experiment, {"controller": table})
+    table = {"type": "fmu", "file": str(written[1][0]), "parameters": {"output_delay": 1}}
+    with pytest.raises(gs.GoughStewartError, match="carries drives or sensors of its machine, which the loop has as"):
+        gs.run(made({}), {"controller": table})
 
 
-def test_a_unit_says_what_it_carries(written: tuple[Experiment, list[Path], list[str]]) -> None:
+def test_a_unit_says_what_it_carries(written: Written) -> None:
     """Expected: outputs, live parameters with units, and the clock, in the description; the rest in its page."""
     _, files, said = written
-    (path,) = (file for file in files if "fmi2" in file.name)
-    description = fmpy.read_model_description(str(path))
+    description = fmpy.read_model_description(str(files[0]))
     variables = {v.name: v for v in description.modelVariables}
     assert description.defaultExperiment.stepSize == "0.0005"
     assert variables["rate_limited[6]"].causality == "output"
@@ -239,12 +196,13 @@ def test_a_unit_says_what_it_carries(written: tuple[Experiment, list[Path], list
     ):
         v = variables[name]
         assert (v.start, v.unit or v.declaredType.unit, v.variability) == (start, unit, "tunable")
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(files[0]) as archive:
         page = archive.read("documentation/index.html").decode()
-    assert "their means over each step of 0.5 ms" in page
-    assert "measurements are read every 1 ms, and quantised" in page
-    assert "Nothing of the experiment is left out." in page
-    assert "3 in a sample" in page
+    for text in (
+        *("their means over each step of 0.5 ms", "measurements are read every 1 ms, and quantised"),
+        *("Nothing of the experiment is left out.", "3 in a sample"),
+    ):
+        assert text in page
     assert not any("without" in text for text in said)
 
 
@@ -258,13 +216,12 @@ def test_an_ssp_with_its_parts_is_the_loop_of_the_harness(tmp_path: Path) -> Non
         "actuators": {"rate_limit": 2e5, "lag": 0.004}, "limits.reference": "warn",
         "sensors.quantisation": {"leg_length": 1e-6},
     }  # fmt: skip
-    names = [f"leg_length[{k}]" for k in range(1, 7)]
     (ssp,) = gs.export("heave_step", settings, forms="ssp", parts=PARTS, out=tmp_path)
     result = simulate_ssp(str(ssp), stop_time=0.1195, step_size=0.001)
-    found = np.stack([result[f"plant.{name}"] for name in names], axis=1)
+    found = np.stack([result[f"plant.leg_length[{k}]"] for k in range(1, 7)], axis=1)
     # FMPy's rows are of the ends of steps
     run, other = (
-        gs.run("heave_step", each).table.select(names).to_numpy()[1:]
+        gs.run("heave_step", each)["leg_length"][1:]
         for each in (settings, {**settings, "actuators": {}, "sensors.quantisation": {}})
     )
     assert np.abs(found - run).max() < 2e-8
@@ -276,87 +233,62 @@ def test_an_ssp_with_its_parts_is_the_loop_of_the_harness(tmp_path: Path) -> Non
     assert "Nothing of the experiment is left out." in text
 
 
-# --- what is said, judged and refused --------------------------------------------------------------------------------
+# --- what is said and judged -----------------------------------------------------------------------------------------
 
 
-def test_what_is_carried_is_not_left_out() -> None:
-    """Expected: by part, beside noise and what varies."""
-    experiment = gs.load_experiment("heave_step", {
-        "actuators": {"lag": 0.002, "rate_limit": 1e5}, "loop.jitter": 0.0005, "loop.plant_step": 0.0005,
-        "sensors": {"noise": {"leg_length": 1e-5}, "quantisation": {"leg_length": 1e-5}, "sample_time": 0.002},
-        "ensemble.actuators.lag": {"uniform": [0.001, 0.002]},
-    })  # fmt: skip
-    drives, sensors = ["actuators.rate_limit", "actuators.lag"], ["sensors.quantisation", "sensors.sample_time"]
-    rest = ["loop.jitter", "sensors.noise"]
-    assert sorted(left_out(experiment, "c")) == sorted([*drives, *sensors, *rest])
-    assert sorted(left_out(experiment, "c", ("drives",))) == sorted([*sensors, *rest, "ensemble.actuators.lag"])
-    assert sorted(left_out(experiment, "ssp", PARTS)) == sorted([*rest, "ensemble.actuators.lag"])
+def judged(settings: Mapping[str, Any], form: Any, parts: Any, folder: Path) -> tuple[list[Any], list[str], str]:
+    """The loops of a form that carries these parts, its warnings, and what it says of itself."""
+    loops, said = list[Any](), list[str]()
+    settings = {"loop.duration": 0.05, **settings}
+    options: dict[str, Any] = {"fmi": ["2.0"], "allow_unstable": True}
+    files = gs.export("heave_step", settings, forms=form, parts=parts, out=folder, stability=loops.extend,
+                      warn=said.append, **options)  # fmt: skip
+    if form == "c":
+        text = files[1].read_text()
+    else:
+        with zipfile.ZipFile(files[0]) as archive:
+            text = archive.read("documentation/index.html").decode()
+    return loops, said, " ".join(text.split())
 
 
-def judged(settings: dict[str, Any], host: Host, parts: tuple[Part, ...]) -> tuple[Any, Notes]:
-    """The loops of a form that carries these parts, and what is said of it."""
-    experiment = gs.load_experiment("heave_step", {"loop.duration": 0.05, **settings})
-    prepared = prepare(experiment)
-    report = stability_of(experiment, prepared, (host,), parts=parts, margins=False)[host]
-    return report.loops, notes_of(experiment, host, report, carried(parts, prepared))
+def test_what_is_carried_is_not_left_out_and_the_loop_with_drives_is_judged_with_their_lag(tmp_path: Path) -> None:
+    """Expected: by part, beside noise and what varies; of members the carried lag, since a form holds one.
 
-
-def test_the_loop_of_an_ssp_with_drives_is_judged_with_their_lag(tmp_path: Path) -> None:
-    """Expected: a lag that makes the loop unstable refuses the export with the drives, and not without them.
-
-    Members with other lags have the carried one, since a form holds one; those in C without drives have their own.
+    Members in C without drives have their own. All of an FMU's delay is its own with drives, so that it has one loop.
     """
+    settings = {
+        "controller.bandwidth": 2, "loop.delay": 3, "actuators.rate_limit": 1e5, "actuators.lag": 0.004,
+        "sensors": {"noise": {"leg_length": 1e-5}, "quantisation": {"leg_length": 1e-5}, "sample_time": 0.002},
+        "ensemble.actuators.lag": {"grid": [0.001, 0.002]},
+    }  # fmt: skip
+    drives = {"actuators.rate_limit", "actuators.lag"}
+    sensors = {"sensors.quantisation", "sensors.sample_time"}
+    whole, alone, late = (3, 0.004, 0.001), (1, 0.0, 0.0), (3, 0.004, 0.0)
+    cases: list[tuple[str, Any, set[str], list[Any], set[float]]] = [
+        ("c", (), {*drives, *sensors, "sensors.noise"}, [whole], {0.001, 0.002}),
+        ("c", "drives", {*sensors, "sensors.noise", "ensemble.actuators.lag"}, [whole], {0.004}),
+        ("fmu", PARTS, {"sensors.noise", "ensemble.actuators.lag"}, [whole], {0.004}),
+        ("fmu", "sensors", {*drives, "sensors.noise"}, [whole, (1, 0.0, 0.001)], {0.0, 0.001, 0.002}),
+        ("ssp", "drives", {*sensors, "sensors.noise", "ensemble.actuators.lag"}, [late], {0.004}),
+        ("fmu", (), {*drives, *sensors, "sensors.noise"}, [whole, alone], {0.0, 0.001, 0.002}),
+    ]
+    for k, (form, parts, missing, delays, lags) in enumerate(cases):
+        loops, said, text = judged(settings, form, parts, tmp_path / str(k))
+        (without,) = [line for line in said if " is without " in line]
+        assert set(without.partition(" is without ")[2].partition(": it ")[0].split(", ")) == missing, (form, parts)
+        assert sorted(tuple(loop.nominal.loop) for loop in loops) == [pytest.approx(d) for d in sorted(delays)]
+        assert {loop.worst.loop.lag for loop in loops} <= lags
+        assert ("Drives: the forces are those that act" in text) == ("drives" in parts)
+        assert ("The lag of the drives was part of it" in text) == ("drives" in parts)
+        assert ("(output_delay = 3)" in text) == (form != "c" and "drives" in parts)
+
+
+def test_a_lag_that_makes_the_loop_unstable_refuses_an_ssp_with_drives_alone(tmp_path: Path) -> None:
     settings = {"controller.bandwidth": 8, "actuators.lag": 0.03}
-    (loop,), notes = judged(settings, "ssp", ())
+    (loop,), _, _ = judged(settings, "ssp", (), tmp_path)
     assert (loop.nominal.loop.lag, loop.is_stable) == (0.0, True)
-    assert "The lag of the drives" not in " ".join(notes.inside)
-    with pytest.raises(UnstableLoopError, match=r"in the SSP the closed loop is unstable .* a lag of 30 ms"):
+    with pytest.raises(gs.UnstableLoopError, match=r"in the SSP the closed loop is unstable .* a lag of 30 ms"):
         gs.export("heave_step", settings, forms="ssp", parts="drives", out=tmp_path / "with")
-    ensemble = {"ensemble.actuators.lag": {"choice": [0.001, 0.002]}, "ensemble.members": 6}
-    members = {"controller.bandwidth": 3, "actuators.lag": 0.004, **ensemble}
-    for parts, lags in (((), {0.001, 0.002}), (PARTS, {0.004})):
-        (loop,), notes = judged(members, "c", parts)
-        assert loop.worst.loop.lag in lags
-        assert ("The lag of the drives was part of it" in " ".join(notes.inside)) == bool(parts)
-
-
-def test_an_fmu_with_drives_has_one_loop_with_the_whole_delay() -> None:
-    """Expected: the delay of the experiment, and no second loop directly at a plant."""
-    settings = {"loop.delay": 3, "actuators.lag": 0.002, "controller.bandwidth": 2}
-    loops, notes = judged(settings, "fmu", ("drives",))
-    assert [(loop.surroundings.where, loop.nominal.loop) for loop in loops] == [("with the FMU", (3, 0.002, 0.0))]
-    assert notes.inside[0].startswith("Drives: the forces are those that act")
-    assert notes.inside[1].startswith("Delay: forces act 3 samples after their measurement (output_delay = 3)")
-    loops, notes = judged(settings, "fmu", ("sensors",))
-    assert [loop.nominal.loop for loop in loops] == [(3, 0.002, 0.0), (1, 0.0, 0.0)]
-    assert notes.inside[1].startswith("Delay: the unit outputs the forces of a sample one sample later")
-
-
-def test_readings_later_than_the_samples_are_in_the_judged_delay() -> None:
-    """Expected: of readings each 4 ms a sample of 1 ms has one at most 3 ms old; an SSP without sensors reads at it."""
-    settings = {"sensors.sample_time": 0.004, "sensors.quantisation": {}}
-    cases: list[tuple[Host, Part, float]] = [("ssp", "sensors", 0.003), ("ssp", "drives", 0), ("c", "drives", 0.003)]
-    for form, part, late in cases:
-        loops, _ = judged(settings, form, (part,))
-        assert [loop.nominal.loop.late for loop in loops] == [pytest.approx(late)], (form, part)
-
-
-@pytest.mark.parametrize(
-    ("parts", "settings", "message"),
-    [
-        ("drive", {}, "no part 'drive'; did you mean 'drives'?"),
-        (3, {}, "parts is 3; expected one or more of drives, sensors, manual"),
-        (
-            "drives",
-            {"loop.duration": 0.06, "loop.sample_time": 0.02, "loop.plant_step": 1e-5, "controller.bandwidth": 0.2},
-            "drives run at the plant_step of 1e-05 s, 2000 times in a sample of 0.02 s; expected at most 1000 times",
-        ),
-    ],
-)
-def test_parts_that_cannot_be_are_refused(parts: Any, settings: dict[str, Any], message: str, tmp_path: Path) -> None:
-    with pytest.raises(gs.GoughStewartError, match=re.escape(message)):
-        gs.export("heave_step", settings, forms="c", parts=parts, out=tmp_path / "out")
-    assert not (tmp_path / "out").exists()
 
 
 def test_the_command_takes_parts(tmp_path: Path) -> None:

@@ -1,129 +1,127 @@
 """Exported controllers in C against the controllers of the harness, at every sample of a run.
 
-Expected: what the Python loop commanded (`simulate`: laws in NumPy, LAPACK's solves, actuators), from the same
-measurements. The platform is uneven, as are gains and motions; runs start off the reference, with noise.
+Expected: what the controller of `gs.run` commanded (laws and feedforward in NumPy), from the same measurements. The
+platform is uneven, as are gains and motions; runs start off the reference, with noise. Options and laws in all
+combinations are in test_options_together.py, against a controller that is written from the documentation.
 """
 
-from collections.abc import Iterable
+import re
 from pathlib import Path
 from typing import Any
 
-import casadi
 import control
 import numpy as np
 import pytest
 
-from gough_stewart import Gains, LinearController, Sample, experiment_names, leg_geometry, load_experiment, pid, sampled
-from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.tables import path_of
-from tests.support.arrays import FloatArray
-from tests.support.experiments import experiment_from
+import gough_stewart as gs
 from tests.support.exported import (
+    CIRCLE,
+    HOLD,
     KD,
     KI,
-    KP,
+    PD,
+    PID,
     REALS,
+    SINE,
     TOLERANCE,
     Exported,
     commanded,
     largest_difference,
     measured_by,
-    run_in_python,
+    samples_of,
+    source_of,
     uneven_experiment,
+    words_of,
 )
 from tests.support.uneven import UNEVEN
 
-SINE = {
-    "type": "sine",
-    "position_amplitude": [0.03, -0.02, 0.04],
-    "orientation_amplitude": [0.02, 0.05, -0.03],
-    "frequency": 4.0,
-    "phase": 0.4,
-    "fade_in": 0.05,
-}
 CHIRP = {**SINE, "type": "chirp", "from_frequency": 2.0, "to_frequency": 7.0, "duration": 0.1}
 del CHIRP["frequency"], CHIRP["phase"]
-CIRCLE = {"type": "circle", "radius": 0.04, "frequency": 3.0, "plane": "xz", "fade_in": 0.06}
-HOLD: dict[str, Any] = {"type": "hold", "position": [0.1, -0.07, 2.93], "orientation": [0.06, -0.09, 0.13]}
-PD = {"type": "pd", "proportional_gain": KP, "derivative_gain": KD}
-PID = {"type": "pid", "proportional_gain": KP, "derivative_gain": KD, "integral_gain": KI}
-CASES: dict[str, dict[str, Any]] = {
-    "PD, no feedforward": {"reference": CHIRP, "controller": PD},
+POSES = [[0.0] * 6, [0.3, 0.1, 0.2, 0.0, 0.14, 0.0]]
+PATH: dict[str, Any] = {"reference.poses": POSES, "loop.duration": 2.5}
+# Tables of the uneven experiment, or settings of a shipped one; and a law that replaces its own.
+CASES: dict[str, Any] = {
     "PD along a scaled motion": {
         "reference": {**CHIRP, "time_scale": 1.3, "amplitude_scale": -0.7},
-        "controller": {**PD, "feedforward": "computed_torque"},
-    },
-    "PD with computed torque, no derivative in two legs": {
-        "reference": CIRCLE,
-        "controller": {**PD, "derivative_gain": [0, *KD[1:5], 0], "feedforward": "computed_torque"},
+        "controller": {**PD, "feedforward": "computed_torque", "derivative_gain": [0, *KD[1:5], 0]},
     },
     "PID held, with every limit": {
         "reference": SINE,
         "controller": {**PID, "feedforward": "gravity", "discretisation": "zoh", "anti_windup_time": 0.02},
         "actuators": {"force_limit": 47.0, "rate_limit": 900.0, "lag": 0.004},
     },
-    "PID in task space at its rate limit": {
-        "reference": SINE,
-        "controller": {**PID, "space": "task", "feedforward": "computed_torque"},
-        "actuators": {"force_limit": 80.0, "rate_limit": 700.0},
-    },
     "PD at a place": {"reference": HOLD, "controller": {**PD, "feedforward": "gravity"}},
+    "sines of an excitation": ("excitation", {"loop.duration": 0.3}),
+    "rows of a recording": ("recorded_ride", {"loop.duration": 0.3}),
+}
+# Motions along a path: settings of a shipped experiment.
+SMALLER = {"reference.interpolation": "cubic", "reference.time_scale": 1.3, "reference.amplitude_scale": -0.6}
+CHOSEN = {"reference.timing": 2.0, "reference.margin": 0.0, "reference.ramp": 0.0, "reference.at": 0.0}
+PATHS = {
+    "fastest, without a ramp": {**SMALLER, "reference.ramp": 0.0},
+    "in a chosen time": CHOSEN,
+    "fastest, with a ramp": {},
 }
 
 
-# Motions that tests/harness/export/test_options_together.py has not; the others take their time.
-OF_CASES = ("PD along a scaled motion", "PID held, with every limit", "PD at a place", "PD, no feedforward")
+def experiment_of(case: str) -> gs.Experiment:
+    """An experiment of the table."""
+    tables = CASES[case]
+    return uneven_experiment(**tables) if isinstance(tables, dict) else gs.load_experiment(*tables)
 
 
-def often(names: Iterable[str], chosen: Iterable[str]) -> list[Any]:
-    """Names of cases; those that are not chosen run with the evidence."""
-    return [pytest.param(each, marks=() if each in chosen else pytest.mark.evidence) for each in names]
-
-
-@pytest.mark.parametrize("case", often(CASES, OF_CASES))
+@pytest.mark.parametrize("case", CASES)
 def test_an_exported_controller_gives_the_forces_of_the_harness(case: str) -> None:
-    experiment = uneven_experiment(**CASES[case])
-    made, run = designed(experiment), run_in_python(experiment)
-    assert run.outcome.status == "completed"
-    expected = commanded(run, made)
-    if "limit" in case:
-        assert run.force_limited.any()
-        assert not run.force_limited.all()
+    experiment = experiment_of(case)
+    record, source = gs.run(experiment), source_of(experiment)
+    expected, limited = commanded(record), samples_of(record, "flag.force_limited")
+    assert record.metadata["outcome"]["status"] == "completed"
+    assert limited.any() == ("limit" in case)
     for real in REALS:
-        exported = Exported(made, real).start()
-        steps = [exported.step(row) for row in measured_by(run, made)]
-        assert largest_difference(np.array([force for force, _ in steps]), expected) < TOLERANCE[real], real
-        assert np.array_equal([limited for _, limited in steps], run.force_limited)
+        force, flags = Exported(source, real).steps(measured_by(record))
+        assert np.array_equal(flags, limited)
+        assert largest_difference(force, expected) < TOLERANCE[real], real
 
 
-def systems() -> dict[str, LinearController]:
-    """Discrete systems with states, of every form."""
+@pytest.mark.parametrize("motion", [pytest.param(m, marks=pytest.mark.evidence if "with " in m else ()) for m in PATHS])
+def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
+    """Expected: the feedforward of the run, to 1e-6 of the largest force, since the time law of a path is rounded.
+
+    From before the motion to after its end. A header says what the rounding costs, and the flash that it takes.
+    """
+    settings = {"reference.poses": POSES, "loop.duration": 2.5, **PATHS[motion]}
+    alone = {**settings, "controller": {"type": "open_loop", "feedforward": "computed_torque"}}
+    expected = samples_of(gs.run("fastest_path", settings), "controller.feedforward")
+    source = source_of("fastest_path", settings=alone)
+    for real in REALS:
+        force, _ = Exported(source, real).steps(np.zeros((len(expected), 0)))
+        assert np.abs(force - expected).max() < max(1e-6, TOLERANCE[real]) * np.abs(expected).max(), real
+    said = words_of(source.with_suffix(".h"))
+    rounding = re.search(r"in double precision, forces differ from those of a run by (\S+) of these", said)
+    flash = re.search(r"Constants in flash: (\d+) bytes", said)
+    assert rounding is not None
+    assert flash is not None
+    assert 0 < float(rounding[1]) < 1e-6
+    assert 500 < int(flash[1]) < 32 * 1024
+
+
+def system(n_states: int, n_inputs: int, size: float) -> Any:
+    """A discrete system of the loop's sample time, with two integrators in a row."""
     rng = np.random.default_rng(5)
-
-    def system(n_states: int, n_inputs: int, size: float) -> Any:
-        A = rng.normal(size=(n_states, n_states))
-        A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
-        A[:2] = 0.0
-        A[0, :2], A[1, 1] = [1, 0.3], 1.0  # two integrators in a row
-        B, C = rng.normal(size=(n_states, n_inputs)) * 0.1, rng.normal(size=(6, n_states)) * size
-        return control.ss(A, B, C, rng.normal(size=(6, n_inputs)) * size, 0.0015)
-
-    two, pose = ("leg_velocity", "leg_length"), ("position", "orientation")
-    return {
-        "errors of two signals, in an order of one's own": LinearController(system(5, 12, 20.0), two),
-        "references and measurements of the pose": LinearController(system(4, 12, 5.0), pose),
-        "with the excess": LinearController(system(7, 18, 1.5)),
-        "errors in task space": LinearController(system(4, 6, 40.0), space="task"),
-        "PID of python-control": LinearController(sampled(pid(Gains(KP, KD, KI)), 0.0015)),
-        "static gains": LinearController(control.ss([], [], [], np.diag(KP))),
-    }
+    A = rng.normal(size=(n_states, n_states))
+    A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
+    A[:2] = 0.0
+    A[0, :2], A[1, 1] = [1, 0.3], 1.0
+    B, C = rng.normal(size=(n_states, n_inputs)) * 0.1, rng.normal(size=(6, n_states)) * size
+    return control.ss(A, B, C, rng.normal(size=(6, n_inputs)) * size, 0.0015)
 
 
-OF_SYSTEMS = ("errors of two signals, in an order of one's own", "references and measurements of the pose")
-
-
-@pytest.mark.parametrize("name", often(systems(), OF_SYSTEMS))
-def test_a_discrete_system_gives_the_forces_of_the_harness(name: str) -> None:
+@pytest.mark.parametrize(
+    ("signals", "n_states", "size"),
+    [(("leg_velocity", "leg_length"), 5, 20.0), (("position", "orientation"), 4, 5.0)],
+    ids=["errors of two signals, in an order of one's own", "references and measurements of the pose"],
+)
+def test_a_discrete_system_gives_the_forces_of_the_harness(signals: Any, n_states: int, size: float) -> None:
     experiment = uneven_experiment(
         reference=SINE,
         controller={**PD, "feedforward": "gravity"},
@@ -131,72 +129,12 @@ def test_a_discrete_system_gives_the_forces_of_the_harness(name: str) -> None:
         limits={"position_error": 1e3},
         loop={"duration": 0.06, "sample_time": 0.0015, "plant_step": 0.0005},
     )
-    controller = systems()[name]
-    made, run = designed(experiment, controller), run_in_python(experiment, controller)
-    expected = commanded(run, made)
-    assert len(expected) == 40
+    law = gs.LinearController(system(n_states, 12, size), signals)
+    record, source = gs.run(experiment, controller=law), source_of(experiment, law)
+    names = [name for name in ("position", "orientation", "leg_length", "leg_velocity") if name in signals]
     for real in REALS:
-        exported = Exported(made, real)
-        assert largest_difference(exported.forces(measured_by(run, made)), expected) < TOLERANCE[real], real
-
-
-DURATIONS = {"impulse": 0.6, "too_slow": 1.6}
-# What no case above has: references of a file, of many sines; a slow loop, a late disturbance. Paths: test_paths.py.
-SHIPPED = ("excitation", "impulse", "recorded_ride", "too_slow")
-
-
-@pytest.mark.parametrize("name", often([each for each in experiment_names() if each != "paper_open_loop"], SHIPPED))
-def test_controllers_of_shipped_experiments_give_the_forces_of_the_harness(name: str) -> None:
-    # the plant's changes come later, and what is injected is not the controller's
-    whole = load_experiment(name).model_copy(update={"change": [], "injection": None})
-    experiment = experiment_from(
-        {**whole.model_dump(), "loop": {**whole.loop.model_dump(), "duration": DURATIONS.get(name, 0.3)}}
-    )
-    made, run = designed(experiment), run_in_python(experiment)
-    # where nothing is to be done forces are zero
-    expected = commanded(run, made)
-    seen = np.abs(expected).max(axis=1) > 1e-9
-    assert seen[1:].all()
-    for real in REALS:
-        forces = Exported(made, real).forces(measured_by(run, made))
-        if path_of(made.reference) is None:
-            assert largest_difference(forces[seen], expected[seen]) < TOLERANCE[real], real
-        else:  # whose time law is rounded
-            assert np.abs(forces - expected).max() < max(1e-6, TOLERANCE[real]) * np.abs(expected).max(), real
-        assert not forces[~seen].any()
-
-
-def _traced() -> casadi.Function:
-    """PD with a memory of the last error, tilted by measured yaw and faded in by time."""
-    shapes = {"time": 1, "leg_length": 6, "reference_leg_length": 6, "orientation": 3, "reference_acceleration": 3}
-    inputs = {name: casadi.MX.sym(name, size) for name, size in {**shapes, "memory": 7}.items()}
-    error = inputs["reference_leg_length"] - inputs["leg_length"]
-    count = inputs["memory"][6]
-    change = casadi.if_else(count > 0, error - inputs["memory"][:6], 0)
-    force = casadi.DM(KP) * error + 9e3 * change + 40 * inputs["orientation"][2] + inputs["reference_acceleration"][1]
-    force = force * casadi.fmin(inputs["time"] / 0.05, 1) + 30
-    outputs = [force, casadi.vertcat(error, count + 1)]
-    return casadi.Function("law", list(inputs.values()), outputs, list(inputs), ["actuator_force", "memory_next"])
-
-
-def test_a_casadi_function_gives_the_forces_of_the_same_law_in_python() -> None:
-    """Expected: the law written a second time, in NumPy, as a function of a Sample in the harness."""
-    experiment = uneven_experiment(reference=SINE, controller={**PD, "feedforward": "gravity"})
-    last: list[FloatArray] = []
-
-    def law(sample: Sample) -> FloatArray:
-        error = sample.reference["leg_length"] - sample.measured["leg_length"]
-        change = error - last[-1] if last else np.zeros(6)
-        last.append(error)
-        force = np.array(KP) * error + 9e3 * change + 40 * sample.measured["orientation"][2]
-        force = force + sample.reference["acceleration"][1]
-        return np.asarray(force * min(sample.time / 0.05, 1) + 30)
-
-    made, run = designed(experiment, _traced()), run_in_python(experiment, law)
-    assert [v.name for v in made.measured] == ["orientation", "leg_length"]
-    for real in REALS:
-        forces = Exported(made, real).forces(measured_by(run, made))
-        assert largest_difference(forces, commanded(run, made)) < TOLERANCE[real], real
+        force, _ = Exported(source, real).steps(measured_by(record, *names))
+        assert largest_difference(force, commanded(record)) < TOLERANCE[real], real
 
 
 OTHER_GAINS = {
@@ -218,16 +156,16 @@ def test_what_is_tuned_in_c_is_that_of_another_design(space: str) -> None:
     experiment = uneven_experiment(**tables)
     believed = {"preset": "liu2000", "parameters": {**experiment.platform.parameters, **OTHER_BELIEF}}
     changed = {"platform": believed} if is_belief else {"controller": {**controller, **OTHER_GAINS}}
-    run, exported = run_in_python(uneven_experiment(**{**tables, **changed})), Exported(designed(experiment))
+    record, code = gs.run(uneven_experiment(**{**tables, **changed})), Exported(source_of(experiment))
     for name, value in (OTHER_BELIEF if is_belief else OTHER_GAINS).items():
-        exported.parameters[name] = value
-    forces, expected = exported.forces(measured_by(run, exported.designed)), commanded(run, exported.designed)
-    assert run.force_limited.any()
+        code.parameters[name] = value
+    (forces, _), expected = code.steps(measured_by(record)), commanded(record)
+    limited = samples_of(record, "flag.force_limited").any(axis=1)
+    assert limited.any()
     if space == "leg":  # without an integral gain a leg's integral gives way to limits all the same
         forces, expected = (np.delete(values, 2, axis=1) for values in (forces, expected))
     elif space == "task":
-        quiet = slice(0, int(run.force_limited.any(axis=1).argmax()) + 1)
-        forces, expected = forces[quiet], expected[quiet]
+        forces, expected = (values[: int(limited.argmax()) + 1] for values in (forces, expected))
     assert largest_difference(forces, expected) < TOLERANCE["double"]
 
 
@@ -243,13 +181,73 @@ def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> No
         controller={**PD, "feedforward": "computed_torque"},
         limits={"condition_number": 1e3},
     )
-    made, run = designed(experiment), run_in_python(experiment)
-    measured = measured_by(run, made)
+    record, source = gs.run(experiment), source_of(experiment)
     for real in REALS:
-        exported = Exported(made, real)
-        assert largest_difference(exported.forces(measured), commanded(run, made)) < TOLERANCE[real], real
+        forces, _ = Exported(source, real).steps(measured_by(record))
+        assert largest_difference(forces, commanded(record)) < TOLERANCE[real], real
     hold = {"type": "hold", "position": pose[-1, :3].tolist(), "orientation": pose[-1, 3:].tolist()}
-    at_rest = designed(uneven_experiment(reference=hold, controller={**PD, "feedforward": "gravity"}))
-    lengths = leg_geometry(UNEVEN, pose[-1, :3], pose[-1, 3:]).length
-    after, expected = (Exported(code).forces(np.tile(lengths + 0.01, (400, 1)))[-1:] for code in (made, at_rest))
+    at_rest = source_of(uneven_experiment(reference=hold, controller={**PD, "feedforward": "gravity"}))
+    lengths = gs.leg_geometry(UNEVEN, pose[-1, :3], pose[-1, 3:]).length
+    after, expected = (Exported(code).steps(np.tile(lengths + 0.01, (400, 1)))[0][-1:] for code in (source, at_rest))
     assert largest_difference(after, expected) < 1e-9
+
+
+# ---- single precision ----
+
+
+@pytest.mark.parametrize("reference", [SINE, CIRCLE, CHIRP], ids=lambda reference: reference["type"])
+def test_phases_stay_right_for_months(reference: dict[str, Any]) -> None:
+    """Expected: double precision at that sample; a float alone has no digit of the phase after a million samples."""
+    source, T = source_of(uneven_experiment(reference=reference, controller={**PD, "feedforward": "gravity"})), 0.0015
+    for start in (10**6, 2**23 - 2, 10**9, 10**11):
+        both = [Exported(source, real).start() for real in REALS]
+        for code in both:
+            code.step(np.full(6, 3.0))
+            code.set_samples(start)
+        rounding = 1e-15 * start * T * 2 * np.pi * 5  # [rad], of the double
+        for _ in range(5):
+            double, single = (code.step(np.full(6, 3.0))[0] for code in both)
+            assert np.abs(single - double).max() < 1e-4 * np.abs(double).max() + 0.1 * rounding * 2e4
+        assert [both[1].remembered(name)[0] for name in ("turns", "samples")] == list(divmod(start + 5, 2**23))
+
+
+@pytest.mark.parametrize("change", [-1e-5, 1e-5])
+def test_another_sample_time_than_the_designed_one_has_no_part_of_it(change: float) -> None:
+    """Expected: double precision after a hundred million samples; what a float leaves out would be 5 ms by then."""
+    source = source_of(uneven_experiment(reference=CIRCLE, controller={**PD, "feedforward": "gravity"}))
+    forces = []
+    for real in REALS:
+        code = Exported(source, real)
+        code.parameters["sample_time"] = np.float32(0.0015 + change)
+        code.start().step(np.full(6, 3.0))
+        code.set_samples(10**8)
+        forces.append(code.step(np.full(6, 3.0))[0])
+    np.testing.assert_allclose(forces[1], forces[0], atol=1e-4 * np.abs(forces[0]).max())
+
+
+def test_small_steps_of_an_integral_add_up() -> None:
+    """Expected: double precision; steps are less than half of what a float of the sum resolves."""
+    source, rest = source_of(uneven_experiment(reference=HOLD, controller=PID)), np.array(HOLD["position"])
+    lengths = gs.leg_geometry(UNEVEN, rest, np.array(HOLD["orientation"])).length
+    both = [Exported(source, real).start() for real in REALS]
+    for error, samples in ((0.1, 2000), (1e-6, 20000)):
+        for _ in range(samples):
+            expected, force = (code.step(lengths - error)[0] for code in both)
+    step = np.array(KI) * 1e-6 * 0.0015
+    legs = step > 0
+    assert (step < np.spacing(expected.astype(np.float32)) / 2)[legs].all()
+    assert (np.abs(force - expected) < 0.2 * 20000 * step)[legs].all()
+
+
+def test_the_header_states_what_single_precision_costs() -> None:
+    """Expected: the largest difference of the forces in a float from those of the harness, measured again."""
+    experiment = experiment_of("PID held, with every limit")
+    source, record = source_of(experiment), gs.run(experiment)
+    said = words_of(source.with_suffix(".h"))
+    stated = re.search(r"in (\S+) s of the designed loop, by at most (\S+) N, (\S+) of the largest force", said)
+    assert stated is not None
+    assert "With EXPERIMENT_CONTROLLER_REAL=float, forces deviate" in said
+    deviation = np.abs(Exported(source, "float").steps(measured_by(record))[0] - commanded(record)).max()
+    assert float(stated[2]) == pytest.approx(deviation, rel=0.5)
+    assert float(stated[3]) == pytest.approx(deviation / np.abs(commanded(record)).max(), rel=0.5)
+    assert float(stated[1]) == pytest.approx(0.15, abs=0.01)

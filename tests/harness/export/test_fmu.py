@@ -1,30 +1,34 @@
-"""A controller's unit: when it takes samples, by closed forms; its forces, by the loop in Python; what it refuses.
+"""A controller's unit: when it takes samples, by closed forms; its forces, by the loop of a run; its files; refusals.
 
 The short law's force k of a sample at time t with position p is RATE t + WEIGHT p + COUNT (samples before) + √p₃, cut
-to the limit. The long one is a PID, whose forces are those of `harness/loop` with a delay of one sample.
+to the limit. The long one is a PID, whose forces are those of a run with a delay of one sample.
 """
 
+import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
 
 import casadi
+import control
 import numpy as np
 import pytest
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart import leg_geometry, run
-from gough_stewart.fmu_build.build import build_units
-from gough_stewart.fmu_build.component import UnitComponent
-from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.harness.export.fmu import component_of
-from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.unit import FmuFile
+import gough_stewart as gs
 from tests.support.arrays import FloatArray
-from tests.support.controllers import FORCE_LIMIT, PROPORTIONAL, SAMPLE_TIME, forces_of, run_of, uneven_experiment
-from tests.support.fmu_plants import DISCARD, ERROR, OK, Plant, refused
+from tests.support.c_hosts import FUZZ, INSTANCES, NEVER_OK, OF_STATES, compile_host, fuzz, run_instances
+from tests.support.c_hosts import functions_of_the_standards as functions
+from tests.support.controllers import FORCE_LIMIT, PROPORTIONAL, SAMPLE_TIME, uneven_experiment
+from tests.support.exported import ZIG, Exported, commanded, compiled, measured_by, samples_of, source_of
+from tests.support.fmu_plants import DISCARD, ERROR, OK, Fmu, Plant, refused
+from tests.support.sampled_unit import run_unit
 from tests.support.saved_bytes import accepts, numbers_of, with_numbers
-from tests.support.uneven import UNEVEN
+from tests.support.schemas import complaints_of_schemas
 
 T = SAMPLE_TIME
 RATE = np.array([300.0, -100.0, 400.0, -150.0, 500.0, -900.0])  # [N/s]
@@ -39,33 +43,35 @@ VERSIONS = ["2.0", "3.0"]
 class Units(NamedTuple):
     """Of a controller, by FMI version."""
 
-    designed: Designed
-    component: UnitComponent
-    files: dict[str, FmuFile]
-    folder: Path
+    experiment: gs.Experiment
+    law: Any
+    files: dict[str, Fmu]
 
 
-def units_of(folder: Path, controller: Any = None, **options: Any) -> Iterator[Units]:
-    chosen = designed(uneven_experiment(folder, **options), controller)
-    component = component_of(chosen, "controller")
-    files = {file.version: file for file in map(FmuFile, build_units(component, folder))}
-    yield Units(chosen, component, files, folder)
-    for file in files.values():
-        file.close()
+def units_of(folder: Path, controller: Any = None, reference: Any = "inside", **options: Any) -> Units:
+    experiment = uneven_experiment(folder, **options)
+    paths = gs.export(experiment, controller=controller, out=folder, reference=reference, allow_unstable=True)
+    return Units(experiment, controller, {unit.version: unit for unit in map(Fmu, paths)})
 
 
 @pytest.fixture(scope="module")
-def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
+def short(tmp_path_factory: pytest.TempPathFactory) -> Units:
     t, p, count = casadi.SX.sym("t"), casadi.SX.sym("p", 3), casadi.SX.sym("count")
     forces = casadi.DM(RATE) * t + casadi.mtimes(casadi.DM(WEIGHT), p) + casadi.DM(COUNT) * count + casadi.sqrt(p[2])
     names = ["time", "position", "memory"], ["actuator_force", "memory_next"]
     law = casadi.Function("law", [t, p, count], [forces, count + 1], *names)
-    yield from units_of(tmp_path_factory.mktemp("short"), law, feedforward="none")
+    return units_of(tmp_path_factory.mktemp("short"), law, feedforward="none")
 
 
 @pytest.fixture(scope="module")
-def long(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
-    yield from units_of(tmp_path_factory.mktemp("long"))
+def long(tmp_path_factory: pytest.TempPathFactory) -> Units:
+    return units_of(tmp_path_factory.mktemp("long"))
+
+
+@pytest.fixture(scope="module")
+def record(long: Units) -> gs.Record:
+    """The run of the PID's experiment."""
+    return gs.run(long.experiment)
 
 
 @pytest.fixture(params=VERSIONS)
@@ -109,7 +115,7 @@ SLACKS = [
 
 @pytest.mark.parametrize(("start", "sample_time", "slack"), SLACKS)
 def test_a_step_that_misses_a_sample_by_rounding_meets_it(
-    unit: Plant, short: Units, start: float, sample_time: float, slack: float
+    unit: Plant, start: float, sample_time: float, slack: float
 ) -> None:
     """Expected: forces of sample 0 are out at the end of the step, and the next step begins with sample 1."""
     unit.set("sample_time", sample_time)
@@ -117,7 +123,7 @@ def test_a_step_that_misses_a_sample_by_rounding_meets_it(
     unit.set("position", FIRST)
     before = unit.serialized()
     unit.do_step(start, sample_time - 1.02 * slack)
-    assert_force(unit, short.designed.start_force)
+    assert_force(unit, unit.get("start_force"))
     unit.restore(before)
     end = start + (sample_time - 0.98 * slack)
     unit.do_step(start, sample_time - 0.98 * slack)
@@ -128,7 +134,7 @@ def test_a_step_that_misses_a_sample_by_rounding_meets_it(
     assert_force(unit, force(1, SECOND, sample_time))
 
 
-def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, short: Units) -> None:
+def test_flags_and_forces_wait_for_the_next_sample(unit: Plant) -> None:
     """Expected: before, no flag and the start forces; nothing that was set is changed by a step."""
     far = np.array([2.25, -0.25, 1.0])
     unit.set("position", far)
@@ -137,7 +143,7 @@ def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, short: Units) ->
     assert 1 <= (np.abs(free) > FORCE_LIMIT).sum() <= 5
     for step in (0.3 * T, 0.6 * T):
         np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
-        assert_force(unit, short.designed.start_force)
+        assert_force(unit, unit.get("start_force"))
         unit.do_step(unit.time, step)
     unit.do_step(0.9 * T, 0.2 * T)
     np.testing.assert_array_equal(unit.get("force_limited"), np.abs(free) > FORCE_LIMIT)
@@ -146,7 +152,7 @@ def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, short: Units) ->
     assert unit.time == pytest.approx(1.1 * T, rel=1e-12)
 
 
-def test_steps_that_do_not_fit_samples(unit: Plant, short: Units) -> None:
+def test_steps_that_do_not_fit_samples(unit: Plant) -> None:
     """Expected: inputs held from the communication point before a sample; its force is out one sample later."""
     steps = T * np.random.default_rng(3).uniform(0.05, 2.5, 80)
     points = np.concatenate([[0.0], np.cumsum(steps)])
@@ -157,7 +163,7 @@ def test_steps_that_do_not_fit_samples(unit: Plant, short: Units) -> None:
         unit.do_step(float(point), float(step))
         sample = int((point + step) / T) - 1
         held = positions[int(np.searchsorted(points, sample * T, side="right")) - 1]
-        assert_force(unit, force(sample, held) if sample >= 0 else short.designed.start_force)
+        assert_force(unit, force(sample, held) if sample >= 0 else unit.get("start_force"))
 
 
 def test_inputs_go_on_at_their_rates(short: Units) -> None:
@@ -215,7 +221,7 @@ def test_a_step_ends_early_when_the_importer_asks_at_a_sample(
 
 
 @pytest.mark.parametrize("delay", [2, 12])
-def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plant, short: Units, delay: int) -> None:
+def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plant, delay: int) -> None:
     """Expected: the closed form of sample k from sample k + delay on; start forces before; steps of three quarters."""
     positions = positions_of(40, delay)
     expected = [np.array([forces := force(k, p), np.abs(forces) == FORCE_LIMIT]) for k, p in enumerate(positions)]
@@ -229,7 +235,7 @@ def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plan
         unit.set("position", positions[-(-quarter // 4)])
         unit.do_step(quarter * T / 4, 3 * T / 4)
         sample = (quarter + 3) // 4 - delay
-        forces, flags = expected[sample] if sample >= 0 else (short.designed.start_force, np.zeros(6))
+        forces, flags = expected[sample] if sample >= 0 else (unit.get("start_force"), np.zeros(6))
         assert_force(unit, forces)
         np.testing.assert_array_equal(unit.get("force_limited"), flags)
     with Plant(unit.file) as other:
@@ -241,7 +247,7 @@ def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plan
             assert_force(other, expected[21 + k - delay][0])
 
 
-def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant, short: Units) -> None:
+def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant) -> None:
     """Expected: start forces, since there is no feedforward, of the samples at 3 T and 4 T; the law's memory is kept.
 
     Reported from a sample later on, counted in T; forces wait in the delay line, reports do not.
@@ -258,13 +264,13 @@ def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant, 
                 sample = k + 1 - delay
                 if sample >= 0:
                     good = force(sample, FIRST, before=sample - 2 * (sample > 4))
-                    assert_force(one, short.designed.start_force if sample in (3, 4) else good)
+                    assert_force(one, one.get("start_force") if sample in (3, 4) else good)
 
 
 # --- states -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_state_before_the_first_sample_can_be_restored(unit: Plant, short: Units) -> None:
+def test_a_state_before_the_first_sample_can_be_restored(unit: Plant) -> None:
     unit.initialise()
     unit.set("position", FIRST)
     blob = unit.serialized()
@@ -272,7 +278,7 @@ def test_a_state_before_the_first_sample_can_be_restored(unit: Plant, short: Uni
     for one in (unit, Plant(unit.file)):
         with one:
             one.restore(blob)
-            assert_force(one, short.designed.start_force)
+            assert_force(one, one.get("start_force"))
             one.set("position", SECOND)
             one.do_step(0.0, T)
             assert_force(one, force(0, SECOND))
@@ -334,14 +340,14 @@ def test_an_output_delay_is_a_whole_number_of_samples_up_to_a_limit(unit: Plant)
 
 def test_older_value_references_stay(short: Units) -> None:
     """Expected: in the order of inputs, outputs, parameters of the plain C, time; what is younger comes after it."""
+    of_c = Exported(source_of(short.experiment, short.law)).names
     for version, file in short.files.items():
-        found = {v.name: int(v.valueReference) for v in file.description.modelVariables}
-        younger = ("output_delay", "input_status", "input_bad_time")
-        older = [row.variable for row in short.component.layout.rows if row.variable.name not in ("time", *younger)]
-        names = [v.name for v in older] if version == "3.0" else [name for v in older for name in v.scalar_names]
-        assert [found[name] for name in names] == list(range(len(names)))
-        assert [found[name] for name in younger] == [len(names) + 1 + k for k in range(3)]
-        assert version == "2.0" or found["time"] == len(names)
+        names = ["position", "actuator_force", "force_limited", *of_c]
+        older = [reference for name in names for reference in file.variables[name].references]
+        assert older == list(range(len(older)))
+        younger = [file.variables[name].references[0] for name in ("output_delay", "input_status", "input_bad_time")]
+        assert younger == [len(older) + 1 + k for k in range(3)]
+        assert version == "2.0" or file.variables["time"].references == [len(older)]
 
 
 # --- what is refused --------------------------------------------------------------------------------------------------
@@ -389,10 +395,10 @@ def test_forces_and_inputs_that_are_no_number_are_refused(unit: Plant, sampled_t
     assert unit.time == 2.5 * T
 
 
-def test_what_cannot_be_is_refused_and_changes_nothing(pid: Plant, long: Units) -> None:
+def test_what_cannot_be_is_refused_and_changes_nothing(pid: Plant, record: gs.Record) -> None:
     assert refused(pid.set, "sample_time", 0.0) == DISCARD
     pid.initialise(stop=1.0)
-    pid.set("leg_length", long.designed.first_measured)
+    pid.set("leg_length", record["reference.leg_length"][0])
     pid.do_step(0.0, 1.5 * T)
     before = pid.serialized()
     pid.take_messages()
@@ -427,10 +433,10 @@ def test_what_cannot_be_is_refused_and_changes_nothing(pid: Plant, long: Units) 
     ],
 )
 def test_parameters_that_do_not_go_together_are_refused_with_a_reason(
-    pid: Plant, long: Units, name: str, value: ArrayLike, expected: str
+    pid: Plant, record: gs.Record, name: str, value: ArrayLike, expected: str
 ) -> None:
     pid.initialise()
-    pid.set("leg_length", long.designed.first_measured)
+    pid.set("leg_length", record["reference.leg_length"][0])
     pid.set(name, value)
     before = pid.serialized()
     assert refused(pid.do_step, 0.0, T) == DISCARD
@@ -440,7 +446,7 @@ def test_parameters_that_do_not_go_together_are_refused_with_a_reason(
 
 # --- the loop in Python -----------------------------------------------------------------------------------------------
 
-SAMPLES = 90  # later ones look ahead beyond the end of the run in Python
+SAMPLES = 90  # later ones look ahead beyond the end of the run
 
 
 def assert_forces(found: Any, expected: FloatArray) -> None:
@@ -449,40 +455,38 @@ def assert_forces(found: Any, expected: FloatArray) -> None:
 
 
 @pytest.mark.parametrize("parts", [1, 4])
-def test_steps_of_a_sample_and_of_a_quarter_give_the_forces_of_the_loop(pid: Plant, long: Units, parts: int) -> None:
+def test_steps_of_a_sample_and_of_a_quarter_give_the_forces_of_the_loop(
+    pid: Plant, record: gs.Record, parts: int
+) -> None:
     """Expected: of sample k at the end of its step, unchanged in between; before the first sample the start forces."""
-    expected = run_of(uneven_experiment(long.folder))
     pid.initialise()
-    np.testing.assert_array_equal(pid.get("actuator_force"), long.designed.start_force)
+    np.testing.assert_array_equal(pid.get("actuator_force"), pid.get("start_force"))
     forces, flags, step = [], [], T / parts
-    for k in range(SAMPLES):
+    for k, lengths in enumerate(measured_by(record)[:SAMPLES]):
         before = pid.get("actuator_force")
-        pid.set("leg_length", expected.measured[k, signals.positions(("leg_length",))])
+        pid.set("leg_length", lengths)
         for part in range(parts):
             np.testing.assert_array_equal(pid.get("actuator_force"), before)
             pid.do_step((k * parts + part) * step, step)
             pid.set("leg_length", np.zeros(6))  # nobody looks between samples
         forces.append(pid.get("actuator_force"))
         flags.append(pid.get("force_limited"))
-    assert_forces(forces, forces_of(expected)[:SAMPLES])
-    np.testing.assert_array_equal(np.array(flags), expected.force_limited[:SAMPLES])
+    assert_forces(forces, commanded(record)[:SAMPLES])
+    np.testing.assert_array_equal(np.array(flags), samples_of(record, "flag.force_limited")[:SAMPLES])
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_the_loop_closed_with_the_unit_is_the_loop_in_python(long: Units, version: str) -> None:
-    """Expected: forces at every plant step, behind the same drives, up to where Python knows no reference ahead."""
-    experiment, rows = uneven_experiment(long.folder), slice(0, 4 * SAMPLES)
-    record = run(experiment, controller=long.files[version].path)
-    assert_forces(record["actuator_force"][rows], run_of(experiment).inputs[rows, :6])
+def test_the_loop_closed_with_the_unit_is_the_loop_without(long: Units, record: gs.Record, version: str) -> None:
+    """Expected: forces at every plant step, behind the same drives, up to where the run knows no reference ahead."""
+    with_unit, rows = gs.run(long.experiment, controller=long.files[version].path), slice(0, 4 * SAMPLES)
+    assert_forces(with_unit["actuator_force"][rows], record["actuator_force"][rows])
 
 
-def test_a_tunable_gain_acts_from_the_next_sample_on(pid: Plant, long: Units) -> None:
+def test_a_tunable_gain_acts_from_the_next_sample_on(pid: Plant, record: gs.Record) -> None:
     """Expected: a proportional gain larger by Δ adds Δ e to the force of a sample; nothing to one that was taken."""
     change = np.array([310.0, -240.0, 520.0, 95.0, -430.0, 170.0])
     errors = 0.01 * np.array([[3, -1, 4, -1, 5, -9], [2, 6, -5, 3, -5, 8], [-9, 7, -9, 3, 2, 3]])
-    assert long.designed.reference is not None
-    at = long.designed.reference(np.arange(3) * T)
-    measured = leg_geometry(UNEVEN, at.position, at.orientation).length - errors
+    measured = samples_of(record, "reference.leg_length")[:3] - errors
     pid.initialise()
     for limit in ("force_limit", "force_rate_limit"):  # else the integral would hear of it
         pid.set(limit, 0.0)
@@ -505,3 +509,148 @@ def test_a_tunable_gain_acts_from_the_next_sample_on(pid: Plant, long: Units) ->
     difference = forces(gain + change) - forces(gain)
     np.testing.assert_array_equal(difference[0], np.zeros(6))
     np.testing.assert_allclose(difference[1:], change * errors[1:], rtol=1e-9)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Units:
+    """Units of the PID with the reference as inputs."""
+    return units_of(tmp_path_factory.mktemp("files"), reference="inputs")
+
+
+def test_fmpy_and_the_schemas_find_no_problem(files: Units) -> None:
+    for file in files.files.values():
+        assert validate_fmu(str(file.path)) == []
+        assert complaints_of_schemas(file) == {}
+
+
+def test_the_files_are_the_same_every_time(files: Units, tmp_path: Path) -> None:
+    again = units_of(tmp_path, reference="inputs")
+    for version, file in files.files.items():
+        assert file.path.name == f"experiment_controller_fmi{version[0]}.fmu"
+        assert again.files[version].path.read_bytes() == file.path.read_bytes()
+
+
+def test_the_description_is_that_of_the_controller(files: Units) -> None:
+    """Expected: names of the contract; limits as designed; units of gains; times; no direct feedthrough.
+
+    At the start the forces are the start forces, one by one.
+    """
+    for file in files.files.values():
+        outputs = {"actuator_force", "force_limited", "input_status", "input_bad_time"}
+        assert {u.variable.name.split("[")[0] for u in file.description.outputs} == outputs
+        assert all(u.dependencies == [] for u in file.description.outputs)
+        for unknown in file.description.initialUnknowns:
+            name = unknown.variable.name
+            expected = [name.replace("actuator_force", "start_force")] if name.startswith("actuator") else []
+            assert [v.name for v in unknown.dependencies] == expected
+    found = {v.name: v for v in files.files["3.0"].description.modelVariables}
+    poses = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
+    inputs = [name for name, v in found.items() if v.causality == "input"]
+    assert inputs == ["leg_length", *(f"reference_{name}" for name in poses)]
+    assert found["force_limit"].start == "75.0"
+    assert (found["proportional_gain"].unit, found["sample_time"].variability) == ("N/m", "fixed")
+    assert found["integral_gain"].variability == "tunable"
+    experiment = files.files["3.0"].description.defaultExperiment
+    assert (float(experiment.stopTime), float(experiment.stepSize)) == (0.4, SAMPLE_TIME)
+    units = {u.name for u in files.files["3.0"].description.unitDefinitions}
+    assert units == {v.unit for v in found.values() if v.unit}
+
+
+def test_the_page_lists_the_variables(files: Units) -> None:
+    """Expected: well-formed, with the title escaped and a line for every variable of the description."""
+    for file in files.files.values():
+        page = (file.folder / "documentation/index.html").read_text()
+        rows = ET.fromstring(page).findall(".//{http://www.w3.org/1999/xhtml}tbody/*")
+        assert len(rows) == len(file.variables)
+        assert "uneven &lt;loop&gt;" in page
+        assert "<code>start_force</code>" in page
+
+
+def test_a_controller_that_is_told_nothing_gives_its_start_forces(files: Units) -> None:
+    """Expected: as with importers that do not hand on start values."""
+    for file in files.files.values():
+        names = [v.name for v in file.description.modelVariables if v.name.startswith("actuator_force")]
+        result = simulate_fmu(str(file.path), output=names)
+        forces = np.concatenate([np.asarray(result[name]).reshape(len(result), -1) for name in names], axis=1)
+        assert result["time"][-1] == 0.4
+        with Plant(file) as unit:
+            np.testing.assert_array_equal(forces, np.tile(unit.get("start_force"), (len(result), 1)))
+
+
+def test_the_sources_compile_without_a_warning(files: Units) -> None:
+    """Expected: C11 to the letter, by gcc if it is there and by clang; the standard's own headers are its business."""
+    flags = ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-isystem", "standard"]
+    for version, compiler in (("3.0", ZIG), *([("2.0", ("gcc",))] if shutil.which("gcc") else [])):
+        folder = files.files[version].folder / "sources"
+        (folder / "standard").mkdir()
+        for header in folder.glob(f"fmi{version[0]}*.h"):
+            header.rename(folder / "standard" / header.name)
+        compiled([*compiler, *flags, "-c", *sorted(unit.name for unit in folder.glob("*.c"))], folder)
+
+
+def controller_unit(folder: Path) -> Any:
+    """The component of the controller, for hosts that link it."""
+    from gough_stewart.harness.export.design import designed
+    from gough_stewart.harness.export.fmu import component_of
+
+    return component_of(designed(uneven_experiment(folder), reference="inputs"), "uneven", 0.25)
+
+
+def test_no_sequence_of_calls_breaks_the_contract(tmp_path: Path) -> None:
+    """Expected: as for the plant; what only units with continuous states have never succeeds."""
+    compiler = (*ZIG, "-O1", "-fsanitize=undefined", "-fsanitize-trap=undefined")
+    calls = fuzz(compile_host(FUZZ, tmp_path / "fuzz", compiler, controller_unit(tmp_path)), 1500)
+    assert set(calls) == functions()
+    assert {function for function, n in calls.items() if n["ok"] == 0} == NEVER_OK | OF_STATES
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured by glibc's mallinfo2")
+def test_instances_in_threads_have_the_same_bits_and_take_4_kilobytes(tmp_path: Path) -> None:
+    """Expected: the same unit, stepped in another order."""
+    host = compile_host(INSTANCES, tmp_path / "instances", (*ZIG, "-O1"), controller_unit(tmp_path))
+    assert run_instances(host, 100, 8)["bytes_per_instance"] <= 4 * 1024
+
+
+def test_matrices_keep_their_sample_time(tmp_path: Path) -> None:
+    """Expected: another sample_time is refused before the start, with the one it was designed for."""
+    proportional = gs.LinearController(control.ss([], [], [], np.hstack([np.eye(6), -np.eye(6)]), SAMPLE_TIME))
+    with Plant(units_of(tmp_path, proportional).files["2.0"]) as unit:
+        unit.set("sample_time", 0.005)
+        with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
+            unit.initialise()
+        assert "sample_time = 0.005 s rejected; expected 0.004 s, since the controller was designed for it" in (
+            unit.take_messages()
+        )
+
+
+def test_states_of_another_controller_with_the_same_variables_are_refused(long: Units, tmp_path: Path) -> None:
+    """Expected: those of the derivative of measurements, by one of errors."""
+    other = units_of(tmp_path, derivative_on="measurement")
+    for version, file in long.files.items():
+        with Plant(file) as one, Plant(other.files[version]) as two:
+            assert refused(one.restore, two.serialized()) == ERROR
+            assert refused(one.restore, one.serialized()) == OK
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_unit_is_switched_by_its_inputs(version: str, tmp_path: Path) -> None:
+    """Expected: the C at the same samples, one sample later; on by default."""
+    experiment, manual = uneven_experiment(tmp_path), np.array([31.0, -42.0, 17.0, 55.0, -23.0, 38.0])
+    (path,) = gs.export(experiment, fmi=[version], parts="manual", out=tmp_path, allow_unstable=True)
+    code = Exported(source_of(experiment, parts="manual")).start()
+    inputs, expected = [], []
+    for k in range(40):
+        enabled = float(not 10 <= k < 30)
+        code.set("enabled", enabled)
+        code.set("manual_force", manual)
+        expected.append(code.step(np.full(6, 3.0))[0])
+        inputs.append({"leg_length": np.full(6, 3.0), "manual_force": manual})
+        if k:
+            inputs[-1]["enabled"] = np.array([enabled])
+    outputs, begun = run_unit(path, inputs, SAMPLE_TIME, 0.0)
+    assert begun["enabled"] == 1
+    np.testing.assert_allclose(outputs.force, expected, atol=1e-9)
+    np.testing.assert_allclose(outputs.force[10:30], np.broadcast_to(manual, (20, 6)))

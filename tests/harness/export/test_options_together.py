@@ -13,12 +13,12 @@ import control
 import fmpy
 import numpy as np
 import pytest
+import tomlkit
 from allpairspy import AllPairs
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
 from gough_stewart import Experiment
-from gough_stewart.harness.experiment.file import experiment_from
 from tests.support.arrays import FloatArray
 from tests.support.covering import covering
 from tests.support.documented_controller import (
@@ -211,7 +211,8 @@ def _experiment(row: dict[str, Any], folder: Path) -> tuple[Experiment, Any]:
         values["sensors"] = {"quantisation": {"leg_length": 4e-4}, "noise": {"leg_velocity": 1e-3}}
         values["actuators"]["lag"] = 0.012
         values["disturbance"] = [{"at": 0.035, "duration": 0.06, "force": [9.0, -14.0, 21.0]}]
-    return experiment_from(values, "options").from_file("options", folder), instead
+    (folder / "options.toml").write_text(tomlkit.dumps(values))
+    return gs.load_experiment(folder / "options.toml"), instead
 
 
 def _written(row: dict[str, Any], folder: Path) -> tuple[list[Path], list[str]]:

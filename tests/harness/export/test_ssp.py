@@ -1,119 +1,237 @@
-"""SystemStructure.ssd and SSV: valid by the standard's schemas, and with what each importer was found to need."""
+"""The loop as SSP: its documents by the standard; in FMPy the harness's own loop; libcosim and Ecos as evidence."""
 
 import re
+import zipfile
+from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
+import fmpy
 import fmpy.ssp
 import numpy as np
 import pytest
+from fmpy.simulation import instantiate_fmu
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.validation import validate_fmu
 from lxml import etree
 
-from gough_stewart.fmu_build.component import laid_out
-from gough_stewart.harness.export.ssp import parameter_values, system_structure
-from gough_stewart.model.parameters import Variable
+import gough_stewart as gs
+from tests.support.arrays import FloatArray
+from tests.support.commands import invoke
+from tests.support.exported_loop import EXPORTED, MISTAKEN, exported_loop
+from tests.support.fmu_plants import Fmu
+from tests.support.schemas import complaints_of_schemas
 
-
-def _unit(*rows: tuple[str, str, str, Any]) -> Any:
-    """A unit with scalars: name, unit, causality, and the start value of a parameter."""
-    kinds = {"parameter": "tunable"}
-    variables = [Variable(n, (), u, c, kinds.get(c, "continuous"), n) for n, u, c, _ in rows]  # type: ignore[arg-type]
-    starts = {name: np.array(value) for name, _, _, value in rows if value is not None}
-    return SimpleNamespace(layout=laid_out(variables, {}), starts=starts)
-
-
-UNITS = {
-    "plant": _unit(
-        *(("actuator_force", "N", "input", None), ("external_force", "N", "input", None)),
-        *(("leg_length", "m", "output", None), ("kinetic_energy", "J", "output", None)),
-        *(("platform_mass", "kg", "parameter", 12.5), ("leg_lower_com", "m", "parameter", -0.3)),
-    ),
-    "controller": _unit(
-        *(("leg_length", "m", "input", None), ("actuator_force", "N", "output", None)),
-        *(("sample_time", "s", "parameter", 0.002), ("delay", "", "parameter", 1.0)),
-    ),
-}
-
-
-def documents(version: str = "1.0") -> tuple[bytes, bytes]:
-    """Of a loop of 0.7 s in steps of 2 ms."""
-    return system_structure("loop", UNITS, 0.7, 0.002, version=version), parameter_values("loop", UNITS, version)
-
-
-@pytest.mark.parametrize("k", [0, 1])
-def test_documents_are_valid(k: int) -> None:
-    """The schemas are the standard's own, as FMPy carries them."""
-    schema = Path(fmpy.ssp.__file__).parent / f"schema/SystemStructure{('Description', 'ParameterValues')[k]}.xsd"
-    etree.XMLSchema(file=str(schema)).assertValid(etree.fromstring(documents()[k]))
-
-
-def test_version_2_says_what_version_1_does() -> None:
-    """Expected: the documents of SSP 1.0 but for that number, with which they are valid by the schemas of 2.0 too."""
-    for first, second in zip(documents(), documents("2.0"), strict=True):
-        texts = [document.decode().partition("?>")[2] for document in (first, second)]
-        assert texts[0].replace('version="1.0"', 'version="2.0"') == texts[1] != texts[0]
-
-
-def _tree(element: Any) -> Any:
-    """Names, attributes, children."""
-    return (element.tag, dict(element.attrib), [_tree(child) for child in element])
-
-
+STEP, N_STEPS = 0.002, 150
 SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 SPACES = {
     **{"ssd": f"{SPACE}Description", "ssc": f"{SPACE}Common", "ssv": f"{SPACE}ParameterValues"},
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
 }
-UNIT = {
-    "N": '<ssc:Unit name="N"><ssc:BaseUnit kg="1" m="1" s="-2"/></ssc:Unit>',
-    **{name: f'<ssc:Unit name="{name}"><ssc:BaseUnit {name}="1"/></ssc:Unit>' for name in ("kg", "m", "s")},
-}
-ROWS = {
-    "plant": [("platform_mass", "12.5", ' unit="kg"'), ("leg_lower_com", "-0.3", ' unit="m"')],
-    "controller": [("sample_time", "0.002", ' unit="s"'), ("delay", "1.0", "")],
-}
 
 
-def _parameters(rows: list[tuple[str, str, str]], *units: str) -> str:
-    values = (f'<ssv:Parameter name="{n}"><ssv:Real value="{v}"{u}/></ssv:Parameter>' for n, v, u in rows)
-    return f"<ssv:Parameters>{''.join(values)}</ssv:Parameters><ssv:Units>{''.join(map(UNIT.get, units))}</ssv:Units>"  # type: ignore[arg-type]
+@pytest.fixture(scope="module")
+def ssp(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported_loop(tmp_path_factory.mktemp("ssp"))
 
 
-def _component(name: str, connectors: list[tuple[str, str, str]], *units: str) -> str:
-    places = (f'<ssd:Connector name="{n}" kind="{k}"><ssc:Real unit="{u}"/></ssd:Connector>' for n, k, u in connectors)
-    return f"""<ssd:Component name="{name}" type="application/x-fmu-sharedlibrary" source="resources/{name}.fmu"
-      implementation="CoSimulation"><ssd:Connectors>{"".join(places)}</ssd:Connectors>
-      <ssd:ParameterBindings><ssd:ParameterBinding type="application/x-ssp-parameter-set"><ssd:ParameterValues>
-      <ssv:ParameterSet version="1.0" name="{name}">{_parameters(ROWS[name], *units)}</ssv:ParameterSet>
-      </ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component>"""
+def documents(ssp: Path) -> list[Any]:
+    """The structure and the parameter set."""
+    with zipfile.ZipFile(ssp) as archive:
+        return [etree.fromstring(archive.read(n)) for n in ("SystemStructure.ssd", "resources/heave_step.ssv")]
 
 
-def test_the_whole_structure_is_that_of_the_standard() -> None:
-    """Expected: SSP 1.0 by hand; the annotations of libcosim and OMSimulator with the master's step."""
-    force, length = "actuator_force", "leg_length"
-    connections = "".join(
-        f'<ssd:Connection startElement="{a}" startConnector="{name}" endElement="{b}" endConnector="{name}"/>'
-        for a, b, name in (("plant", "controller", length), ("controller", "plant", force))
-    )
-    plant = _component("plant", [(force, "input", "N"), (length, "output", "m")], "kg", "m")
-    controller = _component("controller", [(length, "input", "m"), (force, "output", "N")], "s")
-    declared = " ".join(f'xmlns:{prefix}="{uri}"' for prefix, uri in SPACES.items())
-    expected = f"""<ssd:SystemStructureDescription {declared} version="1.0" name="loop"><ssd:System name="loop">
-      <ssd:Elements>{plant}{controller}</ssd:Elements><ssd:Connections>{connections}</ssd:Connections>
-      <ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:Annotations><oms:SimulationInformation>
-      <oms:FixedStepMaster description="oms-ma" absoluteTolerance="1e-4" relativeTolerance="1e-4" stepSize="0.002"/>
-      </oms:SimulationInformation></oms:Annotations></ssc:Annotation></ssd:Annotations></ssd:System>
-      <ssd:Units>{UNIT["N"]}{UNIT["m"]}</ssd:Units><ssd:DefaultExperiment startTime="0" stopTime="0.7">
-      <ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:Algorithm>
-      <osp:FixedStepAlgorithm baseStepSize="0.002"/></osp:Algorithm></ssc:Annotation></ssd:Annotations>
-      </ssd:DefaultExperiment></ssd:SystemStructureDescription>"""
-    structure, values = (etree.fromstring(document) for document in documents())
-    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", str(structure.attrib.pop("generationTool")))
-    assert _tree(structure) == _tree(etree.fromstring(expected))
+def units_of(ssp: Path, folder: Path) -> dict[str, Fmu]:
+    """Plant and controller."""
+    with zipfile.ZipFile(ssp) as archive:
+        return {name: Fmu(Path(archive.extract(f"resources/{name}.fmu", folder))) for name in ("plant", "controller")}
+
+
+def lengths_in_fmpy(ssp: Path, duration: float) -> FloatArray:
+    """Leg lengths at the ends of steps."""
+    found = simulate_ssp(str(ssp), stop_time=duration - STEP / 2, step_size=STEP)
+    return np.transpose([found[f"plant.leg_length[{k}]"] for k in range(1, 7)])
+
+
+def test_documents_are_valid_and_the_same_every_time(ssp: Path, tmp_path: Path) -> None:
+    """Expected: the standard's own schemas, as FMPy carries them; SSP 2.0 says the same but for that number."""
+    with zipfile.ZipFile(ssp) as archive:
+        assert sorted(archive.namelist()) == [
+            *("SystemStructure.ssd", "documentation/index.html", "resources/controller.fmu"),
+            *("resources/heave_step.ssv", "resources/plant.fmu"),
+        ]
+    assert exported_loop(tmp_path / "again").read_bytes() == ssp.read_bytes()
+    (second,) = gs.export("heave_step", EXPORTED, forms="ssp", ssp="2.0", out=tmp_path)
+    for kind, one, other in zip(("Description", "ParameterValues"), documents(ssp), documents(second), strict=True):
+        schema = Path(fmpy.ssp.__file__).parent / f"schema/SystemStructure{kind}.xsd"
+        etree.XMLSchema(file=str(schema)).assertValid(one)
+        texts = [etree.tostring(document).decode() for document in (one, other)]
+        assert texts[0].replace('version="1.0"', 'version="2.0"') == texts[1] != texts[0]
+
+
+def test_the_structure_connects_what_has_the_same_name(ssp: Path, tmp_path: Path) -> None:
+    """Expected: lengths to the controller, forces to the plant, in both; SI units; the master's step of importers.
+
+    Parameters are the start values of the units, once with the component and once in the set, which prefixes names.
+    """
+    structure, values = documents(ssp)
     assert structure.nsmap == SPACES
-    named = [(f"{c}.{n}", v, u) for c, rows in ROWS.items() for n, v, u in rows]
-    spaces = " ".join(f'xmlns:{prefix}="{SPACES[prefix]}"' for prefix in ("ssv", "ssc"))
-    of_values = f'<ssv:ParameterSet {spaces} version="1.0" name="loop">{_parameters(named, "kg", "m", "s")}'
-    assert _tree(values) == _tree(etree.fromstring(f"{of_values}</ssv:ParameterSet>"))
+    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", str(structure.get("generationTool")))
+
+    def all_of(root: Any, path: str) -> list[dict[str, str]]:
+        return [dict(element.attrib) for element in root.iterfind(path, SPACES)]
+
+    legs = range(1, 7)
+    pairs = [("plant", f"leg_length[{k}]", "controller") for k in legs]
+    pairs += [("controller", f"actuator_force[{k}]", "plant") for k in legs]
+    names = ("startElement", "startConnector", "endElement", "endConnector")
+    expected = [dict(zip(names, (a, name, b, name), strict=True)) for a, name, b in pairs]
+    assert all_of(structure, ".//ssd:Connection") == expected
+    units = units_of(ssp, tmp_path)
+    in_set = {row.get("name"): row[0] for row in values.iterfind(".//ssv:Parameter", SPACES)}
+    for component in structure.iterfind(".//ssd:Component", SPACES):
+        name = component.get("name")
+        assert component.get("source") == f"resources/{name}.fmu"
+        kinds = {"leg_length": "m", "actuator_force": "N"}
+        connectors = {
+            (row.get("name"), row.get("kind"), row[0].get("unit"))
+            for row in component.iterfind("ssd:Connectors/ssd:Connector", SPACES)
+        }
+        own = "leg_length" if name == "plant" else "actuator_force"
+        assert connectors == {
+            (f"{key}[{k}]", "output" if key == own else "input", unit) for key, unit in kinds.items() for k in legs
+        }
+        rows = {row.get("name"): row[0] for row in component.iterfind(".//ssv:Parameter", SPACES)}
+        declared = {v.name: v for v in units[name].description.modelVariables if v.causality == "parameter"}
+        assert rows.keys() == declared.keys()
+        for key, v in declared.items():
+            for row in (rows[key], in_set[f"{name}.{key}"]):
+                assert (float(row.get("value")), row.get("unit")) == (float(v.start), v.unit)
+    assert len(in_set) == sum(v.causality == "parameter" for u in units.values() for v in u.description.modelVariables)
+    declared_units = {row["name"] for row in all_of(structure, "ssd:Units/ssc:Unit")}
+    assert declared_units == {"N", "m"}
+    (newton,) = all_of(structure, "ssd:Units/ssc:Unit[@name='N']/ssc:BaseUnit")
+    assert newton == {"kg": "1", "m": "1", "s": "-2"}
+    assert all_of(structure, "ssd:DefaultExperiment") == [{"startTime": "0", "stopTime": "0.3"}]
+    assert all_of(structure, ".//osp:FixedStepAlgorithm") == [{"baseStepSize": "0.002"}]
+    master = {"description": "oms-ma", "absoluteTolerance": "1e-4", "relativeTolerance": "1e-4", "stepSize": "0.002"}
+    assert all_of(structure, ".//oms:FixedStepMaster") == [master]
+
+
+def test_fmpy_runs_it_as_the_harness_does(ssp: Path) -> None:
+    """Expected: the harness on its own model of the plant; FMPy hands on no start values, and units know that."""
+    expected = gs.run("heave_step", EXPORTED)["leg_length"]
+    assert np.abs(np.diff(expected, axis=0)).max() > 1e-5  # the step is in it
+    found = lengths_in_fmpy(ssp, N_STEPS * STEP)
+    assert found.shape == (N_STEPS, 6)
+    assert np.abs(found - expected[1:]).max() <= 1e-9
+
+
+def test_fmpy_runs_it_with_the_delay_of_the_experiment(tmp_path: Path) -> None:
+    """Expected: the harness with that delay; the loop with another is a tenth of a millimetre away."""
+    settings = EXPORTED | {"loop.delay": 3}
+    ssp = exported_loop(tmp_path, settings)
+    found = lengths_in_fmpy(ssp, N_STEPS * STEP)
+    record = gs.run("heave_step", settings)
+    assert np.abs(found - record["leg_length"][1:]).max() <= 1e-9
+    assert np.abs(found - gs.run("heave_step", EXPORTED)["leg_length"][1:]).max() > 1e-4
+    # the unit by itself would add its delay to that of the harness
+    unit = units_of(ssp, tmp_path)["controller"].path
+    with pytest.raises(gs.GoughStewartError, match=r"output_delay is 3 samples, .* expected 1: set parameters = "):
+        gs.run("heave_step", settings, controller=unit)
+    one = {"type": "fmu", "file": str(unit), "parameters": {"output_delay": 1}}
+    with_unit = gs.run("heave_step", {**settings, "controller": one})
+    assert np.abs(with_unit["leg_length"] - record["leg_length"]).max() <= 1e-9
+
+
+@pytest.mark.evidence
+def test_encoders_at_the_motors_are_connected_with_the_motors(tmp_path: Path) -> None:
+    """Expected: the harness with encoders there; those at the legs are ten times as far away.
+
+    FMPy hands on no start values, so the first sample of the controller's unit has the lengths without stretch.
+    """
+    soft = {"platform.parameters.leg_stiffness": 1e8, "controller.bandwidth": 2}
+    settings = {**EXPORTED, **soft, "sensors.side": "motor", "sensors.quantisation.leg_length": 0.0}
+    found = simulate_ssp(str(exported_loop(tmp_path, settings)), stop_time=N_STEPS * STEP - STEP / 2, step_size=STEP)
+    motors = np.transpose([found[f"plant.motor_position[{k}]"] for k in range(1, 7)])
+    assert np.abs(motors - gs.run("heave_step", settings)["motor_position"][1:]).max() <= 3e-7
+    other = gs.run("heave_step", {**settings, "sensors.side": "leg"})
+    assert np.abs(motors - other["motor_position"][1:]).max() > 3e-6
+
+
+@pytest.fixture(scope="module")
+def of_fmi_3(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """On another machine than is believed, with a delay of two samples, and forces that differ by leg."""
+    folder, settings = tmp_path_factory.mktemp("fmi3"), MISTAKEN | {"loop.delay": 2, "loop.duration": 0.1}
+    return gs.export("heave_step", settings, forms="ssp", ssp_fmi="3.0", out=folder)[0]
+
+
+def test_with_fmi_3_the_units_describe_the_scalars_of_the_connectors(ssp: Path, of_fmi_3: Path, tmp_path: Path) -> None:
+    """Expected: names, kinds and dependencies by name as in FMI 2.0; FMPy and the schemas have nothing to say."""
+    both = [units_of(archive, tmp_path / str(k)) for k, archive in enumerate((ssp, of_fmi_3))]
+    for name in ("plant", "controller"):
+        files = [units[name] for units in both]
+        assert validate_fmu(str(files[1].path)) == []
+        assert complaints_of_schemas(files[1]) == {}
+        assert [file.version for file in files] == ["2.0", "3.0"]
+        found = [{v.name: v for v in file.description.modelVariables} for file in files]
+        assert all(v.type == "Float64" and not v.dimensions for v in found[1].values())
+        assert found[1].keys() == found[0].keys() | {"time"}
+        for key, v in found[0].items():
+            w = found[1][key]
+            assert (v.causality, v.variability, v.unit, v.min) == (w.causality, w.variability, w.unit, w.min)
+            assert (v.start is None) == (w.start is None)
+            assert (v.derivative and v.derivative.name) == (w.derivative and w.derivative.name)
+        for part in ("outputs", "initialUnknowns"):
+            sets = [
+                {u.variable.name: {d.name for d in u.dependencies} for u in getattr(file.description, part)}
+                for file in files
+            ]
+            assert sets[0] == sets[1]
+
+
+@pytest.fixture
+def running(of_fmi_3: Path, tmp_path: Path) -> Iterator[dict[str, Any]]:
+    """The units after their initialisation."""
+    units = {}
+    for name, file in units_of(of_fmi_3, tmp_path).items():
+        unit: Any = instantiate_fmu(str(file.folder), file.description, "CoSimulation")
+        unit.enterInitializationMode(startTime=0.0)
+        unit.exitInitializationMode()
+        units[name] = unit, {v.name: v.valueReference for v in file.description.modelVariables}
+    yield units
+    for unit, _ in units.values():
+        unit.freeInstance()
+
+
+def test_with_fmi_3_a_master_gets_what_the_harness_does(running: dict[str, Any], of_fmi_3: Path) -> None:
+    """Expected: the harness; a plain master, which hands the connected scalars on before each step."""
+    connections = [dict(row.attrib) for row in documents(of_fmi_3)[0].iterfind(".//ssd:Connection", SPACES)]
+    expected = gs.run("heave_step", MISTAKEN | {"loop.delay": 2, "loop.duration": 0.1})["leg_length"]
+    rows = []
+    for k in range(len(expected)):
+        for c in connections:
+            (source, of_source), (sink, of_sink) = running[c["startElement"]], running[c["endElement"]]
+            sink.setFloat64([of_sink[c["endConnector"]]], source.getFloat64([of_source[c["startConnector"]]]))
+        plant, references = running["plant"]
+        rows.append(plant.getFloat64([references[f"leg_length[{leg}]"] for leg in range(1, 7)]))
+        for unit, _ in running.values():
+            unit.doStep(k * STEP, STEP)
+    assert np.abs(np.diff(expected, axis=0)).max() > 1e-5
+    assert np.abs(np.array(rows) - expected).max() <= 1e-9
+
+
+def test_what_an_ssp_cannot_have_is_refused(tmp_path: Path) -> None:
+    """Expected: another version of the units or of SSP, a reference from outside; the command knows the options."""
+    for options, message in (
+        ({"forms": "ssp", "ssp_fmi": "2.1"}, r"no FMI version '2.1'; expected 2.0 or 3.0"),
+        ({"forms": "ssp", "ssp": "1.1"}, r"ssp is '1.1'; expected '1.0' or '2.0'"),
+        ({"forms": ["c", "ssp"], "reference": "inputs"}, "leaves an SSP without a reference; expected 'inside'"),
+    ):
+        with pytest.raises(gs.GoughStewartError, match=message):
+            gs.export("heave_step", out=tmp_path, **options)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+    done = invoke("export", "heave_step", "--as", "ssp", "--ssp-fmi", "3.0", "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    assert units_of(tmp_path / "out/heave_step.ssp", tmp_path)["controller"].version == "3.0"

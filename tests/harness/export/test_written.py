@@ -1,22 +1,18 @@
-"""What an export says of itself: header, notes and archive as a whole, each number against a source of its own."""
+"""What an export says of itself: names, header, notes, what it leaves out; each number against a source of its own."""
 
 import re
-from types import SimpleNamespace
+import zipfile
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import casadi
 import numpy as np
 import pytest
 
-from gough_stewart import UnstableLoopError, load_experiment
-from gough_stewart.harness.export.choices import faults_of
-from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.harness.export.notes import in_short, notes_of, refusal
-from gough_stewart.harness.export.stability import Case, Delays, Host, LoopAround, LoopStability, StabilityReport
-from gough_stewart.harness.export.write import controller_sources
-from gough_stewart.model import interface
-from tests.harness.export.test_controllers import CIRCLE, PD, PID, SINE
-from tests.support.exported import KD, KP, uneven_experiment
+import gough_stewart as gs
+from tests.support.commands import invoke
+from tests.support.exported import CIRCLE, HOLD, KD, KP, PD, PID, SINE, source_of, uneven_experiment, words_of
 from tests.support.uneven import UNEVEN
 
 KI = [900.0, 500.0, 1100.0, 700.0, 1300.0, 400.0]
@@ -33,70 +29,60 @@ PLATFORM = [
 ]
 
 
-def made(space: str = "leg", **options: Any) -> Designed:
+@cache
+def written(space: str = "leg", **options: Any) -> Path:
+    """The source of a PID with every limit."""
     controller = {**PID, "integral_gain": KI, "space": space, "feedforward": "gravity"}
-    return designed(uneven_experiment(reference=SINE, controller=controller, actuators=DRIVES), **options)
+    return source_of(uneven_experiment(reference=SINE, controller=controller, actuators=DRIVES), **options)
 
 
-def words(text: str) -> str:
-    return " ".join(text.split())
+def header_of(source: Path) -> str:
+    """Its header in one line."""
+    return words_of(source.with_suffix(".h"))
 
 
-def fields(header: str) -> list[tuple[str, int, str, str]]:
-    """Name, size, unit and meaning of the members of the first struct, which are the parameters."""
-    body = re.search(r"typedef struct \{\n(.*?)\n\} \w+_parameters;", header, re.S)
-    assert body is not None
-    found = re.findall(r"^    \w+_real (\w+)(?:\[(\d+)\])?; /\* (?:\[(\S+)\] )?(.*) \*/$", body[1], re.M)
-    assert len(found) == len(body[1].splitlines())
-    return [(name, int(size or 1), unit, text) for name, size, unit, text in found]
-
-
-@pytest.mark.parametrize("space", ["leg", "task"])
-def test_the_struct_of_parameters_has_types_units_and_meanings(space: str) -> None:
-    """Expected: literal; the meanings of the platform's are those of the interface, its values are 0 for no limit."""
-    sources = controller_sources(made(space), "loop_3")
-    found = fields(sources.headers["loop_3.h"])
-    of = "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
-    units = ("N/m", "N.s/m", "N/(m.s)") if space == "leg" else ("", "", "")
-    own = [
-        ("sample_time", 1, "s", "time from sample to sample"),
-        ("delay", 1, "", "samples until a force acts; the feedforward is for half a sample later"),
-        ("force_limit", 1, "N", "largest force of an actuator; 0: none"),
-        ("force_rate_limit", 1, "N/s", "rate limit of the drives, for the anti-windup; 0: none"),
-        ("start_force", 6, "N", "forces before the first sample, and while all inputs are zero"),
-        ("proportional_gain", 6, units[0], f"proportional gain {of}"),
-        ("derivative_gain", 6, units[1], f"derivative gain {of}"),
-        ("derivative_filter", 1, "s", "time constant of the derivative filter"),
-        ("integral_gain", 6, units[2], f"integral gain {of}"),
-        ("anti_windup_time", 6, "s", "time constant of back-calculation at a limit"),
-    ]
-    assert found[:10] == own
-    assert [each[:3] for each in found[10:]] == PLATFORM
-    assert [each[3] for each in found[10:]] == [interface.BY_NAME[name].description for name, _, _ in PLATFORM]
-    # the defaults, in the same order, each with a cast
-    body = re.search(r"LOOP_3_DEFAULTS = \{\n(.*?)\n\};", sources.units["loop_3.c"], re.S)
-    assert body is not None
-    kp, kd, ki = map(np.array, (KP, KD, KI))
-    values = {
-        "sample_time": 0.0015,
-        "delay": 2,
-        "force_limit": 3000,
-        "force_rate_limit": 8000,
-        "proportional_gain": kp,
-        "derivative_gain": kd,
-        "derivative_filter": (kd / kp).min() / 20,
-        "integral_gain": ki,
-        "anti_windup_time": np.sqrt(kp / ki * kd / kp),
-        "start_force": made(space).start_force,
-        **{name: np.ravel(getattr(UNEVEN, name)) for name, _, _ in PLATFORM},
-    }
-    lines = body[1].splitlines()
-    assert len(lines) == len(found)
-    for line, (name, size, *_) in zip(lines, found, strict=True):
-        assert line.endswith(f", /* {name} */")
-        assert line.count("R(") == size
-        numbers = re.sub(r"/\*.*?\*/|R\(|[){} ]", "", line).strip(",").split(",")
-        np.testing.assert_allclose([float(each) for each in numbers], np.ravel(values[name]), rtol=1e-14, err_msg=name)
+def test_the_struct_of_parameters_has_types_units_and_meanings() -> None:
+    """Expected: literal; the meanings of the platform's are those of `VARIABLES`, its values are 0 for no limit."""
+    meanings = {v.name: v.description for v in gs.VARIABLES}
+    for space in ("leg", "task"):
+        source = written(space)
+        text = source.with_suffix(".h").read_text()
+        body = re.search(r"typedef struct \{\n(.*?)\n\} \w+_parameters;", text, re.S)
+        assert body is not None
+        rows = re.findall(r"^    \w+_real (\w+)(?:\[(\d+)\])?; /\* (?:\[(\S+)\] )?(.*) \*/$", body[1], re.M)
+        assert len(rows) == len(body[1].splitlines())
+        found = [(name, int(size or 1), unit, meaning) for name, size, unit, meaning in rows]
+        of = "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
+        units = ("N/m", "N.s/m", "N/(m.s)") if space == "leg" else ("", "", "")
+        assert found[:10] == [
+            ("sample_time", 1, "s", "time from sample to sample"),
+            ("delay", 1, "", "samples until a force acts; the feedforward is for half a sample later"),
+            ("force_limit", 1, "N", "largest force of an actuator; 0: none"),
+            ("force_rate_limit", 1, "N/s", "rate limit of the drives, for the anti-windup; 0: none"),
+            ("start_force", 6, "N", "forces before the first sample, and while all inputs are zero"),
+            ("proportional_gain", 6, units[0], f"proportional gain {of}"),
+            ("derivative_gain", 6, units[1], f"derivative gain {of}"),
+            ("derivative_filter", 1, "s", "time constant of the derivative filter"),
+            ("integral_gain", 6, units[2], f"integral gain {of}"),
+            ("anti_windup_time", 6, "s", "time constant of back-calculation at a limit"),
+        ]
+        assert found[10:] == [(*row, meanings[row[0]]) for row in PLATFORM]
+        # the defaults, in the same order, each with a cast
+        defaults = re.search(r"_DEFAULTS = \{\n(.*?)\n\};", source.read_text(), re.S)
+        assert defaults is not None
+        kp, kd, ki = map(np.array, (KP, KD, KI))
+        values = {
+            "sample_time": 0.0015, "delay": 2, "force_limit": 3000, "force_rate_limit": 8000,
+            "proportional_gain": kp, "derivative_gain": kd, "derivative_filter": (kd / kp).min() / 20,
+            "integral_gain": ki, "anti_windup_time": np.sqrt(kp / ki * kd / kp),
+            **{name: np.ravel(getattr(UNEVEN, name)) for name, _, _ in PLATFORM},
+        }  # fmt: skip
+        for line, (name, size, *_) in zip(defaults[1].splitlines(), found, strict=True):
+            assert line.endswith(f", /* {name} */")
+            assert line.count("R(") == size
+            numbers = re.sub(r"/\*.*?\*/|R\(|[){} ]", "", line).strip(",").split(",")
+            if name in values:
+                np.testing.assert_allclose(np.array(numbers, dtype=float), np.ravel(values[name]), rtol=1e-14)
 
 
 def test_the_ranges_of_inputs_are_those_of_the_documentation() -> None:
@@ -113,58 +99,48 @@ def test_the_ranges_of_inputs_are_those_of_the_documentation() -> None:
         pairs = [f"{a:.6g} to {b:.6g}" for a, b in zip(low, high, strict=True)]
         return f"{name} {', '.join(pairs)} {unit}"
 
-    rates = {"velocity": (width / T, "m/s"), "acceleration": (2 * width / T**2, "m/s2")}
-    texts = {name: said(name, -size, size, unit) for name, (size, unit) in rates.items()}
-    texts |= {
-        "position": said("position", ends[0], ends[1], "m"),
-        "orientation": said("orientation", [-turn, -turn / 4, -turn], [turn, turn / 4, turn], "rad"),
-        "angular_velocity": said("angular_velocity", [-turn / T], [turn / T], "rad/s"),
-        "angular_acceleration": said("angular_acceleration", [-2 * turn / T**2], [2 * turn / T**2], "rad/s2"),
-    }
-    order = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
-    whole = f"leg_length {low:.6g} to {high:.6g} m; of the reference: {'; '.join(texts[name] for name in order)}."
-    inside = controller_sources(made()).headers["controller.h"]
-    outside = controller_sources(made(reference="inputs")).headers["controller.h"]
-    assert f"Ranges: {words(whole)}" in words(outside)
-    assert f"Ranges: leg_length {low:.6g} to {high:.6g} m. While" in words(inside)
-    measured = made().ranges
-    speed = measured.of(interface.BY_NAME["leg_velocity"])
-    np.testing.assert_allclose([speed.low, speed.high], [np.full(6, -1.92 / T), np.full(6, 1.92 / T)])
-    assert measured.is_of_stroke
+    texts = [
+        said("position", ends[0], ends[1], "m"),
+        said("orientation", [-turn, -turn / 4, -turn], [turn, turn / 4, turn], "rad"),
+        said("velocity", -width / T, width / T, "m/s"),
+        said("angular_velocity", [-turn / T], [turn / T], "rad/s"),
+        said("acceleration", -2 * width / T**2, 2 * width / T**2, "m/s2"),
+        said("angular_acceleration", [-2 * turn / T**2], [2 * turn / T**2], "rad/s2"),
+    ]
+    lengths = f"leg_length {low:.6g} to {high:.6g} m"
+    assert f"Ranges: {lengths}; of the reference: {'; '.join(texts)}." in header_of(written(reference="inputs"))
+    assert f"Ranges: {lengths}. While" in header_of(written())
 
 
 def test_the_header_says_what_the_controller_is_and_does() -> None:
     """Expected: sentences by hand, for a reference that comes in, watched measurements and a safe force of zero."""
-    faults = faults_of("zero", (7, 0.0025))
-    header = words(controller_sources(made(reference="inputs", faults=faults), "loop_3").headers["loop_3.h"])
+    header = header_of(written(reference="inputs", safe_force="zero", frozen=(7, 0.0025)))
     for part in (
         "/* uneven: PID in leg space, feedforward: gravity. Generated by gough-stewart",
-        "loop_3_step(&parameters, &coefficients, &memory, measured, reference, force, limited).",
-        "enum { LOOP_3_N_MEASURED = 6, LOOP_3_N_REFERENCE = 18, LOOP_3_N_STATES = 12 };",
-        "enum { LOOP_3_N_WATCHED = 6 };",
+        "_step(&parameters, &coefficients, &memory, measured, reference, force, limited).",
+        "_N_MEASURED = 6, EXPERIMENT_CONTROLLER_N_REFERENCE = 18, EXPERIMENT_CONTROLLER_N_STATES = 12 };",
+        "enum { EXPERIMENT_CONTROLLER_N_WATCHED = 6 };",
         "is the same for 7 samples while its reference moves by more than 0.0025 m */",
         "Computes a sample. `measured`: leg_length[6] [m], relative to home in single precision. `reference`: position",
-        "extern const loop_3_real LOOP_3_HOME_POSE[6];",
         "As long as all inputs are exactly 0, no measurements have arrived",
         "all six forces are 0, within the force limit",
         "its integrals unchanged. */",
     ):
         assert part in header, part
     numbers = 35 + 74 + 12 + 2 * 24  # own parameters, the platform's, home, ends of ranges
-    assert (
-        f"Constants in flash: {8 * numbers + 24} bytes, besides those in the code; {4 * numbers + 24} in single"
-        in header
-    )
-    safe = {
-        "the feedforward, of the last good reference if that is the fault": made(reference="inputs"),
-        "the feedforward": made(),
-        "`start_force`, since there is no feedforward": designed(uneven_experiment(reference=SINE, controller=PD)),
-    }
-    for text, each in safe.items():
-        found = words(controller_sources(each).headers["controller.h"])
+    flash = f"Constants in flash: {8 * numbers + 24} bytes, besides those in the code; {4 * numbers + 24} in single"
+    assert flash in header
+    without = source_of(uneven_experiment(reference=SINE, controller=PD))
+    for text, source in {
+        "the feedforward, of the last good reference if that is the fault": written(reference="inputs"),
+        "the feedforward": written(),
+        "`start_force`, since there is no feedforward": without,
+    }.items():
+        found = header_of(source)
         assert f"all six forces are {text}, within" in found
         assert "frozen measurements are not watched for */" in found
         assert "N_WATCHED" not in found
+    assert "N_STATES = 24 }" in header_of(written("task"))
 
 
 def test_a_function_and_forces_without_feedback_are_called_what_they_are() -> None:
@@ -172,22 +148,20 @@ def test_a_function_and_forces_without_feedback_are_called_what_they_are() -> No
     length, memory = casadi.SX.sym("length", 6), casadi.SX.sym("memory", 2)
     names = ["leg_length", "memory"], ["actuator_force", "memory_next"]
     law = casadi.Function("law", [length, memory], [length * memory[1], memory + 1], *names)
-    header = words(
-        controller_sources(designed(uneven_experiment(reference=SINE, controller=PD), law)).headers["controller.h"]
-    )
+    header = header_of(source_of(uneven_experiment(reference=SINE, controller=PD), law))
     assert "uneven: a CasADi function, feedforward: none." in header
     assert "its integrals unchanged, or with its memory. */" in header
-    assert "CONTROLLER_N_STATES = 2 };" in header
+    assert "_N_STATES = 2 };" in header
     open_loop = {"type": "open_loop", "feedforward": "computed_torque", "force": [1, -2, 3, -4, 5, -6]}
-    sources = controller_sources(designed(uneven_experiment(reference=CIRCLE, controller=open_loop)))
-    header = words(sources.headers["controller.h"])
-    assert "uneven: no feedback, feedforward: computed torque." in header
-    assert "CONTROLLER_N_MEASURED = 0, CONTROLLER_N_REFERENCE = 0, CONTROLLER_N_STATES = 0 };" in header
+    title = "nice */ int x; /* title"
+    header = header_of(source_of(uneven_experiment(title=title, reference=CIRCLE, controller=open_loop)))
+    assert "nice int x; title: no feedback, feedforward: computed torque." in header
+    assert "int x" in header[: header.index("*/")]
+    assert re.search(r"_N_MEASURED = 0, \w+_N_REFERENCE = 0, \w+_N_STATES = 0 };", header)
     assert "`measured`: nothing." in header
     assert "Ranges: none, since nothing comes in." in header
     assert "no measurements have arrived" not in header
-    assert "controller_real constant_force[6]; /* [N] added to the feedforward */" in header
-    assert "N_STATES = 24 }" in controller_sources(made("task")).headers["controller.h"]
+    assert "_real constant_force[6]; /* [N] added to the feedforward */" in header
 
 
 def test_operations_are_counted_by_kind() -> None:
@@ -199,80 +173,73 @@ def test_operations_are_counted_by_kind() -> None:
     length = casadi.SX.sym("length", 6)
     force = 3 * casadi.sqrt(length) + 4 * casadi.sin(length) + length / length[0]
     law = casadi.Function("law", [length], [force], ["leg_length"], ["actuator_force"])
-    made = designed(uneven_experiment(reference=CIRCLE, controller={"type": "open_loop"}), law, reference="inputs")
-    sources = controller_sources(made)
+    experiment = uneven_experiment(reference=CIRCLE, controller={"type": "open_loop"})
     stated = re.search(
         r"at most (\d+) floating-point operations, of them (\d+) divisions and square roots, (\d+) other functions",
-        words(sources.headers["controller.h"]),
+        header_of(source_of(experiment, law, reference="inputs")),
     )
     assert stated is not None
     assert (int(stated[2]), int(stated[3])) == (6 + 1, 6)
     of_law, of_limits, by_hand = 6 * (2 + 2 + 1 + 1) + 5 + 1, 6 * 3, 6 * 8 + 2 * 12
-    assert int(stated[1]) == sources.operations == of_law + of_limits + by_hand
+    assert int(stated[1]) == of_law + of_limits + by_hand
 
 
-# --- notes -----------------------------------------------------------------------------------------------------------
+# ---- notes and report ----
 
 
-def _margins(alpha: float) -> Any:
-    legs = [
-        SimpleNamespace(gain_up=g, gain_down=d, phase=p, delay=t)
-        for g, d, p, t in ((3.5, 0.2, 0.9, 0.004), (2.5, 0.4, 0.7, 0.006), (3.1, 0.3, 0.8, 0.0025))
-    ]
-    disk = SimpleNamespace(alpha=alpha, gain=(0.4, 2.2), phase=0.6)
-    return SimpleNamespace(disk=disk, legs=legs)
+def test_notes_say_all_that_was_judged(tmp_path: Path) -> None:
+    """Expected: the whole text by hand, with the numbers of the loop that `stability` is called with."""
+    settings = {
+        "loop.delay": 2, "loop.jitter": 5e-4, "loop.plant_step": 5e-4, "sensors.quantisation": {}, "loop.duration": 3,
+        "actuators.lag": 0.003, "change": [{"at": 2.0, "factors": {"platform_mass": 1.2}}],
+        "ensemble": {"members": 3, "platform_mass": {"grid": [900.0, -5.0, 800.0]},
+                     "actuators.lag": {"choice": [0.004, 0.005]}},
+    }  # fmt: skip
+    said, loops, verdicts = list[str](), list[Any](), list[str]()
+    files = gs.export("pitch_sine", settings, forms="c", out=tmp_path, warn=said.append, stability=loops.extend,
+                      verdict=verdicts.append, allow_unstable=True)  # fmt: skip
+    (loop,) = loops
+    late = "with a delay of 2 samples, up to 0.5 ms by the sensors' clock and jitter and a lag of"
 
+    def margins(case: Any, found: Any) -> str:
+        disk, legs, lag = found.disk, found.legs, round(1000 * case.loop.lag)
+        up, down = min(leg.gain_up for leg in legs), max(leg.gain_down for leg in legs)
+        phase, delay = min(leg.phase for leg in legs), min(leg.delay for leg in legs)
+        return (
+            f"Margins of {case.what} {late} {lag} ms: all legs at once disk margin {disk.alpha:.3g}, gains x "
+            f"{disk.gain[0]:.3g} to "
+            f"{disk.gain[1]:.3g}, phases +- {np.degrees(disk.phase):.3g} deg; one leg at a time gain x {down:.3g} to "
+            f"{up:.3g}, phase {np.degrees(phase):.3g} deg, delay {1000 * delay:.3g} ms."
+        )
 
-def _case(what: str, size: float, delay: int = 2, lag: float = 0.0, frequency: float = 12.5) -> Case:
-    return Case(what, Delays(delay, lag), complex(-0.6 * size, 0.8 * size), frequency)
+    def size(case: Any) -> str:
+        return f"|z| = {case.size:.5g} ({case.frequency:.3g} Hz)"
 
-
-def _loop(where: str, size: float = 0.91, **changes: Any) -> LoopStability:
-    values: dict[str, Any] = {
-        "surroundings": LoopAround(where, 0),
-        "nominal": _case("the nominal machine in its first pose", size, lag=0.003),
-        "poses": 25,
-        "on_the_way": _case("the nominal machine in its pose at 0.7 s", 0.93, frequency=14.0),
-        "changed": (_case("the machine after its change at 2 s", 0.94, frequency=15.0),),
-        "members": 40,
-        "impossible": 3,
-        "unstable": 0,
-        "worst": _case("member 17", 0.97, delay=3, lag=0.004, frequency=16.0),
-        "margins": _margins(0.8),
-        "margins_of_worst": (_case("member 4", 0.96, delay=1), _margins(0.5)),
-        "remedy": "",
-    }
-    return LoopStability(**values | changes)
-
-
-def test_notes_say_all_that_was_judged() -> None:
-    """Expected: the whole text by hand, from made-up numbers of which no two are alike."""
-    experiment = load_experiment("heave_step", {"loop.delay": 2, "loop.jitter": 1e-4, "sensors.quantisation": {}})
-    notes = notes_of(experiment, "c", StabilityReport((_loop("in C"),)))
-    margins = "gains × 0.4 to 2.2, phases ± 34.4°; one leg at a time gain × 0.4 to 2.5, phase 40.1°, delay 2.5 ms."
-    assert notes.inside == (
-        "Delay: a step computes its forces at once; the experiment has a delay of 2 samples from measurement to "
-        "force, and the machine should have the same.",
-        "Stability in C with a delay of 2 samples and a lag of 3 ms: stable; the nominal machine in its first pose "
-        "|z| = 0.91 (12.5 Hz); along the motion at most |z| = 0.93 (14 Hz) (25 poses); the machine after its change "
-        "at 2 s |z| = 0.94 (15 Hz); 40 members of [ensemble] at most |z| = 0.97 (16 Hz) (member 17, with a delay of 3 "
-        "samples and a lag of 4 ms); impossible members, which are not judged: 3.",
-        "Margins of the nominal machine in its first pose with a delay of 2 samples and a lag of 3 ms: all legs at "
-        f"once disk margin 0.8, {margins}",
-        f"Margins of member 4 with a delay of 1 sample: all legs at once disk margin 0.5, {margins}",
-        "Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. "
-        "Of what is left out, only a lag, a sensors' clock and jitter that are named here were part of it.",
-        "Left out: loop.jitter.",
+    expected = (
+        "The loop: - Delay: a step computes its forces at once; the experiment has a delay of 2 samples from "
+        "measurement to force, and the machine should have the same. "
+        f"- Stability in C {late} 3 ms: stable; the nominal machine in its first pose {size(loop.nominal)}; along the "
+        f"motion at most {size(loop.on_the_way)} ({loop.poses} poses); the machine after its change at 2 s "
+        f"{size(loop.changed[0])}; 2 members of [ensemble] at most {size(loop.worst)} ({loop.worst.what}, {late} "
+        f"{1000 * loop.worst.loop.lag:.3g} ms); impossible members, which are not judged: 1. "
+        f"- {margins(loop.nominal, loop.margins)} "
+        f"- {margins(*loop.margins_of_worst)} "
+        "- Judged by the eigenvalues z of the sampled loop, linearised at rest, without Coulomb friction and limits. "
+        "Of what is left out, only a lag, a sensors' clock and jitter that are named here were part of it. "
+        "- Left out: loop.jitter, actuators.lag, change"
     )
-    assert notes.warnings == ("the C is without loop.jitter: it is the controller alone, not the machine around it",)
-    assert in_short(_loop("in C")) == (
-        "stable in C with a delay of 3 samples and a lag of 4 ms: |z| = 0.97 (member 17), disk margin 0.5"
-    )
+    assert expected in words_of(files[1])
+    (line,) = said
+    assert line.startswith("the C is without loop.jitter, actuators.lag, change: it is the controller alone, not")
+    worst = loop.worst if loop.worst.size > loop.changed[0].size else loop.changed[0]
+    alpha = min(loop.margins.disk.alpha, loop.margins_of_worst[1].disk.alpha)
+    assert verdicts[0].startswith("stable in C with a delay of 2 samples")
+    assert verdicts[0].endswith(f"|z| = {worst.size:.5g} ({worst.what}), disk margin {alpha:.3g}")
 
 
 LATER = "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has"
 ACTS = "forces act {} after their measurement (output_delay = {}); the experiment has"
-DELAYS: dict[tuple[Host, int], str] = {
+DELAYS: dict[tuple[str, int], str] = {
     ("fmu", 0): f"{LATER} no delay; the feedforward is computed for 1 sample.",
     ("fmu", 3): f"{LATER} a delay of 3 samples; the feedforward is computed for 3 samples. The other 2 samples have "
     "to be around the unit.",
@@ -281,54 +248,138 @@ DELAYS: dict[tuple[Host, int], str] = {
 }
 
 
-@pytest.mark.parametrize(("host", "delay"), DELAYS)
-def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
-    experiment = load_experiment("heave_step", {"loop.delay": delay, "sensors.quantisation": {}})
-    notes = notes_of(experiment, host, StabilityReport(reason="there is no feedback"))
-    steps = " This holds for communication steps of a sample or less; longer ones add delay."
-    unjudged = "Stability: not judged, since there is no feedback."
-    assert notes.inside == (f"Delay: {DELAYS[host, delay]}{steps}", unjudged, "Nothing of the experiment is left out.")
-    late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
-    assert notes.warnings == (() if delay else (f"the {host.upper()} is {late}",))
+@pytest.mark.parametrize("delay", [0, 3])
+def test_notes_say_what_delay_a_form_has(delay: int, tmp_path: Path) -> None:
+    """Expected: by hand, in the page of each unit and system."""
+    settings = {"loop.delay": delay, "sensors.quantisation": {}, "controller.bandwidth": 2}
+    files = gs.export("heave_step", settings, forms=["fmu", "ssp"], fmi=["2.0"], out=tmp_path)
+    for form, path in zip(("fmu", "ssp"), files, strict=True):
+        with zipfile.ZipFile(path) as archive:
+            page = archive.read("documentation/index.html").decode()
+        steps = " This holds for communication steps of a sample or less; longer ones add delay."
+        assert f"Delay: {DELAYS[form, delay]}{steps}" in page
+        assert "Nothing of the experiment is left out." in page
 
 
-def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
-    """Expected: every loop once, the remedies after them, and the eigenvalue of the first loop."""
-    experiment = load_experiment("heave_step")
-    first = _loop("in C", 1.25, remedy="halve the gains", unstable=2)
-    second = _loop("in the SSP", worst=_case("member 8", 1.5, frequency=21.0), unstable=1, remedy="", margins=None)
-    third = _loop("with the FMU")
-    error = refusal(
-        experiment,
-        [
-            ("c", StabilityReport((first,))),
-            ("fmu", StabilityReport((third,))),
-            ("ssp", StabilityReport((second, third))),
-        ],
+def test_the_command_reports_forms_and_the_least_robust_loop(tmp_path: Path) -> None:
+    """Expected: the verdict by hand, the loop with the smallest disk margin first; an unstable one is said, and 3."""
+    done = invoke("export", "heave_step", "--as", "c,ssp", "--out", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    alphas = [float(a) for a in re.findall(r"(?:in C|in the SSP).*?stable .*? (0\.\d+)\s*$", done.output, re.M)]
+    said = " ".join(done.output.split())
+    assert "Written as C and SSP; stable in both loops that it is made for; least robust: in" in said
+    assert alphas == sorted(alphas)
+    done = invoke("export", "too_slow", "--as", "c", "--allow-unstable", "--out", str(tmp_path))
+    assert "Written as C; UNSTABLE in C with no delay: |z| = 2.1632" in " ".join(done.output.split())
+    open_loop = ["--set", "controller={type='open_loop',feedforward='gravity'}"]
+    done = invoke("export", "pitch_sine", "--as", "c", *open_loop, "--out", str(tmp_path))
+    assert "Written as C; no loop was judged for stability" in " ".join(done.output.split())
+
+
+# ---- what is left out ----
+
+AROUND: dict[str, Any] = {
+    "sensors.noise.leg_velocity": 1e-3,
+    "sensors.sample_time": 0.002,
+    "sensors.seed": 7,
+    "actuators.lag": 0.002,
+    "actuators.rate_limit": 1e5,
+    "actuators.force_limit": 9e3,
+    "loop.jitter": 0.0005,
+    "loop.plant_step": 0.0005,
+    "limits.position_error": 0.2,
+    "limits.reference": "warn",
+    "injection": {"type": "multisine", "leg": 2, "amplitude": 20.0, "band": [1.0, 40.0], "period": 0.5},
+    "disturbance": [{"at": 0.1, "duration": 0.1, "force": [1, 2, 3]}],
+    "fault": [{"at": 0.2, "cut": [3]}],
+    "change": [{"at": 0.3, "factors": {"platform_mass": 1.2}}],
+    "plant.parameters.platform_mass": 900.0,
+    "ensemble.members": 1,
+    "ensemble.leg_viscous_friction": {"uniform": [1, 2]},
+    "ensemble.leg_armature": {"uniform": [1, 2]},
+    "ensemble.loop.delay": {"choice": [0, 2]},
+    "ensemble.controller.bandwidth": {"uniform": [1, 2]},
+    "ensemble.sensors.quantisation.leg_length": {"uniform": [0, 1e-5]},
+    "ensemble.sensors.noise.leg_length": {"uniform": [0, 1e-5]},
+}
+EVERYWHERE = {
+    *("actuators.lag", "actuators.rate_limit", "change", "disturbance", "ensemble.controller.bandwidth"),
+    *("ensemble.loop.delay", "fault", "injection", "limits.position_error", "loop.jitter", "sensors.noise"),
+    *("sensors.quantisation", "sensors.sample_time"),
+}
+
+
+def without(said: list[str]) -> list[set[str]]:
+    """What warnings say that forms are without."""
+    texts = (line.partition(" is without ")[2].partition(": it ")[0] for line in said if " is without " in line)
+    return [set(text.split(", ")) for text in texts]
+
+
+def test_everything_around_the_controller_is_named_and_nothing_else(tmp_path: Path) -> None:
+    """Expected: the keys above, but for those of simulation, of the design, and of a plant where there is none."""
+    said: list[str] = []
+    options: dict[str, Any] = {"allow_unstable": True, "warn": said.append}
+    files = gs.export("heave_step", AROUND | {"loop.duration": 1.5}, forms=["c", "ssp"], out=tmp_path, **options)
+    found = without(said)
+    assert sorted(map(len, found)) == [len(EVERYWHERE), len(EVERYWHERE) + 1]
+    for missing in found:
+        # keys with a comma are one
+        assert {key for key in missing if not key.startswith("ensemble (")} == EVERYWHERE
+    with zipfile.ZipFile(files[-1]) as archive:
+        page = archive.read("documentation/index.html").decode()
+        assert "ensemble (its other machines)" in page
+        assert "Left out: " in archive.read("SystemStructure.ssd").decode()
+    assert "ensemble (its other machines)" not in words_of(files[1])
+    said.clear()
+    quiet = {"forms": "c", "out": tmp_path}
+    gs.export("circle", **quiet, **options)
+    assert without(said) == []
+    gs.export("circle", {"limits.stroke": "ignore"}, **quiet, **options)
+    assert without(said) == []
+    gs.export("circle", {"limits.stroke": "stop"}, **quiet, **options)
+    assert without(said) == [{"limits.stroke"}]
+
+
+# ---- names ----
+
+
+def test_names_of_files_become_identifiers(tmp_path: Path) -> None:
+    """Expected: of the experiment's file, or of its title without one; the files of each form."""
+    experiment = 'title = "a loop"\n[loop]\nduration = 1\n[controller]\ntype = "open_loop"\n'
+    for file, name in {
+        "My Loop-2.toml": "my_loop_2",
+        "3rd try.toml": "loop_3rd_try",
+        "ährenfeld.toml": "hrenfeld",
+        "a_name_that_is_much_longer_than_c_likes.toml": "a_name_that_is_much_long",
+    }.items():
+        (tmp_path / file).write_text(experiment)
+        (page,) = gs.export(tmp_path / file, forms="page", out=tmp_path)
+        assert page.name == f"{name}_live.html"
+    made = gs.Experiment.model_validate(
+        {"title": "Some Loop", "loop": {"duration": 1.0}, "controller": {"type": "open_loop"}}
     )
-    assert isinstance(error, UnstableLoopError)
-    assert str(error) == (
-        "experiment 'heave_step': in C the closed loop is unstable with a delay of 2 samples and a lag of 3 ms: |z| "
-        "= 1.25 at 12.5 Hz for the nominal machine in its first pose, expected below 1 (2 of 40 members are unstable); "
-        "in the SSP the closed loop is unstable with a delay of 2 samples: |z| = 1.5 at 21 Hz for member 8, expected "
-        "below 1 (1 of 40 members are unstable); halve the gains; "
-        "--allow-unstable (allow_unstable=True) exports it, with a note inside"
-    )
-    assert error.eigenvalue == pytest.approx(complex(-0.75, 1.0))
-    in_a_run = refusal(experiment, [("run", StabilityReport((first,)))])
-    assert str(in_a_run).endswith("; halve the gains; --allow-unstable runs it")
-    assert refusal(experiment, [("c", StabilityReport((third,)))]) is None
-    notes = notes_of(experiment, "ssp", StabilityReport((second,)))
-    assert notes.inside[1].startswith(
-        "Stability in the SSP with a delay of 2 samples and a lag of 3 ms: UNSTABLE, and exported on request: in the "
-        "SSP the"
-    )
-    assert notes.warnings[-1].startswith("exported on request: in the SSP the closed loop is unstable with")
-    assert in_short(second).startswith(
-        "UNSTABLE in the SSP with a delay of 2 samples: |z| = 1.5 (member 8), disk margin 0.5"
-    )
-    assert (
-        notes_of(experiment, "run", StabilityReport((first,)))
-        .warnings[-1]
-        .startswith("run on request: in C the closed")
-    )
+    assert gs.export(made, forms="page", out=tmp_path)[0].name == "some_loop_live.html"
+
+
+def test_a_casadi_function_leaves_by_itself(tmp_path: Path) -> None:
+    """Expected: files by its name, at the sample time of the settings."""
+    length = casadi.SX.sym("leg_length", 6)
+    law = casadi.Function("Soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
+    files = gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path, allow_unstable=True)
+    assert [file.name for file in files] == ["soft_controller.c", "soft_controller.h", "example_main.c"]
+    assert "R(0.0025), /* sample_time */" in files[0].read_text()
+
+
+def test_forms_come_once_and_in_order(tmp_path: Path) -> None:
+    """Expected: by the documentation; another form is refused, and nothing is written."""
+    files = gs.export(uneven_experiment(reference=HOLD, controller=PD), forms=["c", "fmu", "c"], fmi=["2.0"],
+                      out=tmp_path, allow_unstable=True)  # fmt: skip
+    assert [file.suffix for file in files] == [".c", ".h", ".c", ".fmu"]
+    for forms, message in {
+        (): "no form; expected one or more of fmu, c, ssp, page",
+        "clocked": "'clocked'; expected one of fmu, c, ssp, page; the unit without a clock serves",
+        3: "forms is 3; expected one or more of fmu, c, ssp",
+    }.items():
+        with pytest.raises(gs.GoughStewartError, match=message):
+            gs.export("circle", forms=forms, out=tmp_path / "none")  # type: ignore[arg-type]
+    assert not (tmp_path / "none").exists()

@@ -14,7 +14,6 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
-from gough_stewart.harness.export.live.page import live_page
 from tests.support.axe import violations
 from tests.support.browser import Watched, until, watched
 
@@ -36,7 +35,7 @@ ABOVE = "(id) => document.getElementById(id).getBoundingClientRect().bottom"
 def opened(browser: Browser, file: Path, name: str, size: tuple[int, int], fragment: str = "") -> Iterator[Watched]:
     """The page of an experiment, once it has a picture; it must complain of nothing, and ask for nothing."""
     if not file.exists():
-        file.write_bytes(live_page(gs.load_experiment(name, {"sensors.quantisation": {}})))
+        gs.export(name, {"sensors.quantisation": {}}, forms="page", out=file.parent)[0].rename(file)
     found = watched(browser, *size)
     found.page.goto(file.as_uri() + fragment)
     until(found.page, "GoughStewart.live && GoughStewart.ready.picture")

@@ -1,0 +1,656 @@
+"""What exported C promises beside its forces: its start, bad inputs, parameters, manual operation, and what C it is.
+
+Inputs come as on a machine: dead buses, spikes, NaN, frozen sensors; coefficients that were never prepared.
+"""
+
+import re
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi
+import control
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from tests.support.arrays import FloatArray
+from tests.support.exported import (
+    CIRCLE,
+    HOLD,
+    KP,
+    PD,
+    PID,
+    REALS,
+    SINE,
+    ZIG,
+    Exported,
+    compiled,
+    measured_by,
+    samples_of,
+    source_of,
+    uneven_experiment,
+)
+from tests.support.uneven import PARAMETERS, UNEVEN
+
+T = 0.0015
+GOOD, OUT_OF_RANGE, FROZEN, NOT_FINITE, NOT_PREPARED = range(5)
+TABLES: dict[str, dict[str, Any]] = {
+    "PD": {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}},
+    "PID": {"reference": SINE, "controller": {**PID, "feedforward": "computed_torque"}},
+    "PID in task space": {"reference": SINE, "controller": {**PID, "space": "task", "feedforward": "gravity"}},
+    "PID at rest": {"reference": HOLD, "controller": {**PID, "feedforward": "gravity"}},
+}
+BAD: dict[str, Any] = {
+    "NaN in one leg": [np.nan, None, None, None, None, None],
+    "infinite in one leg": [None, None, -np.inf, None, None, None],
+    "a dead bus": [0.0] * 6,
+    "a spike of 1e10": [None, None, None, 1e10, None, None],
+    "a spike of 1e300": [None, None, None, None, 1e300, None],
+    "just beyond the stroke": [None, 3.9 + 0.17, None, None, None, None],
+}
+BEFORE, AFTER = np.array([[3, -2, 4, 1, -5, 2], [2, 7, -1, 8, 2, -8]]) * 1e-3
+
+
+@cache
+def written(case: str) -> Path:
+    """The source of a table, once."""
+    return source_of(uneven_experiment(**TABLES[case]))
+
+
+def code_of(controller: Any = None, feedforward: str = "none", motion: Any = HOLD, **options: Any) -> Exported:
+    """The code of an experiment's PD, or of what replaces it, started."""
+    experiment = uneven_experiment(reference=motion, controller={**PD, "feedforward": feedforward})
+    return Exported(source_of(experiment, controller, **options)).start()
+
+
+def at_hold() -> FloatArray:
+    """The leg lengths in the pose of `HOLD`."""
+    return gs.leg_geometry(UNEVEN, np.array(HOLD["position"]), np.array(HOLD["orientation"])).length
+
+
+def held_forces(at: Any = HOLD) -> FloatArray:
+    """The static forces there."""
+    return gs.static_leg_forces(UNEVEN, np.array(at["position"]), np.array(at["orientation"]))
+
+
+def function_of(name: str, size: int, force: Any, **memory: Any) -> casadi.Function:
+    """A law of one signal, and perhaps of a memory."""
+    signal, state = casadi.SX.sym(name, size), casadi.SX.sym("memory")
+    outputs = [force(signal), *(following(signal, state) for following in memory.values())]
+    names = [name, "memory"] if memory else [name], ["actuator_force", "memory_next"][: len(outputs)]
+    return casadi.Function("law", [signal, state][: len(names[0])], outputs, *names)
+
+
+# ---- the start ----
+
+
+def test_zeros_at_first_give_the_start_forces_and_count_as_samples() -> None:
+    """Expected: `start_force`; then, with the memory fresh, F = kp e + ki T e/2 of the fourth sample's reference.
+
+    The derivative starts at rest, and the integral at zero, half a step by Tustin's rule.
+    """
+    experiment = uneven_experiment(reference=CIRCLE, controller={**PID, "derivative_on": "measurement"})
+    code, wanted = Exported(source_of(experiment)).start(), samples_of(gs.run(experiment), "reference.leg_length")
+    for _ in range(3):
+        force, limited = code.step(np.zeros(6))
+        assert np.array_equal(force, code.parameters["start_force"][0])
+        assert not limited.any()
+    error = 1e-3 * np.arange(1, 7)
+    force, _ = code.step(wanted[3] - error)
+    np.testing.assert_allclose(force, (np.array(KP) + np.array(PID["integral_gain"]) * T / 2) * error, rtol=1e-9)
+    assert code.status == (GOOD, 0)
+    code.step(np.zeros(6))  # zeros later on are a fault
+    assert code.status[0] == OUT_OF_RANGE
+
+
+def test_a_controller_of_velocities_takes_zeros_as_measurements() -> None:
+    """Expected: 200 N.s/m of the legs' velocities in the reference of a run."""
+    damper = gs.LinearController(control.ss([], [], [], 200 * np.eye(6), T), signals=("leg_velocity",))
+    experiment = uneven_experiment(reference={**SINE, "fade_in": 0}, controller={"type": "open_loop"})
+    force, _ = Exported(source_of(experiment, damper)).steps(np.zeros((3, 6)))
+    wanted = samples_of(gs.run(experiment, controller=damper), "reference.leg_velocity")
+    np.testing.assert_allclose(force, 200 * wanted[:3], rtol=1e-9)
+
+
+def test_a_reference_of_zeros_is_one_where_the_platform_can_be_there() -> None:
+    """Expected: with the base 2.85 m higher, a pose of zeros is near home: after a start it is followed, no fault."""
+    points, home = np.array(UNEVEN.base_points) - [0, 0, 2.85], [0.08, -0.05, 0.05]
+    lowered = {**PARAMETERS, "base_points": points.tolist(), "home_position": home}
+    experiment = uneven_experiment(
+        platform={"preset": "liu2000", "parameters": lowered},
+        reference={"type": "hold"},
+        start={"position": home},
+        controller={**PD, "feedforward": "none"},
+    )
+    code, platform = Exported(source_of(experiment, reference="inputs")).start(), gs.Platform(**lowered)
+    there = np.concatenate([home, UNEVEN.home_orientation, np.zeros(12)])
+    lengths = [gs.leg_geometry(platform, pose[:3], pose[3:6]).length for pose in (there, np.zeros(18))]
+    code.step(lengths[0], there)
+    for _ in range(400):  # until the derivative rests
+        force, _ = code.step(lengths[1] - AFTER, np.zeros(18))
+    assert code.status[0] == GOOD
+    np.testing.assert_allclose(force, np.array(KP) * AFTER, rtol=1e-6)
+
+
+# ---- bad inputs ----
+
+
+@cache
+def calm(case: str) -> tuple[Path, FloatArray, FloatArray]:
+    """A controller's source, what it measures in a run, and its feedforward there."""
+    experiment = uneven_experiment(**TABLES[case], actuators={"force_limit": 3000.0})
+    record = gs.run(experiment)
+    return source_of(experiment), measured_by(record), samples_of(record, "controller.feedforward")
+
+
+@pytest.mark.parametrize(
+    ("case", "bad"), [*(("PD", bad) for bad in BAD), *((case, "a dead bus") for case in list(TABLES)[1:3])]
+)
+def test_a_bad_sample_gives_the_feedforward_and_the_next_good_one_recovers(case: str, bad: str) -> None:
+    """Expected: all six forces of the run's feedforward, no state changed; it goes on as if unhurt.
+
+    Compared with a controller that saw the good measurement at that sample: one sample of a law with time constants
+    of many samples changes the next forces by a part of their own change only.
+    """
+    source, measured, known = calm(case)
+    code, unhurt = Exported(source).start(), Exported(source).start()
+    for row in measured[:40]:
+        code.step(row)
+        unhurt.step(row)
+    states = code.remembered("states")
+    spoiled = [good if other is None else other for good, other in zip(measured[40], BAD[bad], strict=True)]
+    force, limited = code.step(spoiled)
+    np.testing.assert_allclose(force, known[40], rtol=1e-9, atol=1e-9)
+    assert not limited.any()
+    assert np.array_equal(code.remembered("states"), states)
+    assert code.status == (OUT_OF_RANGE, T)
+    usual = [unhurt.step(row)[0] for row in measured[40:60]]
+    after = [code.step(row)[0] for row in measured[41:60]]
+    assert code.status == (GOOD, 0.0)
+    assert np.abs(np.array(after) - usual[1:]).max() < 4 * np.abs(np.diff(usual, axis=0)).max()
+    assert np.isfinite(code.memory).all()
+
+
+@pytest.mark.parametrize("space", ["leg", "task"])
+def test_after_a_gap_the_law_begins_at_rest_with_its_integrals(space: str) -> None:
+    """Expected, by hand: F = kp e + x + ki T e/2 + known in leg space; no derivative of the jump of e over the gap.
+
+    In task space: no more than without the gap's memory, that is the force of a law that starts anew plus the integral.
+    """
+    controller = {**PID, "space": space, "derivative_filter": 0.004, "feedforward": "gravity"}
+    source = source_of(uneven_experiment(reference=HOLD, controller=controller, actuators={"force_limit": 3e4}))
+    code, fresh = Exported(source).start(), Exported(source).start()
+    for _ in range(50):
+        code.step(at_hold() + BEFORE)
+    for k in range(20):
+        code.step(np.full(6, np.nan))
+        assert code.status[1] == pytest.approx((k + 1) * T)
+    force, anew = (one.step(at_hold() - AFTER)[0] for one in (code, fresh))
+    ki = np.array(PID["integral_gain"])
+    if space == "leg":
+        integral = ki * T * (AFTER / 2 - 50 * BEFORE)  # Tustin: half a step at either end
+        np.testing.assert_allclose(force, np.array(KP) * AFTER + integral + held_forces(), rtol=1e-9)
+    # the integral of the first law alone is between them; without it both are the same
+    assert np.abs(code.remembered("states") - fresh.remembered("states")).max() > 0
+    assert np.abs(force - anew).max() < 3 * np.abs(50 * T * ki * 5e-3).max()
+
+
+def test_recovery_of_a_discrete_system_keeps_its_integrators_only() -> None:
+    """Expected, by hand: states (integrator, filter) are (x1, rest) after a gap; rest of x⁺ = 0.6 x + e is e/0.4."""
+    A, B = np.diag([1.0] * 6 + [0.6] * 6), np.vstack([0.01 * np.eye(6), np.eye(6)])
+    law = gs.LinearController(control.ss(A, B, np.hstack([40 * np.eye(6), 25 * np.eye(6)]), np.diag(KP), T))
+    code = code_of(law)
+    for row in [at_hold() - BEFORE] * 30 + [np.zeros(6)] * 7:
+        code.step(row)
+    force, _ = code.step(at_hold() - AFTER)
+    np.testing.assert_allclose(force, 40 * 30 * 0.01 * BEFORE + 25 * AFTER / 0.4 + np.array(KP) * AFTER, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("feedforward", "safe_force", "expected"),
+    [("gravity", "feedforward", "known"), ("gravity", "zero", "zero"), ("none", "feedforward", "start")],
+)
+def test_the_safe_force_is_chosen_at_export(feedforward: str, safe_force: str, expected: str) -> None:
+    """Expected: the feedforward of a run; start forces; or zero; within the limit."""
+    record = gs.run(uneven_experiment(reference=CIRCLE, controller={**PD, "feedforward": feedforward}))
+    code = code_of(None, feedforward, CIRCLE, safe_force=safe_force)
+    for lengths in samples_of(record, "reference.leg_length")[:3]:
+        code.step(lengths)
+    for limit, k in ((np.inf, 3), (20.0, 4)):
+        code.parameters["force_limit"] = limit
+        assert code.prepare() == 0
+        known, start = samples_of(record, "controller.feedforward")[k], code.parameters["start_force"][0]
+        wanted = np.asarray({"known": known, "start": start, "zero": np.zeros(6)}[expected])
+        force, limited = code.step(np.zeros(6))
+        np.testing.assert_allclose(force, np.clip(wanted, -limit, limit), rtol=1e-9, atol=1e-12)
+        assert np.array_equal(limited, np.abs(wanted) > limit)
+
+
+def test_a_bad_reference_gives_the_feedforward_of_the_last_good_one() -> None:
+    """Expected: the same forces again; for zeros, NaN and a position out of reach; before any, the start forces."""
+    code = code_of(None, "gravity", CIRCLE, reference="inputs")
+    first = np.concatenate([HOLD["position"], HOLD["orientation"], 0.1 * np.ones(12)])
+    bad, far = first.copy(), first.copy()
+    bad[7], far[2] = np.nan, 9.0
+    assert np.array_equal(code.step(at_hold(), bad)[0], code.parameters["start_force"][0])
+    known, _ = code.step(at_hold(), first)  # exactly on the reference
+    for reference in (bad, np.zeros(18), far):
+        np.testing.assert_allclose(code.step(at_hold(), reference)[0], known, rtol=1e-12)
+        assert code.status[0] == OUT_OF_RANGE
+    np.testing.assert_allclose(code.step(np.zeros(6), first)[0], known, rtol=1e-9)
+    code.step(at_hold(), first)
+    assert code.status[0] == GOOD
+
+
+def test_a_force_or_a_memory_that_is_no_number_is_told_from_a_bad_input() -> None:
+    """Expected: √z of a law at z = −0.1 m, within the range: the feedforward; an infinite memory is not kept."""
+    code = code_of(function_of("position", 3, lambda p: casadi.repmat(casadi.sqrt(p[2]), 6)), "gravity")
+    x, y, z = HOLD["position"]
+    normal, _ = code.step([x, y, z])
+    force, _ = code.step([x, y, -0.1])
+    assert code.status[0] == NOT_FINITE
+    np.testing.assert_allclose(force, normal - np.sqrt(z), rtol=1e-12)
+    assert np.array_equal(code.step([x, y, z])[0], normal)
+    code = code_of(function_of("leg_length", 6, lambda v: v, memory=lambda v, state: state + 1 / (v[0] - 3)))
+    for first, status in ((3.5, GOOD), (3.0, NOT_FINITE)):
+        code.step([first, 3, 3, 3, 3, 3])
+        assert (code.status[0], *code.remembered("states")) == (status, 2)
+
+
+@pytest.mark.parametrize("signal", ["leg_length", "position"])
+def test_a_measurement_that_stands_still_while_its_reference_moves_is_frozen(signal: str) -> None:
+    """Expected: bad from the sample at which both bounds are passed, until it moves; by the reference of a run."""
+    size, samples, movement = 6 if signal == "leg_length" else 3, 20, 0.004
+    law = gs.LinearController(control.ss([], [], [], 100 * np.ones((6, size)), T), (signal,))
+    motion = {**SINE, "frequency": 6.0}
+    code = code_of(law, "gravity", motion, frozen=(samples, movement))
+    run = gs.run(uneven_experiment(reference=motion, controller=PD, loop={"duration": 0.48, "sample_time": T}))
+    wanted = samples_of(run, f"reference.{signal}")
+    for k in range(60):
+        code.step(wanted[k])
+        assert code.status[0] == GOOD
+    stuck = wanted[59, 1]
+    moved = np.maximum.accumulate(np.abs(wanted[59:, 1] - stuck))
+    first = 59 + int(((np.arange(len(moved)) >= samples) & (moved > movement)).argmax())
+    assert first > 59
+    for k in range(60, first + 110):
+        row = wanted[k].copy()
+        row[1] = stuck
+        code.step(row)
+        assert code.status[0] == (FROZEN if k >= first else GOOD), k
+    # the reference has come back, which thaws nothing
+    assert np.abs(wanted[first : first + 110, 1] - stuck).min() < movement / 2
+    assert code.status[1] == pytest.approx(110 * T)
+    code.step(wanted[first + 110])
+    assert code.status[0] == GOOD
+
+
+def test_poses_within_a_leg_of_home_are_in_range_without_a_stroke() -> None:
+    """Expected: all of them, in every orientation but upside down; eight times as far, none."""
+    platform, rng = gs.load_preset("liu2000"), np.random.default_rng(8)
+    home = np.array(platform.home_position)
+    leg = gs.leg_geometry(platform, home, np.array(platform.home_orientation)).length.mean()
+    law = gs.LinearController(control.ss([], [], [], np.ones((6, 6)), 1e-3), ("position", "orientation"))
+    experiment = gs.load_experiment("circle", {"platform": {"preset": "liu2000"}, "reference": {"type": "hold"}})
+    code = Exported(source_of(experiment, law)).start()
+    for direction in rng.normal(size=(40, 3)):
+        angles, unit = rng.uniform(-1, 1, 3) * [3.1, 1.5, 3.1], direction / np.linalg.norm(direction)
+        for far, status in ((rng.uniform(0, 1), GOOD), (8.0, OUT_OF_RANGE)):
+            code.step([*(home + far * leg * unit), *angles])
+            assert code.status[0] == status
+
+
+# ---- parameters ----
+
+
+@pytest.mark.parametrize("with_drives", [False, True], ids=["at samples", "at steps of drives"])
+def test_coefficients_count_once_they_are_prepared_and_a_refused_parameter_leaves_them(with_drives: bool) -> None:
+    """Expected: before, no force, a status of its own, and nothing else in the memory; each byte after a refusal."""
+    actuators = {"force_limit": 900.0, "lag": 2e-3} if with_drives else {}
+    experiment = uneven_experiment(**TABLES["PID at rest"], actuators=actuators)
+    source = source_of(experiment, parts="drives" if with_drives else ())
+    code, fresh = Exported(source).start(), Exported(source).start()
+    prepared, before = code.coefficients.copy(), code.memory.copy()
+    code.coefficients[:] = 0
+    force, limited = code.step(at_hold() + 0.01)
+    assert not force.any()
+    assert not limited.any()
+    assert code.status[0] == NOT_PREPARED
+    assert np.array_equal(fresh.memory, before)
+    code.coefficients[:] = prepared
+    for k, (name, value) in enumerate((("platform_mass", np.nan), ("proportional_gain", -1.0), ("delay", 0.5))):
+        good, of_now = code.parameters[name].copy(), code.coefficients.tobytes()
+        code.parameters[name] = value
+        assert code.prepare() == 1 + code.names.index(name)
+        assert code.coefficients.tobytes() == of_now
+        code.parameters[name] = good
+        force, _ = code.step(at_hold() + 1e-3 * k)
+        assert np.abs(force).min() > 0.1
+        assert np.array_equal(force, fresh.step(at_hold() + 1e-3 * k)[0])
+        assert code.status == (GOOD, 0)
+
+
+REFUSED_VALUES: dict[str, list[Any]] = {
+    "sample_time": [0.0, np.nan, np.inf, -5.0, 1e-9],
+    "delay": [-1.0, 0.5, 1001.0, 1e9, np.nan],
+    "force_limit": [np.nan, -5.0, 1e-300, 9e-4],
+    "force_rate_limit": [-1.0, np.nan, 1e-300],
+    "start_force": [[0, 0, 0, 0, 0, value] for value in (np.inf, np.nan, 1e12, -1e12)],
+    "proportional_gain": [[1, 1, 1, 0, 1, 1]],
+    "derivative_gain": [[1, 1, -1, 1, 1, 1]],
+    "derivative_filter": [0.0, 7e-4],
+    "integral_gain": [[1, 1, 1, 1, 1, 1]],
+    "anti_windup_time": [[1, 1, 1e-3, 1, 1, 1]],
+    "platform_mass": [0.0, 1e31, np.inf],
+    "leg_coulomb_friction": [-1.0],
+    "gravity": [[0, np.nan, 0]],
+}
+ACCEPTED_VALUES: dict[str, list[Any]] = {
+    "sample_time": [1e-6, 1e3],
+    "delay": [0.0, 1000.0],
+    "force_limit": [0.0, 1e-3, np.inf],
+    "force_rate_limit": [0.0, 1e-3, np.inf],
+    "start_force": [[0, 0, 0, 0, 0, value] for value in (1e9, -1e9)],
+    "platform_mass": [1e30],
+    "gravity": [[0, -1e30, 0]],
+}
+
+
+def test_a_parameter_that_cannot_be_is_refused_by_its_number_and_one_at_its_bound_is_accepted() -> None:
+    """Expected: the bounds of docs/export.md."""
+    for case, values in (("PID at rest", REFUSED_VALUES), ("PD", ACCEPTED_VALUES)):
+        code = Exported(written(case))
+        assert code.prepare() == 0
+        if case == "PD":
+            code.parameters["derivative_filter"] = 1e3
+        for name, of_name in values.items():
+            good = code.parameters[name].copy()
+            for value in of_name:
+                code.parameters[name] = value
+                assert code.prepare() == (1 + code.names.index(name) if case != "PD" else 0), (name, value)
+            code.parameters[name] = good
+    # a sample time can be too long for the filter or the anti-windup
+    code = Exported(written("PID at rest"))
+    code.parameters["sample_time"] = 0.1
+    assert code.names[code.prepare() - 1] in ("derivative_filter", "anti_windup_time")
+
+
+def test_matrices_are_refused_at_another_sample_time() -> None:
+    system = control.ss(np.eye(1) * 0.5, np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6)), T)
+    code = code_of(system)
+    code.parameters["sample_time"] = 0.002
+    assert code.prepare() == 1
+
+
+# ---- what cannot leave ----
+
+POINTS, VALUES = np.array([-0.05, -0.02, 0.0, 0.03, 0.06]), np.array([-90.0, -20.0, 0.0, 24.0, 77.0])
+
+
+def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Function:
+    symbols = [casadi.MX.sym(name, size) for name, size in inputs.items()]
+    results = [casadi.MX.zeros(size) + symbols[0][0] for size in outputs.values()]
+    return casadi.Function("f", symbols, results, list(inputs), list(outputs))
+
+
+def _interpolant() -> casadi.Function:
+    """Of two signals, beside a third."""
+    names = ["time", "leg_length", "reference_leg_length"]
+    inputs = [casadi.MX.sym(name, size) for name, size in zip(names, (1, 6, 6), strict=True)]
+    table = casadi.interpolant("gain", "bspline", [POINTS], VALUES)
+    force = casadi.vertcat(*(table(inputs[2][k] - inputs[1][k]) for k in range(6))) + inputs[0]
+    return casadi.Function("law", inputs, [force], names, ["actuator_force"])
+
+
+ONE = np.ones((1, 6)), np.ones((6, 1)), np.zeros((6, 6))
+REFUSED: dict[str, tuple[Any, dict[str, Any]]] = {
+    r"controller itself is unstable: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside": (
+        lambda: control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), T), {}),
+    "has the input 'leg_lenght'; expected one of time, pos": (
+        lambda: _function({"leg_lenght": 6}, {"actuator_force": 6}), {}),
+    "input 'leg_length' has 5 elements; expected 6": (lambda: _function({"leg_length": 5}, {"actuator_force": 6}), {}),
+    "has the outputs {'force': 6}; expected {'actuator_force': 6}": (
+        lambda: _function({"leg_length": 6}, {"force": 6}), {}),
+    "expected {'actuator_force': 6, 'memory_next': 2}": (lambda: _function({"memory": 2}, {"actuator_force": 6}), {}),
+    "memory_next needs an input memory": (
+        lambda: _function({"time": 1}, {"actuator_force": 6, "memory_next": 2}), {}),
+    r"looks leg_length and reference_leg_length up in 'gain'.*casadi\.pw_lin\(x": (_interpolant, {}),
+    "has erfinv of leg_length, which C lacks": (
+        lambda: function_of("leg_length", 6, lambda length: casadi.erfinv(length - 3)), {}),
+    "continuous time; expected discrete": (lambda: control.ss([[0.5]], *ONE), {}),
+    "has 5 inputs and 6 outputs": (lambda: control.ss([[0.5]], np.ones((1, 5)), ONE[1], np.zeros((6, 5)), T), {}),
+    "the loop's 0.0015 s": (lambda: control.ss([[0.5]], *ONE, 0.001), {}),
+    "D has elements that are not finite": (lambda: control.ss([], [], [], np.diag([1, 2, np.nan, 3, 4, 5]), T), {}),
+    r"leg_length or position.*the controller measures leg_velocity": (
+        lambda: gs.LinearController(control.ss([], [], [], np.eye(6), T), signals=("leg_velocity",)),
+        {"frozen": (5, 0.1)}),
+    "safe_force is 'brake'; expected 'feedforward' or 'zero'": (lambda: None, {"safe_force": "brake"}),
+    "frozen is 5; expected a number of samples and a movement": (lambda: None, {"frozen": 5}),
+    r"frozen is \(0, 1.0\); expected a number of samples": (lambda: None, {"frozen": (0, 1.0)}),
+    r"frozen is \(2.5, 1.0\)": (lambda: None, {"frozen": (2.5, 1.0)}),
+    r"frozen is \(5, 0.0\).*such as": (lambda: None, {"frozen": (5, 0.0)}),
+    r"frozen is \(5, inf\)": (lambda: None, {"frozen": (5, np.inf)}),
+    "reference is 'outside'; expected 'inside' or 'inputs'": (lambda: None, {"reference": "outside"}),
+    "no part 'drive'; did you mean 'drives'?": (lambda: None, {"parts": "drive"}),
+    "parts is 3; expected one or more of drives, sensors, manual": (lambda: None, {"parts": 3}),
+    "drives run at the plant_step of 1e-06 s, 1500 times in a sample of 0.0015 s; expected at most 1000 times": (
+        lambda: None, {"parts": "drives", "settings": {"loop.plant_step": 1e-6, "loop.duration": 0.006}}),
+    "its forces are constant; expected a controller with feedback": (
+        lambda: None, {"settings": {"controller": {"type": "open_loop", "force": [1, 2, 3, 4, 5, 6]}}}),
+    "reference is a motion by hand, which is no formula and no table; expected reference = 'inputs'": (
+        lambda: None, {"settings": {"reference": {"type": "by_hand", "sample_time": T, "motion": HOLD,
+                                                  "file": "TARGETS"}}}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_cannot_leave_is_refused(message: str, tmp_path: Path) -> None:
+    """Expected: what was found, and what would work; no file."""
+    make, options = REFUSED[message]
+    (tmp_path / "targets.csv").write_text("time,x,y,z,roll,pitch,yaw,jumps\n0.03,0.1,0,2.9,0,0,0,0\n")
+    reference = options.get("settings", {}).get("reference")
+    if reference:
+        options = {"settings": {"reference": {**reference, "file": str(tmp_path / "targets.csv")}}}
+    experiment = uneven_experiment(reference=HOLD, controller={**PD, "feedforward": "gravity"})
+    with pytest.raises(gs.GoughStewartError, match=message.replace("?", r"\?") if message.endswith("?") else message):
+        source_of(experiment, make(), tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
+    """Expected: linear interpolation by NumPy, and the end pieces beyond the ends, as a casadi.interpolant has it."""
+    length, wanted = casadi.SX.sym("length", 6), casadi.SX.sym("wanted", 6)
+    force = casadi.vertcat(*(casadi.pw_lin(wanted[k] - length[k], POINTS, VALUES) for k in range(6)))
+    law = casadi.Function("law", [length, wanted], [force], ["leg_length", "reference_leg_length"], ["actuator_force"])
+    error = np.array([0.011, -0.034, 0.05, 0.0, 0.0871, -0.02])
+    found, _ = code_of(law).step(at_hold() - error)
+    slope = (VALUES[-1] - VALUES[-2]) / (POINTS[-1] - POINTS[-2])
+    expected = np.interp(error, POINTS, VALUES) + slope * np.maximum(error - POINTS[-1], 0)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+# ---- switched off and on ----
+
+MANUAL = np.array([31.0, -42.0, 17.0, 55.0, -23.0, 38.0])
+ERROR = np.array([3, -2, 4, 1, -5, 2]) * 1e-3
+
+
+@cache
+def switched(kind: str) -> Path:
+    """A controller that can be switched: "pd", "pid", or "pid" in "task" space."""
+    controller = {**(PD if kind == "pd" else PID), "space": "task" if kind == "task" else "leg"}
+    tables = {"reference": HOLD, "controller": {**controller, "feedforward": "gravity"}}
+    return source_of(uneven_experiment(**tables, actuators={"force_limit": 60.0}), parts="manual")
+
+
+def off(code: Exported, force: FloatArray = MANUAL) -> Exported:
+    """Switch it off."""
+    code.set("enabled", 0)
+    code.set("manual_force", force)
+    return code
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("kind", ["pd", "pid", "task"])
+def test_a_controller_follows_while_it_is_off_and_begins_there(kind: str, real: str) -> None:
+    """Expected: the manual force, cut to the limit; switched on, no more than the change of one sample from it.
+
+    In double precision, `tests/harness/loop/test_manual_operation.py` has every sample.
+    """
+    code = off(Exported(switched(kind), real).start())
+    for _ in range(200):
+        force, limited = code.step(at_hold() - ERROR)
+        np.testing.assert_allclose(force, MANUAL, rtol=1e-6)
+        assert not limited.any()
+    code.set("manual_force", 10 * MANUAL)
+    force, limited = code.step(at_hold() - ERROR)
+    np.testing.assert_array_equal(force, np.sign(MANUAL) * 60)
+    assert limited.all()
+    off(code).step(at_hold() - ERROR)
+    code.set("enabled", 1)
+    assert np.abs(code.step(at_hold() - ERROR)[0] - MANUAL).max() < 0.02
+
+
+def test_the_force_that_was_taken_over_fades_with_the_stated_time() -> None:
+    """Expected: of a PD at rest (1 − T/1 s)ⁿ of what its command, kp e and the static forces, lacked, by hand."""
+    code = off(Exported(switched("pd")).start())
+    for _ in range(500):  # until the derivative's filter rests
+        code.step(at_hold() - ERROR)
+    lacked = MANUAL - np.array(KP) * ERROR - held_forces()
+    np.testing.assert_allclose(code.remembered("transfer"), lacked, rtol=1e-9)
+    code.set("enabled", 1)
+    forces = np.array([code.step(at_hold() - ERROR)[0] for _ in range(300)])
+    expected = MANUAL - lacked + lacked * (1 - T) ** np.arange(300)[:, None]
+    assert np.abs(lacked).min() > 3
+    np.testing.assert_allclose(forces, np.clip(expected, -60, 60), atol=1e-9)
+
+
+def test_bad_inputs_while_it_is_off_change_nothing_and_a_bad_manual_force_is_none() -> None:
+    """Expected: the manual force whatever is measured, with its status; NaN as manual force leaves it on."""
+    code = off(Exported(switched("pid")).start())
+    code.step(at_hold())
+    for row, status in ((np.full(6, np.nan), OUT_OF_RANGE), (at_hold(), GOOD)):
+        force, _ = code.step(row)
+        np.testing.assert_allclose(force, MANUAL)
+        assert code.status[0] == status
+    force, _ = off(code, np.full(6, np.nan)).step(at_hold())
+    assert np.isfinite(force).all()
+
+
+def test_without_a_switch_nothing_is_added() -> None:
+    """Expected: the same forces as with one that is never used, and none of its members in the memory."""
+    experiment = uneven_experiment(**TABLES["PID at rest"], actuators={"force_limit": 60.0})
+    with_switch, plain = Exported(switched("pid")), Exported(source_of(experiment))
+    rows = at_hold() + 1e-3 * np.sin(np.arange(60))[:, None]
+    np.testing.assert_array_equal(plain.steps(rows)[0], with_switch.steps(rows)[0])
+    assert "enabled" not in plain.header
+
+
+# ---- compilers ----
+
+STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion")
+LANGUAGES = (("-std=c99",), ("-std=c11",), ("-std=c17",), ("-x", "c++", "-std=c++11"))
+COMPILERS: dict[str, tuple[str, ...]] = {
+    "gcc": ("gcc",),
+    "clang": ("clang",),
+    "Cortex-M4F": ("arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"),
+    "Cortex-M7": ("arm-none-eabi-gcc", "-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16"),
+    "zig": ZIG,
+}
+# Together they have every part of the template: a law in leg and in task space, integrals and limits, a table, both
+# kinds of feedforward, a reference that comes in, and measurements that are watched. The last one is quick to make.
+SHIPPED = ("recorded_ride", "pitch_sine", "saturation", "circle from inputs")
+
+
+@cache
+def shipped(name: str) -> Path:
+    """The C of a shipped experiment."""
+    experiment, _, inputs = name.partition(" from ")
+    options = {"frozen": (50, 1e-3)} if inputs or experiment == "saturation" else {}
+    settings = {"loop.duration": 0.1, "limits.reference": "warn"}
+    return source_of(experiment, settings=settings, reference="inputs" if inputs else "inside", **options)
+
+
+def available(compiler: str) -> tuple[str, ...]:
+    """Its command."""
+    if shutil.which(COMPILERS[compiler][0]) is None:
+        pytest.skip(f"{compiler} is not installed")
+    return COMPILERS[compiler]
+
+
+@pytest.mark.parametrize("compiler", [c for c in COMPILERS if c != "zig"])
+def test_sources_compile_without_a_warning(compiler: str) -> None:
+    """Expected: none, in the standards of C and in C++, with both types of numbers."""
+    command = available(compiler)
+    for name in SHIPPED if compiler == "gcc" else SHIPPED[-1:]:
+        source = shipped(name)
+        for k, language in enumerate(LANGUAGES if name in SHIPPED[-2:] else LANGUAGES[:1]):
+            real = f"-D{source.stem.upper()}_REAL={('float', 'double')[k % 2]}"
+            to_the_end = ("-c", "-o", "object.o") if k < 1 else ("-fsyntax-only",)
+            compiled([*command, *STRICT, *language, real, *to_the_end, source.name], source.parent)
+
+
+def test_a_cortex_m4f_computes_without_software_arithmetic() -> None:
+    """Expected: no call of the compiler's runtime, whose functions for double are named __aeabi_d…."""
+    command, names = available("Cortex-M4F"), ("sin", "cos", "tanh", "floor", "fma", "fmin", "fmax", "fmod", "sqrt")
+    for source in map(shipped, SHIPPED):
+        real = f"-D{source.stem.upper()}_REAL=float"
+        compiled([*command, "-std=c99", real, "-O1", "-c", source.name, "-o", "float.o"], source.parent)
+        undefined = ["arm-none-eabi-nm", "--undefined-only", "float.o"]
+        text = subprocess.run(undefined, cwd=source.parent, capture_output=True, text=True, check=True).stdout
+        called = {line.split()[-1] for line in text.splitlines()} - {"memset", "memcpy"}
+        assert called <= {f"{name}f" for name in (*names, "remainder", "atan2", "hypot")}
+
+
+def test_a_program_in_c_plus_plus_calls_a_controller_in_c() -> None:
+    """Expected: it links with the object that a C compiler made, and prints the forces of the example in C.
+
+    The first are those of a sample exactly on the reference.
+    """
+    available("gcc")
+    source = shipped("saturation")
+    folder = source.parent
+    compiled(["gcc", *STRICT, "-c", source.name, "-o", "law.o"], folder)
+    compiled(["gcc", "example_main.c", "law.o", "-lm", "-o", "in_c"], folder)
+    strict = [flag for flag in STRICT if flag != "-Wconversion"]
+    compiled(["g++", *strict, *LANGUAGES[-1], "example_main.c", "-x", "none", "law.o", "-lm", "-o", "in_cpp"], folder)
+    printed = [
+        subprocess.run([str(folder / program)], capture_output=True, text=True, check=True).stdout
+        for program in ("in_c", "in_cpp")
+    ]
+    assert printed[0] == printed[1]
+    assert printed[0].count(" N") == 30
+    first = [float(value) for value in re.findall(r"(\S+) N", printed[0].splitlines()[0])]
+    record = gs.run("saturation", {"loop.duration": 0.1})
+    code = Exported(source).start()
+    np.testing.assert_allclose(first, code.step(record["reference.leg_length"][0])[0], rtol=1e-5)
+
+
+def test_two_controllers_of_different_precision_link_into_one_program(tmp_path: Path) -> None:
+    """Expected: no name that both have; each prepares with its own parameters, one in float and one in double."""
+    available("gcc")
+    sources = [shipped(name) for name in SHIPPED[-2:]]
+    names = [source.stem for source in sources]
+    lines = [f'#include "{name}.h"' for name in names] + ["int main(void)", "{", "    int wrong = 0;"]
+    for name in names:
+        lines.append(f"    {name}_coefficients {name} = {{0}};")
+        lines.append(f"    wrong += {name}_prepare(&{name.upper()}_DEFAULTS, &{name});")
+    sizes = " ".join(f"!(sizeof({name}_real) == {size}) ||" for name, size in zip(names, (4, 8), strict=True))
+    (tmp_path / "main.c").write_text("\n".join([*lines, f"    return {sizes} wrong != 0;", "}", ""]))
+    flags = [f"-D{names[0].upper()}_REAL=float", *(f"-I{source.parent}" for source in sources)]
+    compiled(["gcc", "-std=c99", *flags, "-Wall", "-Werror", "main.c", *map(str, sources), "-lm"], tmp_path)
+    assert subprocess.run([str(tmp_path / "a.out")], check=False).returncode == 0
+
+
+def test_the_sources_keep_the_rules_of_plain_c() -> None:
+    """Expected: no allocation, no memory of its own, no goto; loops of fixed length, the same text twice."""
+    text = written("PID in task space").read_text()
+    assert not re.search(r"\b(malloc|calloc|free|goto|printf|extern)\b", text)
+    assert not re.search(r"^(MAYBE_UNUSED )?\s*static (?!const |void |int |real |moment )", text, re.M)
+    assert set(re.findall(r"for \(k = 0; k < (\w+);", text)) <= {"3", "6", "9", "18", "n", "N_STATES", "N_WATCHED"}
+    again = source_of(uneven_experiment(**TABLES["PID in task space"]))
+    assert again.read_text() == text
+    assert again.with_suffix(".h").read_text() == written("PID in task space").with_suffix(".h").read_text()
