@@ -232,7 +232,7 @@ class Running:
 
         From report.json `gough-stewart view` shows the folder.
         """
-        from gough_stewart.harness.report.codec import thinned, to_json
+        from gough_stewart.harness.report.document import thinned, to_json
         from gough_stewart.model.process.files import file_set
 
         expected = [*files, *([DATA] if self.keeps_data else []), *([PAGE] if self.page else [])]
@@ -262,7 +262,7 @@ class Running:
         if self.folder not in self.command.written:
             self.command.written.append(self.folder)
         if self.options.as_json:
-            from gough_stewart.harness.report.codec import thinned, to_json
+            from gough_stewart.harness.report.document import thinned, to_json
 
             sys.stdout.write(to_json(thinned(report)) + "\n")
         else:

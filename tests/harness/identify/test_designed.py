@@ -14,7 +14,6 @@ from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.report.terminal import tables_text
 from tests.support.information import with_changes
 from tests.support.lagrangian import Pose, forces_along
-from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 
 NAMES = "platform_mass,platform_com,platform_inertia"
@@ -124,8 +123,8 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
         assert_allclose(record["controller.force"], other["controller.force"], rtol=0, atol=1e-8)
     table = found.table
     assert table.title.endswith(": before and after")
-    assert heads_of(table) == ("", "before", "after")
-    rows = rows_of(table)
+    assert table.heads == ("", "before", "after")
+    rows = table.shown
     names = [row[0] for row in rows]
     assert names == [
         "position error, RMS µm",

@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.report.codec import from_json
+from gough_stewart.harness.report.document import from_json
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
