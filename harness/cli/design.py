@@ -59,9 +59,9 @@ def check_command(
     - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
     """
     loaded = opt.chosen_experiment(experiment, settings, executed=lambda _: ())
-    from gough_stewart.harness.experiment.checking import FILES, PATHS, check, check_files
+    from gough_stewart.harness.experiment.checking import FILES, PATHS, absent_numbers, check, check_files
 
-    running.expect(PATHS)
+    running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("check", experiment), FILES)
     running.step("shares of all limits")
     checked = check(loaded, payload=payload, payload_height=payload_height)
@@ -109,14 +109,14 @@ def margins_command(
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
     loaded = opt.chosen_experiment(experiment, settings, no_python)
-    from gough_stewart.harness.experiment.margins import PATHS, margins, margins_file
+    from gough_stewart.harness.experiment.margins import PATHS, absent_numbers, margins, margins_file
 
-    running.expect(PATHS)
+    running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("margins", experiment), ["margins.json"])
     running.step("linear model, margins")
     analysis = margins(loaded)
     report = analysis.report(charts=running.draws)
-    running.require(loaded.requirements, report.numbers)
+    running.require(loaded.requirements, report.numbers, "; ".join(analysis.warnings))
     running.present(report, {"margins.json": margins_file(analysis)})
 
 

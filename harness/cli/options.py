@@ -230,17 +230,7 @@ def chosen_experiment(
 
     loaded = load_experiment(experiment, settings or [])
     if loaded.requirements:
-        from gough_stewart.harness.errors import RequirementError
-        from gough_stewart.harness.report.requirements import required
-        from gough_stewart.model.interface import nearest
-
-        paths = numbers_of_loops()
-        for requirement in map(required, loaded.requirements):
-            if requirement.path not in paths and requirement.path.partition(".")[0] not in KINDS_OF_NUMBERS:
-                raise RequirementError(
-                    f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
-                    f"{nearest(requirement.path, paths)}"
-                )
+        check_numbers(loaded)
     code = executed(loaded)
     if no_python and code:
         raise ExperimentError(
@@ -251,12 +241,36 @@ def chosen_experiment(
     return loaded
 
 
-def numbers_of_loops() -> set[str]:
-    """The paths of numbers that several studies of one experiment share the first word of."""
+def numbers_of_loops() -> dict[str, str]:
+    """The paths of numbers that several studies of one experiment share the first word of, and who has them."""
     from gough_stewart.harness.experiment import checking, margins
     from gough_stewart.harness.results.metric_folds import METRICS
 
-    return {*checking.PATHS, *margins.PATHS, *(metric.path for metric in METRICS)}
+    return {
+        **dict.fromkeys((metric.path for metric in METRICS), "run"),
+        **dict.fromkeys(checking.PATHS, "check"),
+        **dict.fromkeys(margins.PATHS, "margins"),
+    }
+
+
+def check_numbers(experiment: "Experiment") -> None:
+    """Refuse requirements of an experiment's file on numbers that no study has, of any experiment or of this one."""
+    from gough_stewart.harness.errors import RequirementError
+    from gough_stewart.harness.experiment import checking, margins
+    from gough_stewart.harness.report.requirements import required
+    from gough_stewart.model.interface import nearest
+
+    paths = numbers_of_loops()
+    absent = {**checking.absent_numbers(experiment), **margins.absent_numbers(experiment)}
+    kinds = KINDS_OF_NUMBERS - {path.partition(".")[0] for path in paths}
+    for requirement in map(required, experiment.requirements):
+        path, why = requirement.path, ""
+        if path in absent:
+            why = f"no study of this experiment has the number '{path}': {absent[path]}"
+        elif path not in paths and path.partition(".")[0] not in kinds:
+            why = f"no study has a number '{path}'{nearest(path, paths)}"
+        if why:
+            raise RequirementError(f"the requirement '{requirement.text}': {why}")
 
 
 def results_folder(command: str, experiment: str, suffix: str = "", shipped: Iterable[str] | None = None) -> Path:

@@ -296,7 +296,7 @@ def view_command(
 
 def _view_report(data: Path, out: Path) -> None:
     """Write the page of a report; of an ensemble with signals of its members, from which it draws their bands."""
-    from gough_stewart.harness.report.codec import from_json
+    from gough_stewart.harness.report.document import from_json
     from gough_stewart.harness.report.page import page_of
     from gough_stewart.model.process.files import write_files
 

@@ -77,6 +77,7 @@ class Running:
     groups: Sequence[str] = ()  # of charts, each a figure
     required: "list[Required]" = field(default_factory=list)
     known: "dict[str, Known]" = field(default_factory=dict)  # numbers that it will have, as far as they are known
+    always: set[str] = field(default_factory=set)  # paths that it has of every experiment, or says why not
     of_members: Collection[str] = ()  # paths, or first words of paths, of numbers with a value for each member
     report: "Report | None" = None  # as presented
     folder: Path = Path()
@@ -135,52 +136,68 @@ class Running:
         self.until_end.enter_context(reserved(folder))
         return folder
 
-    def expect(self, known: Iterable[str], of_members: Collection[str] = ()) -> None:
+    def expect(
+        self, known: Iterable[str], of_members: Collection[str] = (), absent: "Mapping[str, str] | None" = None
+    ) -> None:
         """Refuse requirements of the command line on other numbers than these, before anything is computed.
 
-        Both are paths of numbers, or first words of paths; those `of_members` may be required of a share of them.
+        Both are paths of numbers, or first words of paths; those `of_members` may be required of a share of them. Those
+        that are `absent` in this experiment, with the reason, are refused too.
         """
         self.of_members = of_members
+        names = list(known)
+        self.always = set() if absent is None else {*names}
         if not self.required:
             return
         from gough_stewart.harness.errors import RequirementError
         from gough_stewart.model.interface import nearest
 
-        names = list(known)
         for requirement in self.required:
-            if not _is_among(requirement, names):
-                hint = nearest(requirement.path, names)
-                raise RequirementError(f"the requirement '{requirement.text}': no number '{requirement.path}'{hint}")
+            path, why = requirement.path, ""
+            if absent and path in absent:
+                why = f" in this experiment: {absent[path]}"
+            elif not _is_among(requirement, names):
+                owner = numbers_of_loops().get(path)
+                why = f"; `gough-stewart {owner}` has it" if owner not in (None, self.name) else nearest(path, names)
+            if why:
+                raise RequirementError(f"the requirement '{requirement.text}': no number '{path}'{why}")
             if requirement.share is not None and not _is_among(requirement, of_members):
                 raise RequirementError(
                     f"the requirement '{requirement.text}' is on a share of members, and this study has none; leave "
                     "out 'for … of members', or use `gough-stewart ensemble`"
                 )
 
-    def require(self, from_file: Sequence[str], known: "Iterable[Known]") -> "list[Required]":
+    def require(self, from_file: Sequence[str], known: "Iterable[Known]", why: str = "") -> "list[Required]":
         """Take the requirements of the experiment's file that are on this study, beside those of the command line.
 
         A file may have requirements for several studies: those on other kinds of numbers, on numbers that other studies
         have, or on a share of members that this one does not have, are named and left out. `RequirementError` for an
-        unknown number, or a unit of another kind.
+        unknown number, and `why` it is not there, or a unit of another kind.
         """
         if not self.required and not from_file:
             return []
+        from gough_stewart.harness.errors import RequirementError
         from gough_stewart.harness.experiment.margins import RENAMED
         from gough_stewart.harness.report.requirements import check_known, required
 
         self.known = {number.path: number for number in known if number.path}
         kinds = {path.partition(".")[0] for path in self.known}
-        elsewhere = (numbers_of_loops() if from_file else set()) - {*self.known}
+        elsewhere = ({*numbers_of_loops()} if from_file else set()) - self.known.keys()
         for requirement in map(required, from_file):
             is_shared = requirement.share is not None and not _is_among(requirement, self.of_members)
-            if is_shared or requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds:
+            is_other = requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds
+            if is_shared or (is_other and requirement.path not in self.always):
                 errors.say((f"not judged by this command: {requirement.text}", "dim"))
                 continue
             self.required.append(requirement)
             if requirement.path in RENAMED:  # a file may be older
                 errors.say((f"{requirement.text}: {requirement.path} is {RENAMED[requirement.path]}", "dim"))
-        check_known(self.required, self.known.values())
+        try:
+            check_known(self.required, self.known.values())
+        except RequirementError as error:
+            if why:
+                error.add_note(why)
+            raise
         return self.required
 
     def present(
@@ -215,7 +232,7 @@ class Running:
 
         From report.json `gough-stewart view` shows the folder.
         """
-        from gough_stewart.harness.report.codec import thinned, to_json
+        from gough_stewart.harness.report.document import thinned, to_json
         from gough_stewart.model.process.files import file_set
 
         expected = [*files, *([DATA] if self.keeps_data else []), *([PAGE] if self.page else [])]
@@ -245,7 +262,7 @@ class Running:
         if self.folder not in self.command.written:
             self.command.written.append(self.folder)
         if self.options.as_json:
-            from gough_stewart.harness.report.codec import thinned, to_json
+            from gough_stewart.harness.report.document import thinned, to_json
 
             sys.stdout.write(to_json(thinned(report)) + "\n")
         else:

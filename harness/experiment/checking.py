@@ -77,6 +77,21 @@ _OF_LEG = {
 PATHS = tuple(f"limits.{name}" for name in LABELS)
 
 
+def absent_numbers(experiment: Experiment) -> dict[str, str]:
+    """The paths of limits that the platform of an experiment does not state, and what would state each."""
+    force_limit = experiment.actuators.force_limit
+    platform = limited_platform(nominal_platform(experiment, experiment.platform), force_limit)
+    absent = {}
+    for name in OPTIONAL:
+        parameters = ("leg_length_min", "leg_length_max") if name == "stroke" else (name,)
+        if all(getattr(platform, parameter) is None for parameter in parameters):
+            keys = [f"platform.parameters.{parameter}" for parameter in parameters]
+            if name == "actuator_force_max" and force_limit == "none":
+                keys = ["actuators.force_limit"]
+            absent[f"limits.{name}"] = f"no limit of the {LABELS[name]} is stated; set {' or '.join(keys)}"
+    return absent
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionCheck:
     """The share of every limit that the motion of an experiment uses, and what it needs, from `check`."""

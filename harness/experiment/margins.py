@@ -38,7 +38,7 @@ from gough_stewart.harness.control.state_space import StateSpace, control_system
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
-from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.preparation import Prepared, platforms_of, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
@@ -99,12 +99,31 @@ PATHS = (
     *("modes.slowest", "modes.damping_ratio"),
     *("structure.first_mode", "structure.damping_ratio", "structure.gain", "structure.bandwidth"),
 )
+# What only some experiments have, by the beginnings of paths, and what gives it.
+_ONLY_SOME = {
+    "margins.believed": "the machine is the platform of the design; set plant.parameters, in which it differs",
+    "structure": "the legs are rigid; set platform.parameters.leg_stiffness",
+}
 # Numbers that once were of something else, in requirements that may be as old, and what they are of.
 RENAMED = {
     "margins.gain": "the same gain of all legs; the disk's guarantee for independent changes is margins.disk_gain",
     "margins.phase": "the same phase of all legs; the disk's guarantee for independent changes is margins.disk_phase",
     "margins.delay": "the same delay of all legs; that of one leg alone is margins.leg.delay",
 }
+
+
+def absent_numbers(experiment: Experiment) -> dict[str, str]:
+    """The paths of numbers that the margins of an experiment do not have, and what would give each."""
+    kind = experiment.controller.type
+    if kind in ("open_loop", "fmu"):
+        why = "an open loop has no margins" if kind == "open_loop" else "an FMU has no transfer function"
+        return dict.fromkeys(PATHS, f"{why}; choose an experiment with another controller")
+    believed, machine = platforms_of(experiment)
+    some = [
+        *(["margins.believed"] if machine == believed else []),
+        *([] if machine.leg_stiffness > 0 else ["structure"]),
+    ]
+    return {path: _ONLY_SOME[name] for name in some for path in PATHS if path.startswith(name)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -75,6 +75,21 @@ class Table(Data):
             if len(row) != len(self.columns):
                 raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
 
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """The heads of the columns, with the unit of those whose numbers are all of one kind."""
+        return tuple(column.title for column in self.columns)
+
+    @property
+    def shown(self) -> list[tuple[str, ...]]:
+        """The cells of all rows as a terminal shows them; a unit that a row shares is beside its first cell."""
+        rows = []
+        for k in range(len(self.rows)):
+            unit = self.shared_unit(k)
+            name, *others = self.texts(k, units=not unit)
+            rows.append((f"{name} {unit}" if unit else name, *others))
+        return rows
+
     def shared_unit(self, row: int) -> str:
         """The unit of a row whose values have the same one, which is then said once; "" for another row.
 

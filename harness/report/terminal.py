@@ -109,7 +109,7 @@ class TerminalTable:
         """The title, the rows that are shown at first, and what is left out."""
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
-        heads = [column.title for column in table.columns]
+        heads = table.heads
         texts = [row_texts(table, k) for k in range(shown)]
         columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(heads)]
         if table.title:

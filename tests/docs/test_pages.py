@@ -27,7 +27,7 @@ from gough_stewart.fmu_build.build import file_name
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.overrides import with_settings
-from gough_stewart.harness.report.codec import from_json
+from gough_stewart.harness.report.document import from_json
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.model import interface
 from tests.support.c_hosts import ZIG

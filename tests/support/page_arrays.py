@@ -1,4 +1,4 @@
-"""What a page carries for its scripts, unpacked here by the rules of harness/report/packing.py."""
+"""What a page says and carries for its scripts, unpacked here by the rules of harness/report/packing.py."""
 
 import base64
 import json
@@ -17,11 +17,44 @@ def elements(page: bytes, path: str) -> list[Any]:
     return list(found)
 
 
+def words_of(element: Any) -> str:
+    """The text of an element, with hyphens for minus signs."""
+    return " ".join(element.text_content().replace("−", "-").split())
+
+
+def verdict_of(page: bytes) -> tuple[str, str]:
+    """The kind of verdict, as good or told, and its words."""
+    (element,) = elements(page, "//p[starts-with(@class, 'verdict ')]")
+    return element.get("class").split()[1], words_of(element).partition(": ")[2]
+
+
+def rows_below(page: bytes, heading: str) -> dict[str, tuple[str, ...]]:
+    """Of the first table below a heading or with that caption: the cells of each row by its first one."""
+    where = f"//h2[.='{heading}']/following::table[1]//tr | //table[caption='{heading}']//tr"
+    return {words_of(row[0]): tuple(map(words_of, row[1:])) for row in elements(page, where)}
+
+
 def data_of(page: bytes) -> dict[str, Any]:
     """What the page's scripts are given."""
     (element,) = elements(page, "//script[@id='data']")
     found: dict[str, Any] = json.loads(element.text)
     return found
+
+
+def charts_of(page: bytes) -> dict[str, dict[str, Any]]:
+    """The charts by title, with arrays instead of their numbers; values are in SI units."""
+    data = data_of(page)
+    charts = {}
+    for chart in data["charts"]:
+        x = unpacked(data["arrays"][chart["x"]["values"]])
+        series = []
+        for one in chart["series"]:
+            known = {
+                name: unpacked(data["arrays"][one[name]]) for name in ("x", "values", "low", "high") if name in one
+            }
+            series.append({"x": x, **one, **known})
+        charts[chart["title"]] = {**chart, "series": series}
+    return charts
 
 
 def unpacked(packed: dict[str, Any]) -> FloatArray:

@@ -1,57 +1,59 @@
 """One page of every kind that the harness makes, of small data."""
 
+import tempfile
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
-import numpy as np
-
-from gough_stewart import identify, load_preset, sweep
-from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
-from gough_stewart.harness.ensemble.sensitivity import sensitivity
-from gough_stewart.harness.identify.estimate_report import estimate_report
-from gough_stewart.harness.plants.unit_report import unit_report
-from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.view.view import view_page
-from gough_stewart.harness.workspace.workspace_report import workspace_report
-from tests.support.ensembles import ensemble_of
-from tests.support.machine_logs import NOMINAL, Course, machine_log
+import gough_stewart as gs
+from tests.support.commands import invoke
+from tests.support.machine_logs import Course, machine_log
 from tests.support.records import waving_record
 
-_PEAK = "tracking.position.norm_peak"
-_UNITS = ("gough_stewart_fmi2.fmu", "gough_stewart_fmi3.fmu")
+_FEW = "--members 60 --workers 1 --set loop.duration=0.1 --set ensemble.worst=1"
 
 
-def _ensemble() -> bytes:
-    outcome, cause = ["completed"] * 300, list[str | None]([None] * 300)
-    outcome[17], cause[17] = "diverged", "the platform is 1.2 m from its reference; the bound is 0.05 m"
-    members = ensemble_of(np.random.default_rng(2).normal(size=(300, 4)), outcome, cause)
-    pages = {17: "worst/member-17/report.html", 5: ""}
-    return page_of(ensemble_report(members, _PEAK, sensitivity(members, _PEAK), pages))
+def _of_command(words: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        done = invoke(*words.format(folder=folder).split(), "--report", "--out", f"{folder}/out")
+        assert done.exit_code in (0, 3), done.output
+        return Path(folder, "out", "report.html").read_bytes()
 
 
 def _identification() -> bytes:
-    names = ["platform_mass", "platform_com", "leg_viscous_friction", "leg_coulomb_friction"]
-    return page_of(estimate_report(identify(machine_log(course=Course(duration=8.0)), NOMINAL, names), NOMINAL.name))
+    with tempfile.TemporaryDirectory() as folder:
+        log = machine_log(course=Course(duration=8.0))
+        assert log.time is not None
+        assert log.actuator_force is not None
+        columns = [f"{name}[{k}]" for name in ("leg_length", "actuator_force") for k in range(1, 7)]
+        rows = (
+            ",".join(map(repr, map(float, (t, *lengths, *forces))))
+            for t, lengths, forces in zip(log.time, log.leg_length, log.actuator_force, strict=True)
+        )
+        Path(folder, "log.csv").write_text("\n".join([",".join(["time", *columns]), *rows]))
+        names = "platform_mass,platform_com,leg_viscous_friction,leg_coulomb_friction"
+        return _of_command(f"identify {folder}/log.csv --preset motion_base --estimate {names}")
+
+
+def page_of_records(records: list[gs.Record], names: list[str]) -> bytes:
+    """The page of `gs.view`."""
+    with tempfile.TemporaryDirectory() as folder:
+        return gs.view(records, f"{folder}/page.html", names=names).read_bytes()
 
 
 def _runs(number: int) -> bytes:
-    platform = load_preset("motion_base")
+    platform = gs.load_preset("motion_base")
     records = [waving_record(platform, rows=201, size=0.01 + 0.015 * k) for k in range(number)]
-    return view_page(records, [f"run {k}" for k in range(1, number + 1)])
-
-
-def _workspace(*over: str) -> bytes:
-    points = 15 if len(over) == 2 else 9
-    return page_of(workspace_report(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=points)))
+    return page_of_records(records, [f"run {k}" for k in range(1, number + 1)])
 
 
 PAGES: Mapping[str, Callable[[], bytes]] = {
     "one run": lambda: _runs(1),
     "three runs": lambda: _runs(3),
-    "ensemble": _ensemble,
+    "ensemble": lambda: _of_command(f"ensemble heave_tolerances {_FEW}"),
     "identification": _identification,
-    "workspace": lambda: _workspace("x", "z"),
-    "volume": lambda: _workspace("x", "y", "z"),
-    "build": lambda: page_of(unit_report(load_preset("motion_base"), ["2.0", "3.0"], ["native"], _UNITS, None)),
+    "workspace": lambda: _of_command("workspace --preset desktop_hexapod --over x,z --points 15"),
+    "volume": lambda: _of_command("workspace --preset desktop_hexapod --over x,y,z --points 9"),
+    "build": lambda: _of_command("build --preset motion_base"),
 }
 # What is true when a page has drawn everything.
 DRAWN: Mapping[str, str] = {

@@ -1,7 +1,6 @@
 """Every file that a command writes goes through every command and every key that takes such a file.
 
-Commands and their parameters come from the command line itself, keys from the schema of experiments: one that is new
-must be entered here.
+Commands and their parameters come from the command line itself: one that is new must be entered here.
 """
 
 import re
@@ -11,19 +10,12 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from itertools import cycle, islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 import gough_stewart as gs
-from gough_stewart.harness.cli.app import app
-from gough_stewart.harness.control.controllers import ControllerChoice
-from gough_stewart.harness.experiment.schema import PlantChoice, PlatformChoice
-from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.section import TableSection, kinds, names_file
+from tests.support.commands import commands, invoke
 
 EXPERIMENT, PLATFORM, RECORD, LOG, POSES = "experiment", "platform", "record", "log", "poses"
 PLANT, CONTROLLER, ENSEMBLE, OTHER = "plant FMU", "controller FMU", "ensemble", "for people and other programs"
@@ -185,40 +177,23 @@ CONSUMERS = (
 )
 # Takes seconds, and its option is that of the others: once among the producers, with the file of another command.
 TAKEN_ABOVE = {("reproduce", "platform")}
-# A key of code that no command writes.
-WRITTEN_BY_HAND = {"python.file", "by_hand.file"}
 
 
-def declared() -> set[tuple[str, str]]:
-    """The parameters of all commands that take a file, from the command line itself."""
-    commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    return {
+def test_no_command_is_forgotten() -> None:
+    """Expected: the commands of the command line, and those of their parameters that take a file."""
+    assert {line.split()[0] for line in PRODUCERS} == set(commands())
+    declared = {
         (name, parameter.name)
-        for name, command in commands.items()
+        for name, command in commands().items()
         for parameter in command.params
         if parameter.name != "out" and re.search("FILE|FOLDER|RECORD|LOG", parameter.metavar or "")
     }
-
-
-def test_no_command_and_no_key_is_forgotten() -> None:
-    """Expected: the commands of the command line, their parameters, and the keys of the schema that name files."""
-    commands: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    assert {line.split()[0] for line in PRODUCERS} == set(commands)
     taken = {(use.line.split()[0], name) for use in CONSUMERS for name in use.takes if "." not in name}
-    assert taken == declared() - TAKEN_ABOVE
-    tables: dict[str, type[TableSection]] = {"platform": PlatformChoice, "plant": PlantChoice}
-    tables |= {**kinds(ControllerChoice), **kinds(ReferenceChoice)}
-    keys = {
-        f"{kind}.{name}"
-        for kind, table in tables.items()
-        for name, field in table.model_fields.items()
-        if names_file(field.annotation, *field.metadata)
-    }
-    assert {name for use in CONSUMERS for name in use.takes if "." in name} == keys - WRITTEN_BY_HAND
+    assert taken == declared - TAKEN_ABOVE
 
 
 def checked(words: Sequence[str], use: Use | None = None) -> str:
-    done = CliRunner(env={"NO_COLOR": "1", "TERM": "dumb"}).invoke(app, list(words), catch_exceptions=False)
+    done = invoke(*words)
     said = " ".join(done.output.split())
     if use is not None and any(reason in said for reason in use.unless):
         return said

@@ -1,136 +1,170 @@
-"""`[require]` of a file in all commands that study it: each judges its own numbers, and names the others."""
+"""`[require]` of a file in all commands that study it: each judges its own numbers, and names those of others."""
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 import gough_stewart as gs
-from gough_stewart.harness.cli.app import app
-from gough_stewart.harness.experiment.checking import PATHS as OF_CHECKS
-from gough_stewart.harness.experiment.file import shipped_text
-from gough_stewart.harness.experiment.margins import PATHS as OF_MARGINS
+from tests.support.commands import invoke
 
-# the step of 50 mm is an error of 50 mm at first; the disk margin of this loop is 1.16
-_REQUIRE = """
-[require]
-tracking.position.norm_peak = "<= 51 mm"
-step_response.x.settling_time = "<= 1 s"
-limits.actuator_force_max = "<= 90 %"
-margins.disk = ">= 1.9"
-S.peak = "<= 2"
-"""
+# The step of 50 mm is an error of 50 mm at first; the disk margin of this loop is 1.16; it steps along z alone.
+REQUIRED = {
+    "tracking.position.norm_peak": "<= 51 mm",
+    "step_response.x.settling_time": "<= 1 s",
+    "limits.actuator_force_max": "<= 90 %",
+    "margins.disk": ">= 1.9",
+    "S.peak": "<= 2",
+}
+PEAK, SETTLING, FORCE, DISK, S = REQUIRED
+SEARCH = "--vary controller.damping_ratio=0.7..0.9 --minimise tracking.position.norm_rms --generations 1 --population 5"
+FEW = "--members 3 --workers 1 --set ensemble.worst=0 --set loop.duration=0.1"
 
 
 @pytest.fixture(autouse=True)
-def _mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("mine.toml").write_text(shipped_text("heave_step") + _REQUIRE, encoding="utf-8")
 
 
-def _invoke(*arguments: str) -> Result:
-    return CliRunner(env={"COLUMNS": "150", "NO_COLOR": "1", "TERM": "dumb"}).invoke(app, list(arguments))
+def requiring(experiment: str, conditions: dict[str, str]) -> None:
+    """The shipped experiment with requirements, as mine.toml."""
+    lines = "".join(f'{path} = "{condition}"\n' for path, condition in conditions.items())
+    text = invoke("experiments", experiment).stdout
+    Path("mine.toml").write_text(f"{text}\n[require]\n{lines}", encoding="utf-8")
 
 
-def _states(done: Result) -> dict[str, str]:
+def states(done: Result) -> dict[str, str]:
     return {each["path"]: each["status"] for each in json.loads(done.stdout).get("requirements", [])}
 
 
-def _left_out(done: Result) -> set[str]:
+def left_out(done: Result) -> set[str]:
     said = (line.removeprefix("not judged by this command: ") for line in done.stderr.splitlines())
     return {line.split()[0] for line in said if "=" in line.split()[1]}
 
 
-def test_a_run_judges_its_metrics_and_its_disk_margin() -> None:
-    """Expected: without a step in x its settling time is inconclusive; one that is missed decides: exit code 3."""
-    done = _invoke("run", "mine.toml", "--out", "run", "--json")
-    states = {"tracking.position.norm_peak": "met", "step_response.x.settling_time": "open", "margins.disk": "missed"}
-    assert (done.exit_code, _states(done)) == (3, states)
-    assert _left_out(done) == {"limits.actuator_force_max", "S.peak"}
-    assert gs.margins("heave_step").disk.alpha == pytest.approx(
-        next(each["value"] for each in json.loads(done.stdout)["numbers"] if each["path"] == "margins.disk")
-    )
+# Words, the exit code, how its numbers came out, and the experiment and settings that have the same disk margin.
+JUDGED = [
+    ("run mine.toml", 3, {PEAK: "met", SETTLING: "open", DISK: "missed"}, ("heave_step", {})),
+    ("run mine.toml --controller fmu3 --set loop.delay=1 --set loop.duration=0.02", 4, {PEAK: "met", SETTLING: "open"},
+     None),
+    ("check mine.toml --set 'loop.sample_time=25 ms'", 0, {FORCE: "met"}, None),
+    ("margins mine.toml", 3, {DISK: "missed"}, ("heave_step", {})),
+    # with the sample of delay that the C has
+    ("export mine.toml --as c", 3, {DISK: "missed"}, ("heave_step", {"loop.delay": 1})),
+    (f"tune mine.toml {SEARCH} --set loop.duration=0.3 --require 'values.controller.damping_ratio <= 0.1'", 3,
+     {PEAK: "met", DISK: "missed", "values.controller.damping_ratio": "missed"}, ("out/tuned.toml", {})),
+]  # fmt: skip
 
 
-def test_a_share_of_members_in_a_file_is_for_ensembles_and_a_margin_for_those_that_compute_it() -> None:
-    """Expected: named before a run, which goes on; judged in an ensemble; a margin that it lacks is named."""
-    shared = 'tracking.position.norm_peak = "<= 1 m for 60 % of members"\nmargins.disk = ">= 0.1"\n'
-    Path("mine.toml").write_text(f"{shipped_text('heave_tolerances')}\n[require]\n{shared}", encoding="utf-8")
-    short = ("--set", "loop.duration=0.1", "--json")
-    done = _invoke("run", "mine.toml", "--out", "run", *short)
-    assert (done.exit_code, _states(done), _left_out(done)) == (
-        *(0, {"margins.disk": "met"}, {"tracking.position.norm_peak"}),
-    )
-    done = _invoke("run", "mine.toml", "--member", "1", "--out", "member", *short)
-    assert (_states(done), _left_out(done)) == ({}, {"tracking.position.norm_peak", "margins.disk"})
-    few = ("--members", "9", "--workers", "1", "--set", "ensemble.worst=0")
-    done = _invoke("ensemble", "mine.toml", *few, *short, "--out", "members")
-    assert (_states(done), _left_out(done)) == ({"tracking.position.norm_peak": "met"}, {"margins.disk"})
-    done = _invoke("ensemble", "mine.toml", *few, *short, "--set", "ensemble.margins=true", "--out", "judged")
-    assert _states(done) == {"tracking.position.norm_peak": "met", "margins.disk": "met"}
-
-
-def test_a_search_judges_what_it_has_chosen() -> None:
-    search = ("--vary", "controller.damping_ratio=0.7..0.9", "--minimise", "tracking.position.norm_rms")
-    few = ("--generations", "1", "--population", "5", "--set", "loop.duration=0.3", "--out", "tuned", "--json")
-    done = _invoke("tune", "mine.toml", *search, *few, "--require", "values.controller.damping_ratio <= 0.1")
-    assert done.exit_code == 3, done.output
-    states = _states(done)
-    assert states.pop("margins.disk") == "missed"
-    assert states == {"tracking.position.norm_peak": "met", "values.controller.damping_ratio": "missed"}
-    found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
-    # the same as a run of the file that was written
-    assert found["tracking.position.norm_rms"] == pytest.approx(found["value"])
-    assert gs.margins("tuned/tuned.toml").disk.alpha == pytest.approx(found["margins.disk"])
-
-
-def test_an_export_judges_the_loops_with_the_delay_of_its_forms() -> None:
-    """Expected: the margins of the experiment with the one sample of delay that the C has."""
-    done = _invoke("export", "mine.toml", "--as", "c", "--out", "out", "--json")
-    assert (done.exit_code, _states(done)) == (3, {"margins.disk": "missed"})
-    assert _left_out(done) == {
-        "tracking.position.norm_peak", "step_response.x.settling_time", "limits.actuator_force_max", "S.peak",
-    }  # fmt: skip
-    found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
-    expected = gs.margins("heave_step", {"loop.delay": 1})
-    assert found["margins.disk"] == pytest.approx(expected.disk.alpha)
-    assert found["margins.disk_phase"] == pytest.approx(expected.disk.phase)
-
-
-def test_a_frequency_response_judges_by_the_file_of_its_run() -> None:
-    Path("mine.toml").write_text(shipped_text("frequency_response") + _REQUIRE, encoding="utf-8")
-    gs.save_record(gs.run("mine.toml", {"loop.duration": 6}), "run")
-    done = _invoke("frf", "run", "--json")
-    assert (done.exit_code, _states(done)) == (0, {"S.peak": "met"})
+@pytest.mark.parametrize(("words", "code", "expected", "same"), JUDGED, ids=[case[0] for case in JUDGED])
+def test_each_command_judges_its_own_numbers_and_names_the_others(
+    words: str, code: int, expected: dict[str, str], same: tuple[str, dict[str, int]] | None
+) -> None:
+    """Expected: one that is missed decides; one that is not defined is inconclusive; the disk margin of `margins`."""
+    requiring("heave_step", REQUIRED)
+    done = invoke(*shlex.split(words), "--json", "--out", "out")
+    assert (done.exit_code, states(done)) == (code, expected), done.output
+    assert left_out(done) == REQUIRED.keys() - expected.keys()
+    if same is not None:
+        numbers = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
+        assert numbers[DISK] == pytest.approx(gs.margins(*same).disk.alpha)
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "judged"),
     [
-        ("run", "mine.toml"),
-        ("check", "mine.toml"),
-        ("margins", "mine.toml"),
-        ("ensemble", "mine.toml"),
-        ("export", "mine.toml", "--as", "c"),
-        ("tune", "mine.toml", "--vary", "controller.bandwidth=1..3Hz", "--minimise", "tracking.position.norm_rms"),
+        ("run mine.toml --set loop.duration=0.1", {DISK}),
+        ("run mine.toml --set loop.duration=0.1 --member 1", set()),
+        (f"ensemble mine.toml {FEW}", {PEAK}),
+        (f"ensemble mine.toml {FEW} --set ensemble.margins=true", {PEAK, DISK}),
     ],
-    ids=lambda words: words[0],
 )
-def test_a_number_that_no_study_has_is_refused_before_anything_is_done(words: tuple[str, ...]) -> None:
-    """Expected: exit code 2, the nearest path, no file; a misspelt kind of numbers is no reason to be silent."""
-    text = shipped_text("heave_step") + '[require]\ntracking.positoin.norm_peak = "<= 1 mm"\n'
-    for wrong, right in (("tracking.positoin", "tracking.position"), ("trakcing.position", "tracking.position")):
-        Path("mine.toml").write_text(text.replace("tracking.positoin", wrong), encoding="utf-8")
-        done = _invoke(*words, "--out", "out")
-        assert done.exit_code == 2
-        assert f"'{wrong}.norm_peak'; did you mean '{right}.norm_peak'?" in done.stderr
-        assert not Path("out").exists()
+def test_a_share_of_members_is_for_ensembles_and_a_margin_for_those_that_compute_it(
+    words: str, judged: set[str]
+) -> None:
+    """Expected: what is not judged is named; three members that hold tell of a quarter, as 0.25^3 is below 0.025."""
+    requiring("heave_tolerances", {PEAK: "<= 1 m for 25 % of members", DISK: ">= 0.1"})
+    done = invoke(*shlex.split(words), "--json", "--out", "out")
+    assert (done.exit_code, states(done), left_out(done)) == (0, dict.fromkeys(judged, "met"), {PEAK, DISK} - judged)
 
 
-def test_the_numbers_of_checks_and_margins_are_all_known() -> None:
-    others = {path for path in OF_MARGINS if path.startswith(("structure.", "margins.believed."))}
-    assert {each.path for each in gs.margins("mine.toml").report(charts=False).numbers} == {*OF_MARGINS} - others
-    gives = gs.margins("mine.toml", {"plant.parameters.leg_stiffness": 1e8}).report(charts=False)
-    assert {each.path for each in gives.numbers} == {*OF_MARGINS}
-    assert {each.path for each in gs.check("mine.toml").report(charts=False).numbers} <= set(OF_CHECKS)
+UNKNOWN = [
+    ("tracking.positoin.norm_peak", "no study has a number .*; did you mean 'tracking.position.norm_peak'"),
+    ("trakcing.position.norm_peak", "did you mean 'tracking.position.norm_peak'"),
+    ("margins.dsk", "did you mean 'margins.disk'"),
+]
+# What `check` and `margins` have of other experiments, and what gives it.
+ABSENT = [
+    ("limits.leg_acceleration_max", "is stated; set platform.parameters.leg_acceleration_max"),
+    ("structure.first_mode", "the legs are rigid; set platform.parameters.leg_stiffness"),
+    ("margins.believed.disk", "the machine is the platform of the design; set plant.parameters"),
+]
+STUDIES = {
+    "check": "check mine.toml",
+    "margins": "margins mine.toml",
+    "run": "run mine.toml",
+    "ensemble": "ensemble mine.toml --members 3",
+    "export": "export mine.toml --as c",
+    "tune": f"tune mine.toml {SEARCH}",
+}
+
+
+@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize(("path", "said"), [*UNKNOWN, *ABSENT], ids=[path for path, _ in (*UNKNOWN, *ABSENT)])
+def test_a_number_that_no_study_of_it_has_is_refused_before_anything_is_done(study: str, path: str, said: str) -> None:
+    """Expected: exit code 2, the nearest path or the setting that gives the number, and no file."""
+    requiring("heave_tolerances", {path: ">= 1"})
+    done = invoke(*shlex.split(STUDIES[study]), "--out", "out")
+    assert done.exit_code == 2, done.output
+    assert f"the requirement '{path} >= 1'" in done.stderr
+    assert re.search(said, done.stderr)
+    assert not Path("out").exists()
+
+
+REMEDIES = [
+    ("check", "limits.leg_acceleration_max <= 90 %", "platform.parameters.leg_acceleration_max=50"),
+    ("margins", "structure.first_mode >= 1 Hz", "platform.parameters.leg_stiffness=1e8"),
+    ("margins", "margins.believed.disk >= 0.1", "plant.parameters.platform_mass=1700"),
+]
+
+
+@pytest.mark.parametrize(("command", "requirement", "setting"), REMEDIES)
+def test_an_option_on_such_a_number_is_refused_and_the_setting_that_is_named_gives_it(
+    command: str, requirement: str, setting: str
+) -> None:
+    words = (command, "heave_step", "--require", requirement, "--out", "out")
+    done = invoke(*words)
+    assert (done.exit_code, Path("out").exists()) == (2, False)
+    named = re.search(r"; set ([\w.]+)", done.stderr)
+    assert named is not None
+    assert setting.startswith(named[1])
+    done = invoke(*words, "--set", setting, "--json")
+    assert (done.exit_code, list(states(done).values())) == (0, ["met"]), done.output
+
+
+def test_a_number_that_turns_out_to_be_absent_is_refused_with_the_reason() -> None:
+    """Expected: a believed platform whose loop is unstable by its delay, and a machine with heavy drives."""
+    settings = ("controller.bandwidth=12", "loop.delay=6", "plant.parameters.leg_armature=5000")
+    requiring("heave_step", {"margins.believed.disk": ">= 0.1"})
+    done = invoke("margins", "mine.toml", *(word for each in settings for word in ("--set", each)), "--out", "out")
+    assert done.exit_code == 2, done.output
+    assert "with the believed platform as machine the loop would be unstable" in done.stderr
+    assert not Path("out").exists()
+
+
+def test_a_loop_without_feedback_has_no_margins_to_require() -> None:
+    requiring("paper_open_loop", {DISK: ">= 0.1"})
+    for command in ("run", "margins"):
+        done = invoke(command, "mine.toml", "--out", "out")
+        assert (done.exit_code, "an open loop has no margins" in done.stderr) == (2, True)
+
+
+def test_a_check_has_no_other_numbers_than_those_that_a_file_may_name() -> None:
+    """Expected: each number of the report, required without a bound that it misses, is judged and none refused."""
+    numbers = {each.path for each in gs.check("heave_step").report(charts=False).numbers}
+    requiring("heave_step", dict.fromkeys(numbers, "<= 1e9"))
+    done = invoke("check", "mine.toml", "--out", "out", "--json")
+    assert states(done) == dict.fromkeys(numbers, "met")

@@ -1,20 +1,19 @@
 """A study of the test's own: declared as all are, shown in all ways, judged, in a folder that it does not share."""
 
 import json
+import logging
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import option, out_option
 from gough_stewart.harness.cli.study import Running, study
-from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.errors import MissedError, RecordError, UsageError
 from gough_stewart.harness.report.chart import Axis, Chart, Series
-from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import LENGTH, NUMBER, TIME
 from gough_stewart.harness.report.table import Column, Table
@@ -70,12 +69,36 @@ app = typer.Typer()
 app.command("pendulum")(pendulum_command)
 
 
+def with_notes(error: Any) -> Any:
+    error.add_note("the record is written")
+    error.add_note("missing: pose.png")
+    return error
+
+
+# Error, exit code, and what is said.
+ERRORS: list[tuple[BaseException, int, str]] = [
+    (UsageError("wrong"), 2, "error: wrong"),
+    (MissedError("missed"), 3, "error: missed"),
+    (with_notes(RecordError("failed")), 1, "error: failed; the record is written; missing: pose.png"),
+    (OSError(28, "No space left", "a/b.csv"), 1, "error: a/b.csv: No space left"),
+    (OSError("only words"), 1, "error: output: only words"),
+    (MemoryError(), 1, "error: not enough memory; make the run shorter, its plant_step longer, or the grid coarser"),
+    (KeyboardInterrupt(), 130, "interrupted; nothing written"),
+    (with_notes(KeyboardInterrupt()), 130, "interrupted; the record is written; missing: pose.png"),
+]
+
+
 @app.command("other")
 @study()
-def other_command(running: Running, out: Annotated[Path, out_option("other")] = Path("pendulum")) -> None:
+def other_command(
+    running: Running, wrong: int = -1, size: int = 0, out: Annotated[Path, out_option("other")] = Path("pendulum")
+) -> None:
     """Another study."""
     running.hold(out)
-    running.present(Report("other", Verdict("Done", "good"), study="other"), {})
+    logging.getLogger("gough_stewart.model.process.files").info("removed %d leftovers", 3)
+    if wrong >= 0:
+        raise ERRORS[wrong][0]
+    running.present(Report("other", Verdict("Done", "good"), study="other"), {"x.bin": bytes(size)})
 
 
 def run(*arguments: str) -> Result:
@@ -99,7 +122,7 @@ def test_a_study_is_printed_and_kept_as_data() -> None:
     assert any(line.startswith("Done in ") and "Wrote to pendulum (" in line for line in lines)
     assert lines[-2:] == ["  swing.csv, report.json", "Next: look"]
     assert done.stderr == "warning: without air\n"
-    assert from_json(Path("pendulum/report.json").read_bytes()).verdict.text == "Swings by 15 mm"
+    assert json.loads(Path("pendulum/report.json").read_bytes())["verdict"]["text"] == "Swings by 15 mm"
     assert names() == {"swing.csv", "report.json"}
 
 
@@ -137,8 +160,8 @@ def test_all_its_options_are_those_of_every_study() -> None:
 def test_requirements_set_the_exit_code(requirements: list[str], code: int, said: list[str]) -> None:
     done = run("pendulum", "1.5", *(word for text in requirements for word in ("--require", text)))
     assert (done.exit_code, done.stderr.splitlines()) == (code, ["warning: without air", *said])
-    kept = from_json(Path("pendulum/report.json").read_bytes()).requirements
-    assert [requirement.text for requirement in kept] == requirements
+    kept = json.loads(Path("pendulum/report.json").read_bytes()).get("requirements", [])
+    assert [requirement["text"] for requirement in kept] == requirements
 
 
 @pytest.mark.parametrize(
@@ -153,16 +176,22 @@ def test_requirements_set_the_exit_code(requirements: list[str], code: int, said
 def test_a_wrong_requirement_is_wrong_usage(requirement: str, message: str, is_before: bool) -> None:
     """Expected: exit code 2 and no file; an unknown kind of number before the study begins, so before its own error."""
     done = run("pendulum", "1.5", "--require", requirement)
-    assert done.exit_code == ExitCode.USAGE
-    assert message in done.stderr
-    assert not Path("pendulum").exists()
+    assert (done.exit_code, message in done.stderr, Path("pendulum").exists()) == (2, True, False)
     assert ("no rod" in run("pendulum", "0", "--require", requirement).stderr) is not is_before
 
 
-def test_an_error_is_one_line_and_leaves_no_folder() -> None:
-    done = run("pendulum", "0", "--json", "--out", "a/b/c")
-    assert (done.exit_code, done.stdout, done.stderr) == (1, "", "error: no rod\n")
+@pytest.mark.parametrize(("number", "code", "said"), [(k, *case[1:]) for k, case in enumerate(ERRORS)])
+def test_an_error_is_one_line_and_an_exit_code_and_leaves_no_folder(number: int, code: int, said: str) -> None:
+    done = run("other", "--wrong", str(number), "--json", "--out", "a/b/c")
+    assert (done.exit_code, done.stdout, done.stderr) == (code, "", f"removed 3 leftovers\n{said}\n")
     assert not Path("a").exists()
+
+
+@pytest.mark.parametrize(("size", "said"), [(12300, "12.4 kB"), (2_345_678, "2.3 MB")])
+def test_closing_lines_have_time_and_size(size: int, said: str) -> None:
+    """Expected: the bytes of all files, with some seventy of report.json."""
+    lines = run("other", "--size", str(size)).stdout.splitlines()
+    assert any(line.startswith("Done in 0.") and line.endswith(f" s. Wrote to pendulum ({said}):") for line in lines)
 
 
 def test_a_folder_holds_one_study() -> None:
@@ -173,7 +202,6 @@ def test_a_folder_holds_one_study() -> None:
     assert done.exit_code == 1
     assert "output folder pendulum: it holds the results of `gough-stewart pendulum`; choose another" in done.stderr
     assert {path.name: path.read_bytes() for path in Path("pendulum").iterdir()} == before
-    assert run("other", "--out", "elsewhere").exit_code == 0
     Path("ran").mkdir()
     Path("ran/record.parquet").touch()
     assert "it holds the results of `gough-stewart run`" in run("other", "--out", "ran").stderr

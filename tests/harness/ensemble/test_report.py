@@ -29,7 +29,6 @@ from gough_stewart.harness.report.table import Table
 from tests.support.arrays import FloatArray
 from tests.support.ensembles import INPUTS, SLOPES, ensemble_of
 from tests.support.page_arrays import data_of, unpacked
-from tests.support.tables_shown import heads_of, rows_of
 
 PEAK = "tracking.position.norm_peak"
 
@@ -402,7 +401,7 @@ def test_the_worst_members_are_found_by_their_numbers() -> None:
     table = worst_table(found, worst, "stroke.margin")
     assert table.title == "Worst members by stroke margin"
     heads = ("platform_mass [kg]", "controller.bandwidth", "base_points[1,2] [m]", "leg_coulomb_friction [N]")
-    assert heads_of(table) == ("member", "outcome", "stroke margin [mm]", *heads)
+    assert table.heads == ("member", "outcome", "stroke margin [mm]", *heads)
     for member, row in zip(worst, table.rows, strict=True):
         k = 139 - member
         assert row[:2] == (member, "diverged" if member == 100 else "completed")
@@ -464,7 +463,7 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
         tracking__leg_length__peak=np.full(40, np.nan), step_response__z__final_error=np.ones(40),
         force__rms=np.ones(40), margins__stable=np.zeros(40),
     )  # fmt: skip
-    usual = rows_of(quantile_table(found, found.usual_metrics))
+    usual = quantile_table(found, found.usual_metrics).shown
     assert [row[0] for row in usual] == [
         *("position error, RMS mm", "position error, peak mm"),
         *("orientation error, peak deg", "z: overshoot %", "z: settling time s"),
@@ -472,9 +471,9 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
         *("stroke margin mm", "force limited %", "stable", "disk margin"),
     ]
     table = quantile_table(found, found.metrics)
-    every = rows_of(table)
+    every = table.shown
     assert len(every) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
-    assert heads_of(table) == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "members")
+    assert table.heads == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "members")
     cells = next(row for row in every if row[0] == "z: settling time s")
     values = found.members["step_response.z.settling_time"].drop_nulls().to_numpy()
     assert [float(str(cell)) for cell in cells[1:6]] == pytest.approx(

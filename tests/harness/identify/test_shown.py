@@ -27,7 +27,6 @@ from gough_stewart.harness.identify.estimate_report import estimate_report, esti
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Column, Table
 from tests.support.page_arrays import data_of, unpacked
-from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
@@ -109,8 +108,8 @@ HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 def test_tables_have_every_number_in_its_place() -> None:
     parameters, identifiability, residuals, tests, findings, unseen = estimate_tables(ESTIMATE)
     assert parameters.title == "Parameters, with 95 % intervals"
-    assert heads_of(parameters) == ("", "before", "estimate", "±", "± %")
-    assert rows_of(parameters) == [
+    assert parameters.heads == ("", "before", "estimate", "±", "± %")
+    assert parameters.shown == [
         ("platform_mass kg", "1200", "1516.9", "3.9", "0.26"),
         ("leg_viscous_friction[2] N·s/m", "500", "431.7", "5.9", "1.4"),
         ("platform_com[3] m", "0.15", "not excited", "–", "–"),
@@ -118,16 +117,16 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force_gain[4]", "1", "1.021", "0.02", "1.9"),
     ]
     assert identifiability.title == "Identifiability; condition number 1.6e+03"
-    assert heads_of(identifiability) == ("combination, relative to scale", "± %")
-    assert rows_of(identifiability) == [
+    assert identifiability.heads == ("combination, relative to scale", "± %")
+    assert identifiability.shown == [
         ("0.90 platform_mass + 0.31 force_gain[4] − 0.30 leg_viscous_friction[2]", "0.12"),
         ("0.80 leg_viscous_friction[2] − 0.60 platform_com[3]", "2"),
         ("0.99 leg_coulomb_friction + 0.10 platform_com[3]", "25"),
         ("0.95 force_gain[4] − 0.30 platform_com[3]", "unobservable"),
     ]
     assert residuals.title == "Residuals"
-    assert heads_of(residuals) == (*("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),)
-    assert rows_of(residuals) == [
+    assert residuals.heads == (*("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),)
+    assert residuals.shown == [
         ("force of leg 1", "10.01", "20.1", "1", "0.91"),
         ("force of leg 2", "11.02", "21.2", "2.2", "0.82"),
         ("force of leg 3", "12.03", "22.3", "3.01", "0.73"),
@@ -136,14 +135,14 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force of leg 6", "15.06", "25.6", "–", "0.46"),
     ]
     assert tests.title == "What the residuals contain; all tests p = 0.0042"
-    assert heads_of(tests) == ("tested", "p value")
-    assert rows_of(tests) == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
+    assert tests.heads == ("tested", "p value")
+    assert tests.shown == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
     assert findings.title == "Diagnosis: force sensor of leg 4"
-    assert heads_of(findings) == ("", "misfit explained [%]")
-    assert rows_of(findings) == [("gain of leg 4 +5.0 ± 0.4 %; calibrate", "88")]
+    assert findings.heads == ("", "misfit explained [%]")
+    assert findings.shown == [("gain of leg 4 +5.0 ± 0.4 %; calibrate", "88")]
     assert unseen.title == "What no residual shows, since estimates absorb it"
-    assert heads_of(unseen) == ("", "estimates would be off by", "standard errors")
-    assert rows_of(unseen) == [
+    assert unseen.heads == ("", "estimates would be off by", "standard errors")
+    assert unseen.shown == [
         ("if gravity were 1 % higher", "leg_viscous_friction[2] -2.5 N.s/m, platform_mass +1 kg", "0.83"),
         (
             "if all forces read 1 % high",
@@ -158,9 +157,9 @@ def test_tables_without_validation_tests_or_findings_say_so_and_no_p_value_is_ze
     """Expected: the bound below which a p-value lies, by hand; 0 is no probability of a continuous statistic."""
     test = LackOfFit({"gain of forces": 0.0, "joints": 9e-7, "whiteness": 1.1e-6}, 0.00025)
     shown = estimate_tables(replace(ESTIMATE, diagnosis=replace(DIAGNOSIS, test=test)))[3]
-    assert [row[1] for row in rows_of(shown)] == ["< 1e-6", "< 1e-6", "1.1e-06"]
+    assert [row[1] for row in shown.shown] == ["< 1e-6", "< 1e-6", "1.1e-06"]
     bare = replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, validation_rms=None, whiteness=None))
-    rows = rows_of(estimate_tables(bare)[2])
+    rows = estimate_tables(bare)[2].shown
     assert [row[2:] for row in rows[:2]] == [("–", "1", "–"), ("–", "2.2", "–")]
     for diagnosis, tables in ((replace(DIAGNOSIS, test=None, findings=(), unseen=()), 3), (None, 3)):
         assert len(estimate_tables(replace(bare, diagnosis=diagnosis))) == tables

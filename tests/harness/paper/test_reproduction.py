@@ -25,7 +25,6 @@ from gough_stewart.harness.report.table import Table
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from tests.support.lagrangian import Pose, legs_along
-from tests.support.tables_shown import rows_of
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 CASE = OpenLoopCase("uneven *case*", UNEVEN, STATE, INPUTS.actuator_force, 0.3)
@@ -145,7 +144,7 @@ def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> No
     motion, agreed, drift, other = (part for part in found.parts() if isinstance(part, Table))
     assert motion.title == "Uneven *case*"
     assert [column.name for column in motion.columns] == ["", "start", "after 0.3 s"]
-    assert rows_of(motion) == [
+    assert motion.shown == [
         *(("x m", "0.12", "0.1"), ("y m", "-0.09", "-0.2"), ("z m", "2.97", "3.25")),
         *(("roll deg", "5.157", "0"), ("pitch deg", "-8.021", "28.65"), ("yaw deg", "12.03", "35.81")),
         *(("velocity, x m/s", "0.21", "1"), ("velocity, y m/s", "-0.13", "2"), ("velocity, z m/s", "0.08", "3")),
@@ -154,12 +153,12 @@ def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> No
         ("angular velocity, z deg/s", "14.9", "343.8"),
     ]
     assert agreed.title == "Agreement of the formulations"
-    assert rows_of(agreed) == [
+    assert agreed.shown == [
         ("first thing", "2.5e-09", "1e-08", "m, rad", "ok"),
         ("second thing", "3.4e-05", "2e-06", "relative", "MISSED"),
     ]
     assert [column.name for column in drift.columns] == ["run", "closure gap [m]", "slip [m/s, rad/s]"]
-    assert rows_of(drift) == [("loose", "2e-05", "0.0005"), ("tight", "7e-08", "1e-07")]
+    assert drift.shown == [("loose", "2e-05", "0.0005"), ("tight", "7e-08", "1e-07")]
     assert list(other.rows) == [
         ("a point: decided so", "other way", 3.125, 0.01234, 0.56789),
         ("another: thus", "not thus", None, None, None),

@@ -9,15 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gough_stewart.harness.report.chart import Axis, Chart, Flag, Samples, Scene, Series, time_axis
-from gough_stewart.harness.report.codec import FRAMES, thinned
-from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks, decimated
-from gough_stewart.harness.report.quantities import COUNT, LENGTH, NUMBER
+from gough_stewart.harness.report.quantities import LENGTH, NUMBER
 from tests.support.page_arrays import unpacked
 from tests.support.records import Floats
 
-_TIME = np.linspace(0.0, 1.0, 501)
 _RANDOM = np.random.default_rng(5)
 
 
@@ -51,14 +47,12 @@ def test_with_a_quantity_values_are_off_by_less_than_is_shown_and_gaps_stay(valu
 @pytest.mark.parametrize(
     ("order", "values"),
     [
-        (0, np.arange(501) % 2 + _RANDOM.uniform(0.0, 0.2, 501)),
-        (1, np.cumsum(_RANDOM.uniform(-1.0, 1.0, 501))),
-        (2, 0.4 + np.sin(5 * _TIME + 0.3)),
+        (0, np.arange(501) % 2 + _RANDOM.uniform(0.0, 0.2, 501)),  # to and fro
+        (1, np.cumsum(_RANDOM.uniform(-1.0, 1.0, 501))),  # a walk
+        (2, 0.4 + np.sin(5 * np.linspace(0.0, 1.0, 501) + 0.3)),  # a smooth curve
     ],
-    ids=["to and fro", "a walk", "a smooth curve"],
 )
 def test_differences_are_of_the_order_that_suits_a_curve(order: int, values: Floats) -> None:
-    """Expected: none for jumps to and fro, the first for a walk, the second for a smooth curve; and the values."""
     kept = Arrays()
     kept.add(values, LENGTH)
     assert kept.packed[0]["o"] == order
@@ -121,42 +115,3 @@ def test_the_rows_kept_are_those_of_a_loop_over_buckets(n: int, points: int, see
     assert np.array_equal(found, time[sorted(rows)])
     assert np.array_equal(shown, values[sorted(rows)], equal_nan=True)
     assert len(found) <= max(points, 4)
-
-
-def _thinned(*parts: Any, points: int = 100) -> Any:
-    return thinned(Report("r", Verdict("v", "told"), (Section("a", parts),)), points).sections[0].parts
-
-
-def test_lines_for_other_programs_have_fewer_points_and_every_peak_at_its_time() -> None:
-    """Expected: rows of the line with both ends; short lines and other charts as they are; no samples of members."""
-    time = np.asarray(7.3 + np.arange(5001) * 1e-3)
-    first, second = np.sin(time), np.cos(3 * time)
-    first[1234], second[4321] = 9.0, -7.0
-    series = (Series("a", LENGTH, first, low=first - 1, high=first + 2), Series("b", LENGTH, second))
-    short = Chart("c", time_axis([0, 1]), (Series("a", LENGTH, np.array([1.0, 2.0])),))
-    points = Chart("p", Axis("x", COUNT, np.arange(2000.0)), (Series("a", LENGTH, np.arange(2000.0)),), "points")
-    samples = Samples(np.array([3.0, 5.0]), np.array([0.0, 1.0]), np.array([[1.0, 2.0], [3.0, 4.0]]), 9)
-    sampled = Chart("c", time_axis([0, 1]), short.series, samples=samples)
-    thin, *others, without = _thinned(Chart("c", time_axis(time), series, "step"), short, points, sampled)
-    assert (others[0] is short, others[1] is points, without.samples) == (True, True, None)
-    assert without.series[0].values.tolist() == [1.0, 2.0]
-    for found, values in zip(thin.series, (first, second), strict=True):
-        rows = np.searchsorted(time, found.x)
-        assert (len(rows) <= 100, found.of, {0, 5000} <= set(rows.tolist())) == (True, 5001, True)
-        assert np.array_equal(time[rows], found.x)
-        assert np.array_equal(values[rows], found.values)
-        assert (found.values.min(), found.values.max()) == (values.min(), values.max())
-    assert np.array_equal(thin.series[0].high, thin.series[0].values + 2)
-
-
-def test_a_flag_between_frames_stays_on_if_it_was_on_in_any_part() -> None:
-    n = 2001
-    flags = "".join("1" if k in (777, 1999) else "0" for k in range(n - 1))
-    scene = Scene(
-        "s", np.zeros((6, 3)), np.ones((6, 3)), 0.3, 0.4, np.linspace(0, 20, n), np.outer(np.arange(n), np.ones(7)),
-        np.ones((n, 6)), flags=(Flag("force limited", flags),), rows=n,
-    )  # fmt: skip
-    (found,) = _thinned(scene)
-    assert (len(found.time), found.time[0], found.time[-1], found.rows) == (FRAMES, 0.0, 20.0, n)
-    assert np.array_equal(found.pose[:, 3] * 0.01, found.time)
-    assert [k for k, each in enumerate(found.flags[0].values) if each == "1"] == [77, 199]

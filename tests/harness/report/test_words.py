@@ -1,8 +1,6 @@
-"""Numbers and words as they are shown: units, digits by the machine's size, the glossary, and what was set."""
+"""Numbers as they are shown: units, and digits by the machine's size."""
 
-import html
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +8,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.report.chart import Chart, Series, time_axis
-from gough_stewart.harness.report.document import Report, Section, Setting, Verdict, settings_of
-from gough_stewart.harness.report.figures import figures
-from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,
@@ -29,13 +23,11 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
     factor_to,
     fine,
-    fineness_of,
     least_span,
     of_unit,
 )
-from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.report.words import GLOSSARY, explained, with_terms
 from tests.support.nano import HEAVY, NANO, nano_experiment
+from tests.support.records import changed, waving_record
 
 # Stored number, as usual, and of a machine with a stroke of 100 µm, of which a millionth is told.
 TEXTS: list[tuple[Quantity, float, str, str]] = [
@@ -98,12 +90,21 @@ def test_axes_show_a_tenth_of_what_numbers_tell_or_a_millionth_of_what_is_shown(
         assert max(sizes) < 2 * min(sizes)
 
 
-def test_fineness_follows_the_stroke_of_the_legs() -> None:
-    """Expected: the stroke in metres below 1 cm, a hundredth of a leg if none is stated; of large machines always 1."""
-    assert fineness_of(NANO) == pytest.approx(1e-4)
-    assert fineness_of(NANO.with_parameters({"leg_length_max": None})) == pytest.approx(0.01 * 0.08)
-    for large in (HEAVY, *map(gs.load_preset, ("liu2000", "motion_base", "desktop_hexapod"))):
-        assert fineness_of(large) == 1
+@pytest.mark.parametrize(
+    ("machine", "error"),
+    [
+        (NANO, "nm"),
+        (NANO.with_parameters({"leg_length_min": None, "leg_length_max": None}), "nm"),
+        (HEAVY, "mm"),
+        *((gs.load_preset(name), "mm") for name in ("liu2000", "desktop_hexapod")),
+    ],
+)
+def test_fineness_follows_the_stroke_of_the_legs(machine: gs.Platform, error: str) -> None:
+    """Expected: finer below a stroke of 1 cm, a hundredth of a leg if none is stated; an error of 200 nm as it is."""
+    record = waving_record(machine, rows=20, size=0.0)
+    wanted = record["position"] + [2e-7, 0, 0]
+    shown = changed(record, reference__position=wanted, error__position=[2e-7, 0, 0]).report()
+    assert shown.number("tracking.position.norm_peak").text == {"nm": "200 nm", "mm": "< 0.001 mm"}[error]
 
 
 def test_a_run_of_a_nano_hexapod_tells_nanometres(tmp_path: Path) -> None:
@@ -125,51 +126,3 @@ def test_a_run_of_a_nano_hexapod_tells_nanometres(tmp_path: Path) -> None:
     assert error.y_title.endswith("[µm]")
     (line,) = (line for line in repr(record).splitlines() if "peak error of position" in line)
     assert line.endswith(f"{1e9 * np.abs(record['error.position']).max():.4g} nm")
-
-
-def test_words_are_in_order() -> None:
-    """As readers of the documentation look them up."""
-    assert list(GLOSSARY) == sorted(GLOSSARY, key=str.casefold)
-
-
-def test_the_first_of_each_word_is_marked_and_the_text_stays() -> None:
-    """Expected: whole words only, in singular or plural, longer terms first; markup of a user stays text.
-
-    Commands in backticks are code, without marks, and keep their hyphens.
-    """
-    text = "The phase margins <b>and the phase margin</b> of feedforwarding a Reference & home"
-    found = with_terms(text)
-    assert html.unescape(re.sub(r"</?span[^>]*>", "", found)) == text
-    assert re.findall(r'tabindex="0" data-means="[^"]+">([^<]+)<', found) == ["phase margins", "Reference", "home"]
-    assert html.escape(GLOSSARY["phase margin"]) in found
-    assert with_terms("nothing of the kind") == "nothing of the kind"
-    assert with_terms("by `run a<b -1 --plant fmu3` -1") == "by <code>run a&lt;b -1 --plant fmu3</code> −1"
-    assert explained("rise", 'a "time"') == '<span class="term" tabindex="0" data-means="a &#34;time&#34;">rise</span>'
-
-
-@pytest.mark.parametrize("study", ["margins", "check", "ensemble"])
-def test_every_study_names_what_was_set_and_what_the_file_has(study: str) -> None:
-    """Expected: the shipped file has 2 Hz and one sample; a key set to what the file has is not told."""
-    given: dict[str, Any] = {"controller.bandwidth": "3.5 Hz", "loop.delay": 2, "loop.duration": 0.05}
-    if study == "ensemble":
-        found = gs.ensemble("heave_tolerances", {**given, "ensemble.worst": 0}, members=3, workers=1)
-    else:
-        found = getattr(gs, study)("heave_step", {**given, "loop.sample_time": "1 ms"})
-    settings = {each.key: (each.values, each.default) for each in found.report(charts=False).settings}
-    assert settings["controller.bandwidth"] == (("3.5 Hz",), "2 Hz")
-    assert settings["loop.delay"] == (("2",), "1")
-    assert "loop.sample_time" not in settings
-
-
-def test_settings_stand_beside_the_title_in_every_renderer() -> None:
-    chart = Chart("x", time_axis(np.arange(3.0)), (Series("x", LENGTH, np.arange(3.0)),))
-    changed = settings_of(
-        {"loop.delay": {"value": 2, "file": 1}, "sensors.noise": {"value": {"a": 0.25}, "file": None}}
-    )
-    report = Report("heave", Verdict("v", "told"), (Section("s", (chart,)),), settings=changed)
-    assert text_of(report).splitlines()[1:3] == ["heave", "set: loop.delay = 2 (file: 1), sensors.noise = a 0.25"]
-    assert '<p class="lead">set: loop.delay = 2 (file: 1), sensors.noise = a 0.25</p>' in page_of(report).decode()
-    assert b"heave (loop.delay = 2, sensors.noise = a 0.25)" in figures(report, ("svg",))["x.svg"]
-    several = Report("heave", report.verdict, settings=(Setting("loop.delay", ("2", "3")),), runs=("a", "b"))
-    assert several.changed == ""
-    assert "What differs between the runs" in page_of(several).decode()

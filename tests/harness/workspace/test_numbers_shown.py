@@ -20,7 +20,6 @@ from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.workspace import Limit, PoseQualities, Workspace, limits_at
 from tests.support.arrays import FloatArray
-from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 
 NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -149,7 +148,7 @@ def test_lengths_of_legs_decide_between_too_short_and_too_long() -> None:
 def test_swept_ranges(seen: Seen) -> None:
     """Expected: ends of the grid, and of what can be reached with any other coordinates; where the range comes from."""
     table = seen.tables[0]
-    assert (table.title, heads_of(table)) == (
+    assert (table.title, table.heads) == (
         "Swept",
         ("", "from", "to", "points", "reached from", "reached to", "range"),
     )
@@ -163,13 +162,13 @@ def test_swept_ranges(seen: Seen) -> None:
         texts = [seen.shown(each, name) for each in (values[0], values[-1], min(there), max(there))]
         ends = [text.rstrip("°").partition(" ")[0] for text in texts]
         expected.append((f"{name} {unit}", *ends[:2], str(len(values)), *ends[2:], origin))
-    assert rows_of(table) == expected
+    assert table.shown == expected
 
 
 def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
     """Expected: shares of poses by their own limit; both kinds of joints count; a limit not stated keeps none."""
     shown = seen.tables[1]
-    assert (shown.title, heads_of(shown)) == ("Limits of the platform", ("", "value", "keeps from [%]"))
+    assert (shown.title, shown.heads) == ("Limits of the platform", ("", "value", "keeps from [%]"))
     codes, platform = [int(q.limit) for q in seen.each.values()], seen.space.platform
 
     def share(*limits: Limit) -> str:
@@ -196,7 +195,7 @@ def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
     for limit, text in ((Limit.SINGULAR, "beyond a singular pose"), (Limit.PITCH, "pitch at ±90°")):
         if int(limit) in codes:
             expected.append((text, "", share(limit)))
-    assert rows_of(shown) == expected
+    assert shown.shown == expected
 
 
 def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
@@ -205,8 +204,8 @@ def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
     units = ["deg" if name in NAMES[3:] else seen.length for name in seen.swept]
     heads = [f"{name} [{unit}]" for name, unit in zip(seen.swept, units, strict=True)]
     assert table.title == "Where it can be reached"
-    assert heads_of(table) == ("", "", "value", *heads)
-    rows, ends = rows_of(table), set(table.group_ends)
+    assert table.heads == ("", "", "value", *heads)
+    rows, ends = table.shown, set(table.group_ends)
     reached, k = seen.reached(), 0
     for result, values in seen.results().items():
         title, is_best_low, ends_at_border = RESULTS[result]
@@ -441,7 +440,7 @@ def test_an_empty_region_has_its_limits_and_no_results() -> None:
     swept, limits = tables_of(report)
     assert (swept.title, limits.title) == ("Swept", "Limits of the platform")
     assert not any(isinstance(part, Note) for part in report.parts())
-    assert [row[4:6] for row in rows_of(swept)] == [("–", "–")] * 2
+    assert [row[4:6] for row in swept.shown] == [("–", "–")] * 2
 
 
 @pytest.mark.parametrize("aside", [-2e-9, -0.5e-9, 0.5e-9, 2e-9, -0.2, 0.2])

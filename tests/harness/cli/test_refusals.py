@@ -1,18 +1,20 @@
 """Wrong and clumsy uses of the command line: the exit code, what the one line says, and that nothing is written."""
 
+import os
 import re
 import shlex
 from pathlib import Path
 
 import pytest
 
-from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.model.platform import preset_text
+import gough_stewart as gs
 from tests.support.commands import invoke
+from tests.support.records import waving_record
 
 TUNE = "tune heave_step --minimise tracking.position.norm_rms"
 BANDWIDTH = "--vary controller.bandwidth=1..6Hz"
 MEMBERS = "ensemble heave_tolerances --set loop.duration=0.1"
+SHARE = "tracking.position.norm_peak<=1mm for 90% of members"
 # Words, the exit code, a pattern of the message.
 WRONG = [
     # names
@@ -31,6 +33,9 @@ WRONG = [
     ("check no.toml", 1, "no.toml: cannot read this experiment"),
     ("export nowhere.toml", 1, "nowhere.toml"),
     ("reproduce --platform none.toml", 1, "none.toml: cannot read this platform file: No such file"),
+    ("workspace motion_base", 2, r"unexpected extra argument.*; a platform is given as `--preset motion_base`"),
+    ("build mine.toml", 2, r"unexpected extra argument.*; a platform is given as `--platform mine.toml`"),
+    ("margins heave_step motion_base", 2, "unexpected extra argument(?!.*a platform)"),
     # platforms
     ("reproduce --platform heavy.toml", 1, "platform_mass: is -10 kg; expected > 0"),
     ("reproduce --platform typo.toml", 1, r"did you mean 'platform_mass'\?"),
@@ -42,25 +47,45 @@ WRONG = [
     ("reproduce --out heavy.toml/below", 1, "heavy.toml is a file; expected a folder"),
     ("export heave_step --as ssp --out heavy.toml", 1, "heavy.toml"),
     ("reproduce --out taken", 1, "comparison.json is a folder there"),
-    ("run heave_step --out ''", 2, "Invalid value for '--out': is empty"),
+    ("run heave_step --out ''", 2, r"Invalid value for '--out': is empty; expected a path, or \. for the current"),
     ("build --out ''", 2, "Invalid value for '--out': is empty"),
     ("run heave_step --fmu ''", 2, "Invalid value for '--fmu': is empty"),
-    ("view record --out page", 2, "--out page: expected the name of a page"),
-    ("view nowhere --out results/somewhere", 2, "somewhere.html"),
-    ("view", 2, "Missing argument"),
     ("live heave_step --no-open --out x.txt", 2, "expected the name of a page, such as x.txt.html"),
+    # records and reports
+    ("view", 2, "Missing argument"),
+    ("view waves --out page", 2, "--out page: expected the name of a page"),
+    ("view nowhere --out results/somewhere", 2, "somewhere.html"),
+    ("view waves --out heavy.toml/page.html", 1, "is a file; expected a folder"),
+    ("view waves nowhere", 1, "no such file.*expected record.parquet"),
+    ("view waves tuned", 1, "the folder has no record; it has a tuning; run tuned.toml"),
+    ("view waves planned", 1, "it has an unfinished ensemble; continue it with"),
+    ("view waves built", 1, "it has FMUs: gough_stewart_fmi3.fmu"),
+    ("view waves other", 1, "it has a.txt; expected record.parquet"),
+    ("view waves several", 1, "it has folders of records: member-3; view one of them"),
+    ("view waves hidden", 1, "the folder has no record; it is empty"),
+    ("view waves text.csv", 1, "metadata.json.*expected record.parquet"),
+    ("view waves text.parquet", 1, "cannot be read as a record.*expected record.parquet"),
+    (f"view {7 * 'waves '}", 1, "7 records; expected 1 to 6"),
+    *((f"view report{k}", 1, "report.json: cannot be read as a report: ") for k in range(5)),
     # options that contradict each other
     ("reproduce --preset liu2000 --platform heavy.toml", 2, "exclude each other"),
     ("reproduce --preset motion_base --order plus-first", 2, "--order applies only to the paper's own"),
     (f"{MEMBERS} --workers 2 --scheduler tcp://h:1", 2, "--workers and --scheduler exclude each other"),
     ("identify a.csv --validate b.csv --validation 0.2 --estimate platform_mass", 2, "exclude each other; give one"),
+    ("identify waves --preset desktop_hexapod --estimate platform_mass --validation 1.5", 1,
+     "validation is 1.5; expected a share of the log"),
     ("run heave_step --fmu no.fmu", 1, "plant 'model' does not accept the file no.fmu"),
     ("build --target x86_64-windows --check", 2, "add `--target native`"),
     # values
+    ("run heave_step --plant fmu4", 2, "'--plant': 'fmu4' is not one of 'model', 'scipy', 'fmu2', 'fmu3'"),
+    (f"{MEMBERS} --members x", 2, "'--members': expected a whole number"),
+    (f"{MEMBERS} --members 0", 2, "'--members': expected a number greater than or equal to 1"),
+    ("excite --duration long", 2, "'--duration': expected a number"),
     ("run heave_step --set x", 2, "--set x: expected key=value"),
     ("run heave_step --set title.x=1", 2, "title is not a table of the experiment"),
     ("run heave_step --set loop.latency=1", 1, "loop.latency: unknown key"),
     ("run heave_step --set platform.parameters.platform_mass=-1", 1, "platform: platform_mass: is -1"),
+    (f"run heave_step --set title={os.fsdecode(b'caf' + bytes([0xE9]))}", 1, "expected text in UTF-8"),
     ("run heave_tolerances --member 1000", 1, "member: is 1000; expected 0 to 999"),
     ("run heave_step --plant fmu3 --fmu no.fmu", 1, "no.fmu: no such file"),
     ("check pitch_sine --set reference.time_scale=0", 1, "reference.time_scale: is 0; expected > 0"),
@@ -79,6 +104,12 @@ WRONG = [
     ("excite --frequency inf --fade -1", 2, "--frequency is inf; expected a number > 0"),
     ("workspace --at yaw=400deg", 2, "yaw is 6.98132 rad, 400°; expected from −180° to 180°"),
     ("workspace --at yaw=40", 2, "yaw is 40 rad, 2291.83°; expected .*numbers without a unit are in rad"),
+    ("serve heave_step --udp 0 --rate 251", 2, "a stream of 251 rows a second; expected 1 to 250"),
+    ("serve heave_step --udp 0 --rate nan", 2, "expected 1 to 250"),
+    ("serve heave_step --udp 0 --silence 0", 2, "expected a time above 0"),
+    ("serve heave_step --udp 0 --duration -1", 2, "greater than or equal to 0"),
+    ("serve paper_open_loop --udp 0", 2, "follows no reference"),
+    ("serve heave_step --udp 0 --host 1.2.3.4.5", 2, "choose others"),
     # ensembles and searches
     ("ensemble heave_step", 1, "ensemble: is missing; add it to declare what varies, or start from heave_tolerances"),
     ("ensemble heave_tolerances --workers 0", 2, "Invalid value for '--workers'"),
@@ -93,21 +124,25 @@ WRONG = [
     (f"{TUNE} {BANDWIDTH} --over-ensemble 0.9", 2, "expected quantile=Q with Q above 0, up to 1"),
     (f"{TUNE} {BANDWIDTH} --members 8", 2, "members is 8, and all members would be the same"),
     (f"{TUNE} {BANDWIDTH} --fresh 8", 2, "fresh is 8, and all members would be the same"),
-    # requirements, before anything is computed
+    # requirements, before anything is computed; a number that another command has is named with it
     ("run heave_step --require 'tracking.positoin.norm_peak<=1mm'", 2, r"did you mean 'tracking\.position\.norm_peak'"),
+    (f"run heave_step --require '{SHARE}'", 2, "is on a share of members, and this study has none"),
+    ("run heave_step --require 'limits.stroke<=90%'", 2, "no number 'limits.stroke'; `gough-stewart check` has it"),
+    (f"{MEMBERS} --require 'margins.disk>=0.1'", 2, "no number 'margins.disk'; `gough-stewart margins` has it"),
+    (f"{MEMBERS} --require 'tracking.position.peek<=1m'", 2, "no number 'tracking.position.peek'"),
     ("margins heave_step --require 'margins.dsk>=1'", 2, r"no number 'margins.dsk'; did you mean 'margins.disk'\?"),
-    ("check pitch_sine --require 'stroke.margin>=1m'", 2, "no number 'stroke.margin'"),
+    ("check pitch_sine --require 'stroke.margin>=1m'", 2, "no number 'stroke.margin'; `gough-stewart run` has it"),
     ("identify no.csv --estimate platform_mass --require 'force.peak<1N'", 2, "no number 'force.peak'"),
     (f"{TUNE} {BANDWIDTH} --require 'valeu<=1'", 2, "no number 'valeu'; did you mean 'value'"),
     ("workspace --require 'reach>=1'", 2, "no number 'reach'"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("words", "code", "says"), WRONG, ids=[words for words, *_ in WRONG])
-def test_what_is_wrong_is_one_line_and_writes_nothing(
-    words: str, code: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = preset_text("liu2000")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files and folders with something wrong; no test adds to them."""
+    place = tmp_path_factory.mktemp("refused")
+    text = invoke("presets", "liu2000").stdout
     for name, old, new in (
         ("heavy", "platform_mass = 10.0", "platform_mass = -10.0"),
         ("typo", "platform_mass", "platfom_mass"),
@@ -116,74 +151,47 @@ def test_what_is_wrong_is_one_line_and_writes_nothing(
         # with its start turned by −0.1 − 1.5 rad the mechanism stands beside its singular pose
         ("turned", "home_orientation = [0.0, 0.0, 0.0]", "home_orientation = [0.0, 0.0, -1.5]"),
     ):
-        (tmp_path / f"{name}.toml").write_text(text.replace(old, new))
-    (tmp_path / "taken" / "comparison.json").mkdir(parents=True)
-    before = sorted(tmp_path.rglob("*"))
-    monkeypatch.chdir(tmp_path)
+        (place / f"{name}.toml").write_text(text.replace(old, new))
+    gs.save_record(waving_record(gs.load_preset("desktop_hexapod"), rows=50), place / "waves")
+    for name in (
+        *("taken/comparison.json/x", "tuned/tuning.json", "planned/plan.json", "built/gough_stewart_fmi3.fmu"),
+        *("other/a.txt", "several/member-3/record.parquet", "hidden/.hidden"),
+    ):
+        (place / name).parent.mkdir(parents=True)
+        (place / name).touch()
+    for name in ("text.csv", "text.parquet"):
+        (place / name).write_text("a,b\n1,2\n")
+    for k, content in enumerate(("{", "[]", '{"version": 7}', '{"version": 1}', "ü")):
+        (place / f"report{k}").mkdir()
+        (place / f"report{k}/report.json").write_text(content, encoding="cp1252")
+    return place
+
+
+@pytest.mark.parametrize(("words", "code", "says"), WRONG, ids=[ascii(words) for words, *_ in WRONG])
+def test_what_is_wrong_is_one_line_and_writes_nothing(
+    words: str, code: int, says: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = sorted(folder.rglob("*"))
+    monkeypatch.chdir(folder)
     done = invoke(*shlex.split(words))
     said = " ".join(done.stderr.replace("│", " ").split())
     assert (done.exit_code, bool(re.search(says, said))) == (code, True), done.output
     if "Usage" not in said:
         assert len([line for line in done.stderr.splitlines() if not line.startswith("warning: ")]) == 1
-    assert sorted(tmp_path.rglob("*")) == before
+    assert sorted(folder.rglob("*")) == before
 
 
-@pytest.mark.parametrize(
-    ("words", "platform"),
-    [
-        ("workspace motion_base", "--preset motion_base"),
-        ("build mine.toml", "--platform mine.toml"),
-        ("margins heave_step motion_base", ""),
-    ],
-)
-def test_a_platform_as_plain_argument_is_told_its_option(words: str, platform: str) -> None:
-    """Expected: the option that takes it, of commands that have it."""
-    done = invoke(*words.split())
-    assert done.exit_code == ExitCode.USAGE
-    said = " ".join(done.stderr.replace("│", " ").split())
-    assert "Got unexpected extra argument" in said
-    assert (f"; a platform is given as `{platform}`" in said) == ("a platform is given" in said) == bool(platform)
+def test_a_folder_without_permission_is_refused_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    done = invoke("run", "heave_step", "--out", str(tmp_path / "out"))
+    assert (done.exit_code, "no permission to write" in done.output) == (1, True)
 
 
 def test_the_documentation_has_the_table_of_exit_codes() -> None:
-    """Expected: its rows have the codes and meanings of the one place that declares them."""
+    """Expected: its rows have the codes and meanings that the help states."""
     docs = Path(__file__).parents[3] / "docs"
     rows = re.findall(r"^\| (\d+) \| ([^|]+) \|", (docs / "commands.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert [(int(code), meaning) for code, meaning in rows[: len(ExitCode)]] == [
-        (int(code), code.meaning) for code in ExitCode
-    ]
-
-
-def test_what_fails_in_all_is_exit_code_3(tmp_path: Path) -> None:
-    """Expected: an ensemble's files, and one line with the number and a cause; of a search the condition."""
-    words = f"{MEMBERS} --members 4 --workers 1 --set limits.position_error=1e-6 --out {tmp_path / 'a'}"
-    done = invoke(*words.split())
-    assert done.exit_code == ExitCode.MISSED, done.stderr
-    cause = "the platform is .* from its reference; the limit is 1e-06 m"
-    assert re.search(f"none of 4 members completed its run; the first: {cause}", done.stderr)
-    assert (tmp_path / "a" / "members.parquet").is_file()
-    assert invoke("view", str(tmp_path / "a"), "--out", str(tmp_path / "page.html")).exit_code == 0
-    few = f"--set loop.duration=0.3 --generations 1 --population 5 --out {tmp_path / 'b'}"
-    done = invoke(*f"{TUNE} {BANDWIDTH} {few}".split(), "--subject-to", "stroke.margin > 100 m")
-    assert done.exit_code == ExitCode.MISSED
-    assert "no candidate meets the conditions" in done.stderr
-    assert not (tmp_path / "b").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("tuning.json", "it has a tuning; run tuned.toml"),
-        ("plan.json", "it has an unfinished ensemble; continue it with"),
-        ("gough_stewart_fmi3.fmu", "it has FMUs: gough_stewart_fmi3.fmu"),
-        ("a.txt", "it has a.txt; expected record.parquet"),
-        ("member-3/record.parquet", "it has folders of records: member-3; view one of them"),
-        (".hidden", "it is empty"),
-    ],
-)
-def test_view_says_what_a_folder_without_a_record_has(name: str, says: str, tmp_path: Path) -> None:
-    (tmp_path / "of" / name).parent.mkdir(parents=True)
-    (tmp_path / "of" / name).touch()
-    done = invoke("view", str(tmp_path / "of"), "--out", str(tmp_path / "page.html"))
-    assert done.exit_code == ExitCode.FAILED
-    assert f"the folder has no record; {says}" in done.stderr
+    (codes,) = re.findall(r"Exit codes: (.*)\.", " ".join(invoke("--help", columns=400).stdout.split()))
+    told = [entry.partition(" ")[::2] for entry in codes.split("; ")]
+    assert rows[: len(told)] == told
+    assert len(told) == 6
