@@ -202,7 +202,7 @@ def test_differences_in_blocks_are_as_sure_as_their_points(tmp_path: Path) -> No
 
 
 def test_one_pair_has_no_interval_and_machines_and_seed_are_those_of_the_first(tmp_path: Path) -> None:
-    """Expected: the seed of the first one's sensors; files of one name are A and B; members of the second do not count."""
+    """Expected: the seed of the first one's sensors; files of one name are A and B."""
     files = []
     for name, bandwidth, seed, members in (("x", "1.5", 11, 1), ("y", "5", 12, 9)):
         (tmp_path / name).mkdir()

@@ -126,7 +126,8 @@ def test_the_table_of_failures_sorts_by_each_column(page: Page) -> None:
 def test_marked_members_have_a_band_their_median_and_their_worst_as_lines(page: Page, ensemble: gs.Ensemble) -> None:
     """Expected: by NumPy from the signals of those members, to a thousandth of their range."""
     ended = ensemble.members["outcome"].to_list()
-    chosen = [k for k, outcome in enumerate(ended) if outcome == "completed"][3:7] + [ended.index("diverged")]
+    completed = [k for k, outcome in enumerate(ended) if outcome == "completed"]
+    chosen = [*completed[3:7], ended.index("diverged")]
     page.evaluate(f"GoughStewart.set({{ members: new Set({chosen}) }})")
     panel = "GoughStewart.panels.find((each) => each.chart.title === 'error of position, norm')"
     until(page, f"({panel}).markedCurves?.rows === 5")

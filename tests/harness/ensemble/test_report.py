@@ -140,7 +140,7 @@ def test_an_effect_on_both_sides_is_seen_and_what_nothing_explains_is_not_named(
     members = ensemble_of(normal(2500))
     bent = with_columns(members, **judged_by("tracking.position.norm_rms")).report()
     table = tables_of(bent)["What makes the position error, RMS vary"]
-    assert [row[0] for row in table.rows][0] == INPUTS[0]
+    assert table.rows[0][0] == INPUTS[0]
     assert [row[1] for row in table.rows] == pytest.approx([1, 0, 0, 0], abs=0.07)
     assert table.note.startswith("Standardised regression of the metric's rank on that of each input's distance")
     product = with_columns(members, **judged_by("power.peak")).report()

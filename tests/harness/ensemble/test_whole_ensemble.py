@@ -273,7 +273,8 @@ def test_tables_are_of_members_that_completed_and_say_how_many_are_left_out(done
     assert quantiles["note"].endswith("Quantiles are without the 8 members not completed.")
     rows, completed = rows_in(quantiles), done.members.filter(polars.col("outcome") == "completed")
     for words, metric in (
-        ("position error, RMS", "tracking.position.norm_rms"), ("orientation error, peak", "tracking.orientation.norm_peak"),
+        ("position error, RMS", "tracking.position.norm_rms"),
+        ("orientation error, peak", "tracking.orientation.norm_peak"),
         ("peak force", "force.peak"), ("work, absolute", "energy.absolute_total"), ("disk margin", "margins.disk"),
         ("stable", "margins.stable"), ("force limited", "saturation.force_limited.any"),
     ):  # fmt: skip

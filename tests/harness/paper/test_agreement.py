@@ -115,7 +115,7 @@ def test_the_other_order_is_the_same_mechanism_with_renamed_legs_and_as_far_away
     case = paper_case()
     swapped = run_kernel(replace(case, actuator_force=case.actuator_force[[1, 0, 3, 2, 5, 4]]))
     assert np.allclose(run_kernel(paper_case(minus_first=True)).states, swapped.states, atol=1e-11)
-    order = [row for row in other_readings(minus_first=True) if row.point.startswith("order")][0]
+    order = next(row for row in other_readings(minus_first=True) if row.point.startswith("order"))
     change = np.abs(swapped.states - run_kernel(case).states)[-1]
     assert (order.decided, order.other) == ("− first", "+ first")
     assert order.position_change == pytest.approx(change[:3].max(), rel=1e-6)

@@ -218,8 +218,8 @@ def made_up(uneven: tuple[gs.Platform, Any, list[Figure]]) -> dict[str, Any]:
              "angular_velocity": [-0.11, 0.17, 0.26]}  # fmt: skip
     end = {"position": [0.1, -0.2, 3.25], "orientation": [-0.0, 0.5, 0.625], "velocity": [1.0, 2.0, 3.0],
            "angular_velocity": [4.0, 5.0, 6.0]}  # fmt: skip
-    rows = [{"what": what, "measured": x, "bound": bound, "unit": unit, "holds": x <= bound}
-            for what, x, bound, unit in (("first", 2.5e-9, 1e-8, "m, rad"), ("second", 3.4e-5, 2e-6, "relative"))]  # fmt: skip
+    rows = [{"what": "first", "measured": 2.5e-9, "bound": 1e-8, "unit": "m, rad", "holds": True},
+            {"what": "second", "measured": 3.4e-5, "bound": 2e-6, "unit": "relative", "holds": False}]  # fmt: skip
     keys = ("point", "decided", "other", "position_change", "orientation_change", "remark", "height")
     readings = [("a point", "decided so", "other way", 0.01234, 0.56789, "a remark", 3.125),
                 ("another", "thus", "not thus", None, None, "impossible: why", None)]  # fmt: skip

@@ -150,7 +150,8 @@ def test_a_zoom_of_one_map_is_that_of_all_and_a_double_click_ends_it(browser: Br
     """Expected: the box that the pointer has drawn, in millimetres; equal scales add to it on one side only."""
     found = opened(browser, "x,pitch", tmp_path)
     page = found.page
-    ends = f"{FIGURES}.map(({{ figure: {{ figure: f }} }}) => [f.x_range.start, f.x_range.end, f.y_range.start, f.y_range.end])"
+    sides = "[f.x_range.start, f.x_range.end, f.y_range.start, f.y_range.end]"
+    ends = f"{FIGURES}.map(({{ figure: {{ figure: f }} }}) => {sides})"
     whole = page.evaluate(ends)
     assert len(whole) == 7
     assert len({tuple(each) for each in whole}) == 1

@@ -160,7 +160,7 @@ def test_lengths_of_legs_decide_between_too_short_and_too_long(tmp_path: Path) -
 
 
 def test_tables_have_ranges_limits_and_extremes(seen: Seen) -> None:
-    """Expected: ends of the grid, and of what is reached with any other coordinates; shares of poses by their own limit.
+    """Expected: ends of the grid, and of what is reached with any other coordinates; shares of poses by their limit.
 
     The least and the largest of each result over the poses that can be reached, and where; margins are 0 at the border.
     """
@@ -451,7 +451,7 @@ def test_what_can_be_reached_is_what_a_run_may_hold() -> None:
         if is_reachable:
             gs.run(experiment)
         else:
-            with pytest.raises(gs.GoughStewartError, match="leg|joint"):
+            with pytest.raises(gs.GoughStewartError, match=r"leg|joint"):
                 gs.run(experiment)
     assert min(counts) > 3
 
