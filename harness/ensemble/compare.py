@@ -167,7 +167,7 @@ def comparison_tables(result: Comparison, names: Sequence[str]) -> list[Table]:
     a, b = result.a.is_complete, result.b.is_complete
     counts = [[int(np.count_nonzero(in_a & in_b)) for in_b in (b, ~b)] for in_a in (a, ~a)]
     ended = Table(
-        f"{result.a.members.height:,} members{_named(*result.names)}",
+        f"{count(result.a.members.height, 'member')}{_named(*result.names)}",
         (Column(""), Column("completed in B"), Column("not")),
         (("completed in A", *counts[0]), ("not", *counts[1])),
     )

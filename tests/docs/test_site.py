@@ -17,6 +17,7 @@ from tests.support.axe import violations
 from tests.support.browser import watched
 from tools.pages.blocks import ROOT
 
+pytestmark = pytest.mark.evidence
 PAGES_OF_NAV = re.findall(r"^\s+- [^#\n]+: ([\w/.-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE)
 # A formula of a page in Markdown: $$…$$, or $…$ within a line.
 FORMULA = re.compile(r"\$\$.+?\$\$|\$[^$\n]+\$", re.DOTALL)
@@ -182,7 +183,6 @@ def test_the_search_puts_the_page_first_that_answers(browser: Browser, site: Pat
     assert {words: place.partition("?")[0].partition("#")[0] for words, place in found.items()} == expected
 
 
-@pytest.mark.evidence
 def test_a_browser_shows_the_site_from_the_disk(browser: Browser, site: Path, tmp_path: Path) -> None:
     """Expected: nothing on the console, no request but for files, formulas of some size, a search that finds."""
     for scheme, width in (("light", 1280), ("dark", 390)):
@@ -203,7 +203,6 @@ def test_a_browser_shows_the_site_from_the_disk(browser: Browser, site: Path, tm
         seen.page.close()
 
 
-@pytest.mark.evidence
 def test_axe_finds_nothing_on_any_page(browser: Browser, site: Path) -> None:
     """Expected: no rule of axe is broken, in the light and in the dark, on a desk and on a phone.
 

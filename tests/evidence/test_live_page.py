@@ -9,7 +9,6 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
-from gough_stewart.harness.export.live.page import live_page
 from tests.support.browser import CHROMIUM, Watched, until, watched
 
 pytestmark = pytest.mark.evidence
@@ -20,12 +19,6 @@ EVERYTHING = {
     **{"actuators.lag": "3 ms", "actuators.force_limit": 20000, "actuators.rate_limit": 4e6},
 }
 STATE = "GoughStewart.engine.ask('state', 'state')"
-# The time of the first row that the page has [ms].
-MOVED = """const look = () => {
-    if (typeof GoughStewart !== "undefined" && GoughStewart.live?.last) window.moved = performance.now();
-    else setTimeout(look, 5);
-};
-look();"""
 RANDOM = """seed => {
     const random = () => { seed = (seed * 16807) % 2147483647; return seed / 2147483647; };
     const sliders = [...document.querySelectorAll("main input[type=range]")];
@@ -47,8 +40,7 @@ def browser(request: pytest.FixtureRequest) -> Browser:
 @pytest.fixture
 def heave(browser: Browser, tmp_path: Path) -> Iterator[Watched]:
     """The page, moving; it must complain of nothing."""
-    file = tmp_path / "heave_step.html"
-    file.write_bytes(live_page(gs.load_experiment("heave_step", EVERYTHING)))
+    (file,) = gs.export("heave_step", EVERYTHING, forms="page", out=tmp_path)
     found = watched(browser, 1440, 900)
     found.page.goto(file.as_uri())
     until(found.page, "GoughStewart.live && GoughStewart.live.last !== null")
@@ -90,39 +82,6 @@ def test_ten_minutes_in_real_time_lose_nothing_and_need_no_memory(heave: Watched
     assert after[1] == before[1]
     assert after[0] < 1.05 * before[0]
     assert passed == pytest.approx(wall - missed, abs=2)
-
-
-def test_it_moves_soon_after_it_is_opened(browser: Browser, heave: Watched) -> None:
-    """Prints the time from the request to the first row that the page has, five times; it moves each time."""
-    times = []
-    for _ in range(5):
-        page = browser.new_page(viewport={"width": 1440, "height": 900})
-        page.add_init_script(MOVED)
-        page.goto(heave.page.url.split("#")[0])
-        until(page, "window.moved !== undefined")
-        times.append(page.evaluate("window.moved") / 1000)
-        page.close()
-    print(f"\nopening to moving: {min(times):.2f} to {max(times):.2f} s")
-    assert all(np.isfinite(times))
-
-
-def test_a_minute_in_a_hidden_tab(heave: Watched) -> None:
-    """Expected: time stands still there and is not made up for; afterwards it goes on."""
-    page = heave.page
-    page.evaluate(
-        "Object.defineProperty(document, 'hidden', { value: true, configurable: true });"
-        "document.dispatchEvent(new Event('visibilitychange'))"
-    )
-    page.wait_for_timeout(300)
-    before = page.evaluate("GoughStewart.live.last[0]")
-    page.wait_for_timeout(60_000)
-    assert page.evaluate("GoughStewart.live.last[0]") == before
-    page.evaluate(
-        "Object.defineProperty(document, 'hidden', { value: false, configurable: true });"
-        "document.dispatchEvent(new Event('visibilitychange'))"
-    )
-    page.wait_for_timeout(1000)
-    assert before + 0.2 < page.evaluate("GoughStewart.live.last[0]") < before + 5
 
 
 def test_twenty_settings_at_random_for_a_minute(heave: Watched) -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.results.oscillation import oscillation
 
 pytestmark = pytest.mark.evidence
 _KINDS = ("noisy hold", "noisy sine", "sine", "circle", "point to point", "chirp", "steps")
@@ -13,7 +12,7 @@ _KINDS = ("noisy hold", "noisy sine", "sine", "circle", "point to point", "chirp
 @pytest.mark.parametrize("name", gs.experiment_names())
 def test_no_shipped_record_is_an_alarm(name: str) -> None:
     """Expected: none: all come to rest or follow their reference; `too_slow` is stopped by its limit."""
-    assert oscillation(gs.run(name)) is None
+    assert gs.metrics(gs.run(name))["outcome"]["oscillation"] is None
 
 
 def test_sound_loops_give_no_alarm() -> None:
@@ -21,9 +20,9 @@ def test_sound_loops_give_no_alarm() -> None:
     random, alarms = np.random.default_rng(25), []
     for k in range(140):
         settings = _settings(random, _KINDS[k % len(_KINDS)])
-        found = oscillation(gs.run("heave_step", settings))
+        found = gs.metrics(gs.run("heave_step", settings))["outcome"]["oscillation"]
         if found is not None:
-            alarms.append((settings, found.text()))
+            alarms.append((settings, found))
     assert not alarms, alarms
 
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars
@@ -77,9 +77,3 @@ def drawn(sampling: Sampling, inputs: int, members: int, response: Response, see
         }
         (number,) = ensemble_numbers(Ensemble(polars.DataFrame(columns), polars.DataFrame(), known))
         yield number
-
-
-def ends_of_median(values: FloatArray) -> tuple[float, float]:
-    """The 95 % interval of a median between order statistics by SciPy; NaN for an end that so few do not have."""
-    interval: Any = stats.quantile_test(values, q=0.0, p=0.5).confidence_interval(0.95)
-    return float(interval.low), float(interval.high)

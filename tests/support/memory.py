@@ -91,3 +91,15 @@ NAMED: dict[str, dict[str, str]] = {
     "factory": {"factory": "make"},
     "object": {"name": "as_object"},
 }
+
+
+def metrics_of(record: gs.Record) -> dict[str, Any]:
+    """Metrics of a record by path, of those that are one number each."""
+
+    def leaves(path: str, value: Any) -> dict[str, Any]:
+        if isinstance(value, dict):
+            parts = [leaves(f"{path}.{name}" if path else name, part) for name, part in value.items()]
+            return {name: number for part in parts for name, number in part.items()}
+        return {} if isinstance(value, list | str) else {path: value}
+
+    return leaves("", gs.metrics(record))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -12,12 +13,8 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble.chunk import SIZE
-from gough_stewart.harness.ensemble.workers import chunk_there, exact_versions
-from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.members import plan_of
 from tests.support.memory import EXPERIMENT, SHORT, Pid
-from tests.support.small_ensemble import MANY, small
+from tests.support.small_ensemble import MANY, SIZE, small
 from tools.pages.blocks import ROOT
 
 distributed = pytest.importorskip("distributed")
@@ -36,9 +33,12 @@ class Cluster:
         )
         wait_for(said.exists)
         self.file = said
-        options = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", folder)
-        for _ in range(2):
-            self.workers.append(self._start("worker", "--scheduler-file", said, *options))
+
+    def add_worker(self, beside: str = "") -> None:
+        """With a folder of modules beside the sources."""
+        options = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", self._folder)
+        self._environment["PYTHONPATH"] = os.pathsep.join(filter(None, (beside, str(ROOT))))
+        self.workers.append(self._start("worker", "--scheduler-file", self.file, *options))
 
     @property
     def address(self) -> str:
@@ -71,25 +71,36 @@ def wait_for(there: Any, seconds: float = 60) -> None:
         time.sleep(0.02)
 
 
+OTHER = "import platform\n\nplatform.python_version = lambda: '3.0.1'\n"
+
+
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    started = Cluster(tmp_path_factory.mktemp("cluster"))
-    yield started
+def refused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Cluster, str]]:
+    """The cluster, and what it said while its only worker had another version of Python."""
+    started, beside = Cluster(tmp_path_factory.mktemp("cluster")), tmp_path_factory.mktemp("beside")
+    (beside / "sitecustomize.py").write_text(OTHER)
+    started.add_worker(str(beside))
+    out = beside / "out"
+    with pytest.raises(gs.GoughStewartError) as caught:
+        gs.ensemble(small(), out=out, scheduler=started.address)
+    assert not list(out.glob("chunks/*"))
+    started.kill_worker()
+    for _ in range(2):
+        started.add_worker()
+    yield started, str(caught.value)
     started.close()
 
 
-def test_a_worker_with_other_versions_is_refused(
-    cluster: Cluster, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """Expected: before anything runs, and by the worker itself where it joins later."""
-    ours = {**exact_versions(), "numpy": "1.0"}
-    with pytest.raises(gs.GoughStewartError, match=r"a worker differs from this machine: numpy 1\.0 here and"):
-        chunk_there(plan_of(small()).text, ours, 0, 1)
-    monkeypatch.setattr("gough_stewart.harness.ensemble.workers.exact_versions", lambda: ours)
-    with pytest.raises(
-        EnsembleError, match=r"tcp://.* differs from this machine: numpy 1\.0 here and .* there; install the same"
-    ):
-        gs.ensemble(small(), out=tmp_path, scheduler=cluster.address)
+@pytest.fixture(scope="module")
+def cluster(refused: tuple[Cluster, str]) -> Cluster:
+    """With two workers like this process."""
+    return refused[0]
+
+
+def test_a_worker_with_other_versions_is_refused_before_anything_runs(refused: tuple[Cluster, str]) -> None:
+    python = ".".join(map(str, sys.version_info[:3]))
+    words = rf"tcp://\S+ differs from this machine: python {re.escape(python)} here and 3\.0\.1 there; install the same"
+    assert re.search(words, refused[1]), refused[1]
 
 
 def test_workers_get_a_controller_from_python(cluster: Cluster) -> None:

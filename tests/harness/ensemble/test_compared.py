@@ -1,4 +1,4 @@
-"""All that is said of two compared ensembles, against NumPy and SciPy on the columns of both."""
+"""Two compared ensembles of the same machines: files and report against NumPy and SciPy on the tables of both."""
 
 import re
 from pathlib import Path
@@ -11,21 +11,9 @@ from scipy import stats
 from typer.testing import Result
 
 import gough_stewart as gs
-from gough_stewart import Ensemble
-from gough_stewart.harness.ensemble.compare import (
-    compare,
-    comparison_report,
-    comparison_tables,
-    known_numbers,
-    names_of,
-    run_compared,
-)
-from tests.harness.results.test_whole_run import tables_in
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.coverage import ends_of_median
-from tests.support.ensembles import INPUTS, ensemble_of
-from tests.support.page_arrays import data_of, unpacked
+from tests.support.reports import parts_in, report_in, rows_in, units_in
 
 TOML = """
 title = "BANDWIDTH Hz"
@@ -51,7 +39,6 @@ position_error = 0.0135
 VARIED = """
 [ensemble]
 members = 12
-seed = 2
 worst = 2
 worst_by = "force.peak"
 platform_mass = { uniform = [900, 2600] }
@@ -61,54 +48,76 @@ leg_viscous_friction = { normal = [300, 50] }
 FORCE = "force.peak"
 
 
-@pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+def compared(folder: Path, varied: str, *options: str, fast: str = "") -> tuple[Result, Path]:
     """A slow controller and a fast one, by the command."""
-    folder = tmp_path_factory.mktemp("compared")
-    (folder / "slow.toml").write_text(TOML.replace("BANDWIDTH", "1.5") + VARIED)
-    (folder / "fast.toml").write_text(TOML.replace("BANDWIDTH", "5"))
+    (folder / "slow.toml").write_text(TOML.replace("BANDWIDTH", "1.5") + varied)
+    (folder / "fast.toml").write_text(TOML.replace("BANDWIDTH", "5") + fast)
     files = [str(folder / f"{name}.toml") for name in ("slow", "fast")]
-    return invoke(
-        "ensemble", files[0], "--compare", files[1], "--workers", "1", "--report", "--out", str(folder / "out")
-    ), (folder / "out")
+    out = folder / "out"
+    return invoke("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(out), *options), out
+
+
+class Both:
+    """What a comparison wrote."""
+
+    def __init__(self, out: Path, names: tuple[str, str] = ("slow", "fast")) -> None:
+        self.members = tuple(gs.read_ensemble(out / name).members for name in names)
+        self.is_complete = tuple((table["outcome"] == "completed").to_numpy() for table in self.members)
+        rows = polars.read_parquet(out / "differences.parquet").iter_rows(named=True)
+        self.differences: dict[str, dict[str, Any]] = {row["metric"]: row for row in rows}
+        self.report = report_in(out)
+
+    def values(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """A metric of each member, NaN where there is none."""
+        a, b = (table[name].cast(polars.Float64).fill_null(np.nan).to_numpy() for table in self.members)
+        return a, b
+
+    def pairs(self, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Values of those that completed in both and have the metric in both, and their numbers."""
+        a, b = self.values(name)
+        rows = self.is_complete[0] & self.is_complete[1] & np.isfinite(a) & np.isfinite(b)
+        return a[rows], b[rows], np.flatnonzero(rows)
 
 
 @pytest.fixture(scope="module")
-def both(done: tuple[Result, Path]) -> tuple[polars.DataFrame, polars.DataFrame]:
-    """The members of A and of B."""
-    assert done[0].exit_code == 0, done[0].output
-    slow, fast = (gs.read_ensemble(done[1] / name).members for name in ("slow", "fast"))
-    return slow, fast
+def both(tmp_path_factory: pytest.TempPathFactory) -> Both:
+    seed = "controller.feedforward = { choice = ['gravity', 'computed_torque'] }\nseed = 2\n"
+    required = (f"difference.{FORCE} > -1000 kN", f"first.{FORCE} < 1 N", f"{FORCE} < 1000 kN")
+    options = (word for each in required for word in ("--require", each))
+    done, out = compared(tmp_path_factory.mktemp("compared"), VARIED + seed, "--report", *options)
+    assert done.exit_code == 3, done.output
+    assert f"missed: {required[1]}\n" in done.stderr
+    assert {path.name for path in out.iterdir()} == {
+        "slow",
+        "fast",
+        "differences.parquet",
+        "report.json",
+        "report.html",
+    }
+    return Both(out)
 
 
-def gaps_of(both: tuple[polars.DataFrame, polars.DataFrame], name: str) -> tuple[FloatArray, FloatArray]:
-    """The values of members that completed in both and have the metric in both."""
-    completed = np.logical_and(*((each["outcome"] == "completed").to_numpy() for each in both))
-    a, b = (each[name].cast(polars.Float64).fill_null(np.nan).to_numpy()[completed] for each in both)
-    known = np.isfinite(a) & np.isfinite(b)
-    return a[known], b[known]
+def test_members_are_counted_by_where_they_completed(both: Both) -> None:
+    """Expected: counts of the two tables, A in rows and B in columns; what varies is the same, names too."""
+    a, b = both.is_complete
+    counts = [[int((x & y).sum()) for y in (b, ~b)] for x in (a, ~a)]
+    assert counts[0][0] > 3
+    assert sum(map(sum, counts)) - counts[0][0] > 0
+    table, *_ = parts_in(both.report, "table")
+    assert table["title"] == "12 members; A is slow, B is fast"
+    assert [column["name"] for column in table["columns"]] == ["", "completed in B", "not"]
+    assert list(rows_in(table).values()) == counts
+    assert both.report["lead"].startswith("The same 12 members in both; A is slow, B is fast")
+    for name in (name for name in both.members[0].columns if name.startswith("varied.")):
+        assert both.members[0][name].equals(both.members[1][name])
 
 
-def test_members_are_counted_by_where_they_completed(
-    done: tuple[Result, Path], both: tuple[polars.DataFrame, polars.DataFrame]
-) -> None:
-    """Expected: counts of the two tables, A in rows and B in columns."""
-    a, b = ((each["outcome"] == "completed").to_numpy() for each in both)
-    counts = [int((a & b).sum()), int((a & ~b).sum()), int((~a & b).sum()), int((~a & ~b).sum())]
-    assert counts[0] > 3
-    assert sum(counts[1:]) > 0
-    table = tables_in(done[0].stdout)["12 members; A is slow, B is fast"]
-    assert table[""] == ["completed in B", "not"]
-    assert [int(cell) for cell in [*table["completed in A"], *table["not"]]] == counts
-
-
-def test_every_difference_is_scipys(done: tuple[Result, Path], both: tuple[polars.DataFrame, polars.DataFrame]) -> None:
+def test_every_difference_is_scipys(both: Both) -> None:
     """Expected: Student's interval of paired differences of every metric; medians by NumPy, with SciPy's intervals."""
-    table = polars.read_parquet(done[1] / "differences.parquet")
-    common = {name for name in both[0].columns if "." in name and not name.startswith(("varied.", "oscillation"))}
-    assert set(table["metric"]) == {name for name in common if len(gaps_of(both, name)[0])}
-    for row in table.iter_rows(named=True):
-        a, b = gaps_of(both, row["metric"])
+    common = {name for name in both.members[0].columns if "." in name and not name.startswith(("varied.", "oscill"))}
+    assert set(both.differences) == {name for name in common if len(both.pairs(name)[0])}
+    for name, row in both.differences.items():
+        a, b, _ = both.pairs(name)
         gap = b - a
         assert row["pairs"] == len(gap)
         means = (row["mean_a"], row["mean_b"], row["mean"])
@@ -118,138 +127,121 @@ def test_every_difference_is_scipys(done: tuple[Result, Path], both: tuple[polar
             assert (row["mean_low"], row["mean_high"]) == pytest.approx(interval, rel=1e-9, abs=1e-12)
         assert row["median"] == pytest.approx(np.median(gap), rel=1e-12, abs=1e-15)
         assert row["less_b"] == pytest.approx((gap < 0).mean())
-        ends = [np.nan if row[name] is None else row[name] for name in ("median_low", "median_high")]
-        assert ends == pytest.approx(ends_of_median(gap), rel=1e-9, abs=1e-15, nan_ok=True)
+        exact: Any = stats.quantile_test(gap, q=0.0, p=0.5).confidence_interval(0.95)
+        ends = [np.nan if row[key] is None else row[key] for key in ("median_low", "median_high")]
+        assert ends == pytest.approx([float(exact.low), float(exact.high)], rel=1e-9, abs=1e-15, nan_ok=True)
 
 
-def test_the_printed_differences_are_those_of_the_file(done: tuple[Result, Path]) -> None:
-    """Expected: the file's numbers in the table's units."""
-    rows = {row["metric"]: row for row in polars.read_parquet(done[1] / "differences.parquet").iter_rows(named=True)}
-    tables = tables_in(done[0].stdout)
-    pairs = max(row["pairs"] for row in rows.values())
-    mean, median = (
-        tables[f"B − A, {kind} difference, of the {pairs} that completed in both; 95 % confidence"]
-        for kind in ("mean", "median")
+def test_the_report_has_the_differences_of_the_file_and_of_each_member(both: Both) -> None:
+    """Expected: the file's numbers in tables, in units of the metric; B − A member by member where both completed."""
+    _, mean, median, *_ = parts_in(both.report, "table")
+    keys = {"mean": ["mean_a", "mean_b", "mean", "mean_low", "mean_high"],
+            "median": ["median", "median_low", "median_high", "less_b"]}  # fmt: skip
+    assert [column["name"] for column in mean["columns"]] == ["", "A", "B", "B − A", "from", "to"]
+    assert [column["name"] for column in median["columns"]] == ["", "B − A", "from", "to", "less in B"]
+    for table, kind in ((mean, "mean"), (median, "median")):
+        assert table["title"].startswith(f"B − A, {kind} difference, of the {both.differences[FORCE]['pairs']} that")
+        for words, metric, unit in (
+            ("position error, peak", "tracking.position.norm_peak", "mm"),
+            ("orientation error, RMS", "tracking.orientation.norm_rms", "deg"),
+            ("peak force", FORCE, "N"),
+        ):
+            assert rows_in(table)[words] == [both.differences[metric][key] for key in keys[kind]]
+            assert units_in(both.report, table)[words] == unit
+    a, b = both.values(FORCE)
+    gap = np.where(both.is_complete[0] & both.is_complete[1], b - a, np.nan)
+    numbers = {number["path"]: number for number in both.report["numbers"]}
+    assert [np.nan if x is None else x for x in numbers[f"difference.{FORCE}"]["members"]] == pytest.approx(
+        gap, nan_ok=True
     )
-    assert mean[""] == ["A", "B", "B − A", "from", "to"]
-    assert median[""] == ["B − A", "from", "to", "less in B [%]"]
-    for words, metric, factor in (
-        ("position error, peak mm", "tracking.position.norm_peak", 1e3),
-        ("orientation error, RMS deg", "tracking.orientation.norm_rms", 180 / np.pi),
-        ("peak force N", FORCE, 1.0),
-        ("work, absolute J", "energy.absolute_total", 1.0),
-    ):
-        row = rows[metric]
-        of_mean = ("mean_a", "mean_b", "mean", "mean_low", "mean_high")
-        assert [float(cell) for cell in mean[words]] == [pytest.approx(factor * row[key], rel=6e-3) for key in of_mean]
-        *cells, share = median[words]
-        assert float(share) == pytest.approx(100 * row["less_b"], rel=6e-4)
-        of_median = ("median", "median_low", "median_high")
-        assert [float(cell) for cell in cells] == [pytest.approx(factor * row[key], rel=6e-3) for key in of_median]
+    for path, values, complete in ((f"first.{FORCE}", a, both.is_complete[0]), (FORCE, b, both.is_complete[1])):
+        members = [np.nan if x is None else x for x in numbers[path]["members"]]
+        assert members == pytest.approx(np.where(complete, values, np.nan), nan_ok=True)
+    charts = [chart for chart in parts_in(both.report, "chart") if chart["kind"] == "points"]
+    assert charts[0]["title"].endswith(": fast − slow")
+    drawn = [np.nan if x is None else x for x in charts[0]["series"][0]["values"]]
+    assert drawn == pytest.approx(gap, nan_ok=True)
+    middle = np.nanmedian(gap)
+    said = re.search(
+        r"peak force: (\S+) N (less|more) in fast than in slow", both.report["verdict"]["text"], re.IGNORECASE
+    )
+    assert said is not None
+    assert (float(said[1]), said[2]) == (pytest.approx(abs(middle), rel=6e-3), "less" if middle < 0 else "more")
+    # who did not complete in both has no difference
+    holding = [int(np.isfinite(gap).sum()), 0, int(both.is_complete[1].sum())]
+    notes = [each["note"] for each in both.report["requirements"]]
+    assert [note.partition(" ")[0] for note in notes] == [str(number) for number in holding]
 
 
-def test_the_page_of_differences_has_each_members_difference(
-    done: tuple[Result, Path], both: tuple[polars.DataFrame, polars.DataFrame]
-) -> None:
-    """Expected: B − A of the columns, member by member, where both completed; the median of them is in the verdict."""
-    data = data_of((done[1] / "report.html").read_bytes())
-    gap = (both[1][FORCE] - both[0][FORCE]).to_numpy()
-    sound = [a == b == "completed" for a, b in zip(both[0]["outcome"], both[1]["outcome"], strict=True)]
-    points = [chart for chart in data["charts"] if chart["kind"] == "points"]
-    (series,) = points[0]["series"]
-    values = unpacked(data["arrays"][series["values"]])
-    np.testing.assert_allclose(values, np.where(sound, gap, np.nan), rtol=1e-5, atol=1e-3)
-    text = (done[1] / "report.html").read_text()
-    assert "fast − slow" in text
-    verdict = re.findall(r'<p class="verdict told">.*?</p>', text)[0]
-    assert f"{np.median(gap[sound]):.0f} N".replace("-", "−") in verdict
+def test_differences_in_blocks_are_as_sure_as_their_points(tmp_path: Path) -> None:
+    """Expected: of a Saltelli design, a ratio of sums over points, summed term by term; (Σ m)²/Σ m² points are worth.
+
+    n/(n − 1) Σ (D − m mean)²/(Σ m)² is its variance, with D the sum of differences of a point with m members in both.
+    """
+    done, out = compared(tmp_path, VARIED + 'sampling = "saltelli"\nseed = 4\n', "--members", "60")
+    assert done.exit_code == 0, done.output
+    both = Both(out)
+    a, b, rows = both.pairs(FORCE)
+    gap, row = b - a, both.differences[FORCE]
+    points = {k: gap[rows // 5 == k] for k in sorted({*(rows // 5).tolist()})}
+    sizes = np.array([len(some) for some in points.values()])
+    n = len(points)
+    assert row["pairs"] == len(gap)
+    assert n > 8
+    assert len(set(sizes.tolist())) > 1
+    variance = n / (n - 1) * sum((some.sum() - len(some) * gap.mean()) ** 2 for some in points.values())
+    half = stats.t.ppf(0.975, n - 1) * np.sqrt(variance) / sizes.sum()
+    assert [row["mean_low"], row["mean_high"]] == pytest.approx([gap.mean() - half, gap.mean() + half], rel=1e-9)
+    # k members count as so many points below the median, in the binomial distribution between whole numbers
+    worth, ordered = sizes.sum() ** 2 / (sizes**2).sum(), np.sort(gap)
+    one = worth / len(gap)
+    below = one * np.arange(len(gap))
+    low = ordered[stats.beta.cdf(0.5, worth - below, below + 1) <= 0.025][-1]
+    high = ordered[np.count_nonzero(stats.beta.cdf(0.5, below + one, worth - below - one + 1) > 0.025)]
+    assert (row["median_low"], row["median_high"]) == (low, high)
 
 
-def test_the_second_experiment_has_the_machines_and_the_seed_of_the_first(tmp_path: Path) -> None:
-    """Expected: the seed of the first one's sensors; with an order of its own, the same drawn masses."""
-    varied = {"members": 4, "worst": 1, "platform_mass": {"uniform": [1000, 3000]}}
-    short = {"loop.duration": 0.02, "loop.sample_time": "2 ms"}
-    first = gs.load_experiment("heave_step", {**short, "sensors.seed": 11, "ensemble": varied})
-    second = gs.load_experiment("heave_step", {**short, "sensors.seed": 12, "controller.bandwidth": 4})
-    found = run_compared((first, second), ("slow", "fast"), tmp_path, lambda _: None, workers=1)
-    assert (found.a.metadata["seed"], found.b.metadata["seed"]) == (11, 11)
-    assert found.a.values("platform_mass").tolist() == found.b.values("platform_mass").tolist()
+def test_one_pair_has_no_interval_and_machines_and_seed_are_those_of_the_first(tmp_path: Path) -> None:
+    """Expected: the seed of the first one's sensors; files of one name are A and B."""
+    files = []
+    for name, bandwidth, seed, members in (("x", "1.5", 11, 1), ("y", "5", 12, 9)):
+        (tmp_path / name).mkdir()
+        files.append(str(tmp_path / name / "mine.toml"))
+        text = TOML.replace("BANDWIDTH", bandwidth) + f"[sensors]\nseed = {seed}\n" + VARIED
+        Path(files[-1]).write_text(text.replace("members = 12", f"members = {members}").replace("0.0135", "0.5"))
+    out = tmp_path / "out"
+    done = invoke("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(out))
+    assert done.exit_code == 0, done.output
+    both = Both(out, ("A", "B"))
+    assert [gs.read_ensemble(out / name).metadata["seed"] for name in ("A", "B")] == [11, 11]
+    (a,), (b,) = both.values(FORCE)
+    row = both.differences[FORCE]
+    assert (row["pairs"], row["mean"], row["median"]) == (1, pytest.approx(b - a), pytest.approx(b - a))
+    assert (row["mean_low"], row["mean_high"], row["median_low"], row["median_high"]) == (None,) * 4
+    table, *_ = parts_in(both.report, "table")
+    assert table["title"] == "1 member"
+    assert re.search(r"more in B than in A|less in B than in A", both.report["verdict"]["text"])
 
 
-def test_an_experiment_without_an_ensemble_cannot_be_compared(tmp_path: Path) -> None:
-    """Expected: the message names what is missing; names of the same file in two folders are A and B."""
-    one = gs.load_experiment("heave_step", {"loop.duration": 0.3})
-    with pytest.raises(gs.GoughStewartError, match="ensemble: is missing"):
-        run_compared((one, one), ("A", "B"), tmp_path, lambda _: None)
-    assert names_of("x/a.toml", "y/a.toml") == ("A", "B")
-    assert names_of("x/slow.toml", "fast") == ("slow", "fast")
+@pytest.mark.parametrize(
+    ("varied", "fast", "message"),
+    [
+        ("", "", "ensemble: is missing; add it to declare what varies in both experiments"),
+        ("[ensemble]\nmembers = 2\nplatform_mass = { uniform = '50 kg' }\n",
+         "[plant]\nparameters = { platform_mass = 1400 }\n",
+         r"platform_mass of member 0 is \S+ in one and \S+ in the other; expected the same \[ensemble\]"),
+    ],
+)  # fmt: skip
+def test_only_the_same_members_are_compared(varied: str, fast: str, message: str, tmp_path: Path) -> None:
+    done, _ = compared(tmp_path, varied, fast=fast)
+    assert done.exit_code in (1, 2)
+    assert re.search(message, " ".join(done.stderr.split())), done.stderr
 
 
-def normal(n: int, seed: int = 2) -> FloatArray:
-    return np.random.default_rng(seed).normal(size=(n, 4))
-
-
-def with_columns(ensemble: Ensemble, **columns: Any) -> Ensemble:
-    """The same with other columns; `__` in a name is a dot."""
-    series = [polars.Series(name.replace("__", "."), values) for name, values in columns.items()]
-    return Ensemble(ensemble.members.with_columns(series), ensemble.bands, ensemble.metadata)
-
-
-def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
-    """Expected: the difference of the one member that completed in both; of other numbers of members a refusal."""
-    a = ensemble_of(normal(3), ["completed", "completed", "diverged"])
-    b = ensemble_of(normal(3), ["diverged", "completed", "completed"])
-    b = with_columns(b, force__peak=a.values("force.peak") - [1.0, 20.0, 300.0])
-    found = compare(a, b, ("one", "two"))
-    row = found.differences.filter(polars.col("metric") == "force.peak").row(0, named=True)
-    assert (row["pairs"], row["mean"], row["median"], row["less_b"]) == (1, pytest.approx(-20), pytest.approx(-20), 1.0)
-    assert row["mean_low"] is None
-    assert row["mean_high"] is None
-    gap = found.gaps
-    assert gap.members["outcome"].to_list() == ["not in both", "completed", "not in both"]
-    assert gap.members["ended"].to_list() == a.members["ended"].to_list()
-    assert gap.varied == INPUTS
-    assert gap.values("platform_mass").tolist() == a.values("platform_mass").tolist()
-    assert gap.values("force.peak") == pytest.approx([-1, -20, -300])
-    assert gap.title == "two − one"
-    completed, mean, median = comparison_tables(found, a.usual_metrics)
-    assert [row[1:] for row in completed.rows] == [(1, 1), (1, 0)]
-    every = comparison_tables(found, found.a.metrics)[1]
-    assert len(mean.rows) <= len(every.rows) == len(found.differences)
-    (k,) = (k for k, row in enumerate(mean.rows) if row[0] == "peak force")
-    assert mean.texts(k)[3:] == ("-20 N", "–", "–")
-    assert (median.texts(k)[1], median.texts(k)[4]) == ("-20 N", "100")
-    report = comparison_report(found)
-    differences = report.number("difference.force.peak").members
-    assert differences is not None
-    np.testing.assert_allclose(differences, [np.nan, -20, np.nan])
-    for path, each in (("force.peak", b), ("first.force.peak", a)):
-        members = report.number(path).members
-        assert members is not None
-        assert members[1] == each.values("force.peak")[1]
-    assert {each.path for each in report.numbers} <= {each.path for each in known_numbers()}
-    renumbered = with_columns(b, member=[0, 1, 7])
-    with pytest.raises(
-        gs.GoughStewartError, match="3 and 3 members, 2 of them in both; expected the same members in both"
-    ):
-        compare(a, renumbered)
-    # members are joined by their number, whatever the order of the rows
-    turned = compare(a, Ensemble(b.members.reverse(), b.bands, b.metadata))
-    assert turned.gaps.members.equals(found.gaps.members)
-    never = ensemble_of(normal(3), ["diverged"] * 3)
-    assert compare(never, b).differences.is_empty()
-
-
-def test_inputs_that_are_no_numbers_are_the_same_in_both() -> None:
-    """Expected: names of files that vary have no value as numbers, which is no difference."""
-    a = with_columns(ensemble_of(normal(5)), varied__controller__file=["a", "b", "c", "d", "e"])
-    assert (compare(a, a).differences["pairs"] == 5).all()
-
-
-def test_only_the_same_members_are_compared() -> None:
-    """Expected: a message that names what differs."""
-    first = ensemble_of(normal(60))
-    with pytest.raises(gs.GoughStewartError, match="60 and 59 members, 59 of them in both"):
-        compare(first, ensemble_of(normal(60)[:59]))
-    with pytest.raises(gs.GoughStewartError, match=r"platform_mass of member 0 is .* expected the same \[ensemble\]"):
-        compare(first, ensemble_of(normal(60, seed=3)))
+def test_where_nobody_completes_in_both_nothing_is_said_of_them(tmp_path: Path) -> None:
+    """Expected: no row, no number, and a verdict that says so; all of the slow one leave the motion."""
+    done, out = compared(tmp_path, VARIED, "--members", "3", "--set", "limits.position_error=1e-6")
+    assert done.exit_code == 3
+    assert "none of 3 members completed its run" in done.stderr
+    assert polars.read_parquet(out / "differences.parquet").is_empty()
+    assert report_in(out)["verdict"]["text"] == "No member has a peak force in both slow and fast"

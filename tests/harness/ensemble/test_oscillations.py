@@ -8,12 +8,7 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble.chunk import LegErrors, oscillations
-from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop.rows import Outcome
 from tests.support.commands import invoke
-from tests.support.ensembles import ensemble_of
-from tests.support.uneven_loops import experiment_of
 
 # With a delay of 60 samples an eigenvalue is outside of the unit circle, with 1 none.
 MIXED = {
@@ -167,32 +162,15 @@ def test_an_ensemble_of_which_all_grow_misses_its_purpose(tmp_path: Path) -> Non
     assert polars.read_parquet(tmp_path / "out" / "members.parquet")["oscillation"].to_list() == ["growing"] * 2
 
 
-def test_a_result_of_an_older_version_is_shown_without_them() -> None:
-    """Expected: the counts of outcomes alone."""
-    assert "5 members: 5 completed\n" in str(ensemble_of(np.zeros((5, 4))))
-
-
 def test_members_with_other_times_of_changes_are_judged_apart() -> None:
-    """Expected: of two members with the same sine of 23 Hz, the one that is at rest from 0.1 s on oscillates.
+    """Expected: of two members of a loop that oscillates, the one without a change for long is said to.
 
-    The other changes at 1.9 of 2 s: what follows is too short to tell, and it is the first of its reference.
+    The other changes 0.04 s before the end: what follows is too short to tell, and it is the first of its reference.
     """
-    ensemble = {"change": {"1": {"at": {"grid": ["1.9 s", "0.1 s"]}}}, "members": 2}
-    change = [{"at": 0.1, "factors": {"platform_mass": 1.2}}]
-    loop = {"duration": 2.0, "sample_time": "5 ms"}
-    experiment = experiment_of("pd", loop=loop, change=change, ensemble=ensemble)
-    batch = Members(experiment).prepared(0, 2).batch
-    times = [batch.member(k).loop.changes[0].time for k in range(2)]
-    assert sorted(times) == [0.1, 1.9]
-    late = times.index(1.9)
-    batch = batch.take([late, 1 - late])
-    kept = LegErrors(batch.timing)
-    kept.start(2)
-    wave = 1e-3 * np.sin(2 * np.pi * 23 * kept.time)
-    kept.errors[:, 2, :] = wave[:, None]
-    completed = [Outcome("completed", 2.0, None)] * 2
-    first, second = oscillations(batch, completed, kept)
-    assert first is None
-    assert second is not None
-    assert second.frequency is not None
-    assert abs(second.frequency - 23) < 0.5
+    change = [{"at": 0.3, "factors": {"platform_mass": 1.001}}]
+    varied = {"members": 2, "change": {"1": {"at": {"grid": ["1.56 s", "0.3 s"]}}}}
+    settings = {**HUNTING, "change": change, "ensemble": varied}
+    late, early = gs.ensemble("heave_step", settings, workers=1).members["oscillation"].to_list()
+    own = [gs.metrics(gs.run("heave_step", settings, member=k))["outcome"]["oscillation"] for k in (0, 1)]
+    assert (late, own[0]) == (None, None)
+    assert early == ("growing" if own[1]["is_growing"] else "oscillating")

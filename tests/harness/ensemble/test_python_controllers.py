@@ -7,13 +7,8 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
-from gough_stewart import metrics
-from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.members import plan_from, plan_of
-from gough_stewart.harness.experiment.run import records_of
-from gough_stewart.harness.results.metrics import flattened
-from gough_stewart.harness.tuning.tuning import tuning_files
-from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid
+from tests.support.commands import invoke
+from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid, metrics_of
 
 KP = "controller.parameters.kp"
 
@@ -33,9 +28,7 @@ def file(tmp_path: Path) -> Path:
 
 def shipped() -> str:
     """The shipped experiment with the controller of the file, and its gain at 7e4."""
-    from gough_stewart.harness.experiment.file import shipped_text
-
-    whole = shipped_text(EXPERIMENT)
+    whole = invoke("experiments", EXPERIMENT).stdout
     before, after = whole.split("[controller]")
     rest = after[after.index("[loop]") :]
     lines = ['type = "python"', 'file = "pid.py"', 'name = "Pid"', 'feedforward = "computed_torque"']
@@ -51,7 +44,7 @@ def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
     assert found.members[f"varied.{KP}"].to_list() == values
     for k, kp in enumerate(values):
         record = gs.run(file, {**SHORT, "ensemble": only, KP: kp}, member=k)
-        assert flattened(metrics(record))[RMS] == pytest.approx(found.values(RMS)[k], rel=1e-12)
+        assert metrics_of(record)[RMS] == pytest.approx(found.values(RMS)[k], rel=1e-12)
     assert len(set(found.values(RMS))) == 3
     around = {**only, "controller": {"parameters": {"kp": {"factor": {"uniform": [0.9, 1.1]}}}}}
     drawn = gs.ensemble(file, {**SHORT, "ensemble": around}, workers=1).values(KP)
@@ -83,15 +76,26 @@ def test_the_file_is_executed_once_for_all_members(file: Path) -> None:
 
 def test_parameters_are_searched_and_written(file: Path, tmp_path: Path) -> None:
     """Expected: the value of the written file, run for the same members, is the value that the search says."""
-    settings = {**SHORT, "ensemble.members": 2}
-    found = gs.tune(file, [f"{KP}=5e4..9e4"], RMS, settings, quantile=1.0, fresh=1, generations=1, population=5)
-    (kp,) = found.values.values()
-    assert 5e4 <= kp <= 9e4
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "tuned.toml").write_bytes(tuning_files(found, file, out, settings)["tuned.toml"])
+    out, settings = tmp_path / "out", {**SHORT, "ensemble.members": 2}
+    words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    few = (
+        "--fresh",
+        "1",
+        "--generations",
+        "1",
+        "--population",
+        "5",
+        "--over-ensemble",
+        "quantile=1",
+        "--out",
+        str(out),
+    )
+    done = invoke("tune", str(file), "--vary", f"{KP}=5e4..9e4", "--minimise", RMS, *words, *few)
+    assert done.exit_code == 0, done.stderr
+    found = json.loads((out / "tuning.json").read_text())
+    assert 5e4 <= found["values"][KP] <= 9e4
     again = gs.ensemble(out / "tuned.toml", workers=1)
-    assert again.values(RMS).max() == found.seen.value
+    assert again.values(RMS).max() == found["seen"]["value"]
     assert b"# by hand" in (out / "tuned.toml").read_bytes()
 
 
@@ -140,25 +144,24 @@ def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path) -> N
         with pytest.raises(gs.GoughStewartError, match=r"another experiment: controller is .* here and 'class Pid, "):
             gs.ensemble(EXPERIMENT, SHORT, controller=other, members=2, workers=1, out=tmp_path, resume=True)
     found = gs.ensemble(EXPERIMENT, SHORT, controller=Pid, members=2, workers=1, out=tmp_path, resume=True)
-    plan = plan_from(json.loads((tmp_path / "ensemble.json").read_text())["plan"])
-    with pytest.raises(
-        ExperimentError, match=r"controller: was class Pid, .* given in Python, which files do not keep"
-    ):
-        _ = plan.prepared
     assert found.values(RMS).shape == (2,)
+    # its records cannot be made from the files alone
+    with pytest.raises(gs.GoughStewartError, match=r"another experiment: controller is .* here and 'class Pid, "):
+        gs.ensemble(EXPERIMENT, SHORT, members=2, workers=1, out=tmp_path, resume=True)
 
 
-def test_records_of_the_worst_members_agree_with_their_table(file: Path) -> None:
+def test_records_of_the_worst_members_agree_with_their_table(file: Path, tmp_path: Path) -> None:
     """Expected: to 1e-12 each number of the table, of three members that run together and remember."""
-    found = gs.ensemble(file, SHORT, members=6, workers=1)
-    worst = found.worst_members("tracking.position.norm_peak", 3)
-    for member, record in zip(worst, records_of(plan_from(found.metadata["plan"]), worst), strict=True):
-        for name, value in flattened(metrics(record)).items():
-            if name in found.metrics and value is not None:
-                assert value == pytest.approx(found.values(name)[member], rel=1e-12), name
-
-
-def test_a_plan_of_the_same_controller_has_the_same_hash() -> None:
-    few = {**SHORT, "ensemble.members": 2}
-    hashes = {plan_of(gs.load_experiment(EXPERIMENT, few), each).hash for each in (Pid, Pid, None, WAYS["object"]())}
-    assert len(hashes) == 3
+    words = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
+    out = tmp_path / "out"
+    few = ("--members", "6", "--set", "ensemble.worst=3", "--workers", "1", "--out", str(out))
+    assert invoke("ensemble", str(file), *words, *few).exit_code == 0
+    found = gs.read_ensemble(out)
+    folders = [*(out / "worst").glob("member-*")]
+    assert len(folders) == 3
+    for folder in folders:
+        member = int(folder.name.removeprefix("member-"))
+        known = {k: v for k, v in metrics_of(gs.read_record(folder)).items() if k in found.metrics and v is not None}
+        assert len(known) > 8
+        for name, value in known.items():
+            assert value == pytest.approx(found.values(name)[member], rel=1e-12), name

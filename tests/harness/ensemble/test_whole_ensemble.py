@@ -7,9 +7,8 @@ differ; some members complete, some diverge, each at its own time, and some are 
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars
@@ -17,13 +16,20 @@ import pytest
 from typer.testing import Result
 
 import gough_stewart as gs
-from tests.harness.results.test_whole_run import MACHINE, tables_in
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.ensembles import ensemble_of
 from tests.support.metric_definitions import as_one_number, defined_metrics
-from tests.support.page_arrays import data_of
+from tests.support.reports import parts_in, report_in, rows_in
+from tests.support.uneven import UNEVEN
 
+MACHINE = replace(
+    UNEVEN,
+    leg_length_min=2.6,
+    leg_length_max=3.44,
+    leg_velocity_max=0.25,
+    actuator_force_max=90.0,
+    actuator_power_max=20.0,
+)
 TOML = """
 title = "machines in trouble"
 [platform]
@@ -98,11 +104,6 @@ class Done:
     folder: Path
     members: polars.DataFrame
     records: Mapping[int, gs.Record]
-
-    @property
-    def data(self) -> dict[str, Any]:
-        """What the script of its page reads."""
-        return data_of((self.folder / "report.html").read_bytes())
 
 
 @pytest.fixture(scope="module")
@@ -265,90 +266,28 @@ def test_bands_are_quantiles_of_the_members_rows(done: Done) -> None:
             )
 
 
-# Rows of the printed table: metric, unit's factor.
-PRINTED = {
-    "position error, RMS mm": ("tracking.position.norm_rms", 1e3),
-    "position error, peak mm": ("tracking.position.norm_peak", 1e3),
-    "position error, at the end mm": ("tracking.position.norm_final", 1e3),
-    "orientation error, RMS deg": ("tracking.orientation.norm_rms", 180 / np.pi),
-    "orientation error, peak deg": ("tracking.orientation.norm_peak", 180 / np.pi),
-    "orientation error, at the end deg": ("tracking.orientation.norm_final", 180 / np.pi),
-    "leg error, peak mm": ("tracking.leg_length.peak", 1e3),
-    **{
-        f"{axis}: {words}": (f"step_response.{axis}.{name}", 1.0)
-        for axis in ("x", "y", "z", "roll", "pitch", "yaw")
-        for name, words in (
-            ("overshoot_percent", "overshoot %"),
-            ("rise_time", "rise time s"),
-            ("settling_time", "settling time s"),
-        )
-    },
-    "peak force N": ("force.peak", 1.0),
-    "peak power W": ("power.peak", 1.0),
-    "work, absolute J": ("energy.absolute_total", 1.0),
-    "stroke margin mm": ("stroke.margin", 1e3),
-    "force limited %": ("saturation.force_limited.any", 100.0),
-    "rate limited %": ("saturation.rate_limited.any", 100.0),
-    "beyond stroke %": ("stroke.exceeded.any", 100.0),
-    "stable": ("margins.stable", 1.0),
-    "disk margin": ("margins.disk", 1.0),
-}
-
-
-def test_a_table_names_all_usual_metrics_with_their_units() -> None:
-    """Expected: words and units of docs/ensembles.md, and numbers in them: of each metric another multiple of 0.0123.
-
-    Metrics that are not for the terminal are left out: the mean power, the time of a step, the use of a limit.
-    """
-    made = ensemble_of(np.zeros((4, 4)))
-    columns = [polars.lit(0.0123 * (k + 1)).alias(name) for k, (name, _) in enumerate(PRINTED.values())]
-    others = ("power.mean", "step_response.z.at", "limits.leg_velocity_max.used", "force.rms", "energy.net_total")
-    table = made.members.select("member", "outcome", "ended", "cause").with_columns(
-        *columns, *(polars.lit(5.0).alias(name) for name in others)
-    )
-    text = str(type(made)(table, made.bands, made.metadata))
-    rows = {cells[1].strip(): cells[2:8] for line in text.splitlines() if len(cells := re.split("[│┃]", line)) == 9}
-    assert set(rows) - {""} == set(PRINTED)
-    assert [cell.strip() for cell in rows[""]] == ["5 %", "25 %", "50 %", "75 %", "95 %", "members"]
-    for k, (words, (_, factor)) in enumerate(PRINTED.items()):
-        *quantiles, defined = (cell.strip() for cell in rows[words])
-        value = 0.0123 * (k + 1) * factor
-        assert [float(cell) for cell in quantiles] == [pytest.approx(value, rel=6e-3)] * 5, words
-        assert defined == "4"
-
-
-def test_the_table_is_of_members_that_completed_and_says_how_many_are_left_out(done: Done) -> None:
+def test_tables_are_of_members_that_completed_and_say_how_many_are_left_out(done: Done) -> None:
     """Expected: NumPy's quantiles of the table's columns, of completed members; margins of all that have them."""
-    tables = tables_in(done.result.stdout)
-    title = "14 members: 6 completed, 3 diverged, 5 impossible"
-    assert next(iter(tables)) == title
-    assert "Quantiles are without the 8 members not completed." in " ".join(done.result.stdout.split())
-    rows = dict(tables[title])
-    assert rows.pop("") == ["5 %", "25 %", "50 %", "75 %", "95 %", "members"]
-    completed = done.members.filter(polars.col("outcome") == "completed")
-    shown = set[str]()
-    for name, (metric, factor) in PRINTED.items():
+    quantiles, failures, *_ = parts_in(report_in(done.folder), "table")
+    assert quantiles["title"] == "14 members: 6 completed, 3 diverged, 5 impossible"
+    assert quantiles["note"].endswith("Quantiles are without the 8 members not completed.")
+    rows, completed = rows_in(quantiles), done.members.filter(polars.col("outcome") == "completed")
+    for words, metric in (
+        ("position error, RMS", "tracking.position.norm_rms"),
+        ("orientation error, peak", "tracking.orientation.norm_peak"),
+        ("peak force", "force.peak"), ("work, absolute", "energy.absolute_total"), ("disk margin", "margins.disk"),
+        ("stable", "margins.stable"), ("force limited", "saturation.force_limited.any"),
+    ):  # fmt: skip
         some = done.members if metric.startswith("margins.") else completed
         values = some[metric].drop_nulls().to_numpy()
-        if not len(values) or (metric.startswith(("saturation", "stroke.exc")) and not values.any()):
-            continue
-        shown.add(name)
-        expected = factor * np.quantile(values.astype(float), list(LEVELS.values()))
-        assert [float(cell) for cell in rows[name][:5]] == [pytest.approx(v, rel=6e-3, abs=1e-3) for v in expected], (
-            name
-        )
-        assert rows[name][5] == str(len(values))
-    assert set(rows) == shown
+        assert rows[words][:5] == pytest.approx(np.quantile(values, list(LEVELS.values())).tolist()), words
+        assert rows[words][5] == len(values)
     assert len(completed) == 6 < done.members["margins.stable"].drop_nulls().len() == 9
-    failures = tables["Not completed"]
-    # the head and a long cause have rows without a member
-    assert {cells[0]: cells[2] for name, cells in failures.items() if name.isdigit()} == {
-        "impossible": "5",
-        "diverged": "3",
-    }
     first = done.members["outcome"].to_list().index("diverged")
-    assert failures[str(first)][0] == "diverged"
-    assert str(done.members["cause"][first]).startswith(failures[str(first)][1][:20])
+    counts = {row[1]: (row[0], row[2], row[3]) for row in failures["rows"]}
+    assert counts["diverged"] == (first, done.members["cause"][first], 3)
+    assert sum(number for _, _, number in counts.values()) == 8
+    assert "14 members: 6 completed" in done.result.stdout
 
 
 def test_the_worst_members_come_in_order(done: Done) -> None:

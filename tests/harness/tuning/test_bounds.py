@@ -1,146 +1,127 @@
 """Bounds of a search and of its conditions, from both sides; expected values by hand."""
 
+import math
+from typing import Any
+
+import numpy as np
 import pytest
 
-from gough_stewart import GoughStewartError, load_experiment
-from gough_stewart.harness.errors import SearchError
-from gough_stewart.harness.tuning.candidates import members_for
-from gough_stewart.harness.tuning.goal import condition_of
-from gough_stewart.harness.tuning.space import SearchAxis, axes_of
+import gough_stewart as gs
+
+SHORT: dict[str, Any] = {"loop.duration": 0.02, "loop.sample_time": "1 ms", "reference.at": 0.002}
+ONCE: dict[str, Any] = {"members": 1, "fresh": 1, "generations": 1, "population": 5}
+_DISTURBANCES = [{"at": 0, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.01, "duration": 0.25, "force": [1, 2, 3]}]
+_CHANGES = [{"at": 0.004, "parameters": {"platform_mass": 1000}}, {"at": 0.005, "parameters": {"platform_mass": 1200}}]
 
 
 @pytest.mark.parametrize(
-    ("sign", "below", "at", "above"),
-    [("<", True, False, False), ("<=", True, True, False), (">", False, False, True), (">=", False, True, True)],
-)
-def test_a_condition_holds_on_its_side_and_at_its_bound_only_if_it_says_so(
-    sign: str, below: bool, at: bool, above: bool
-) -> None:
-    condition = condition_of(f"stroke.margin {sign} 12 mm", ["force.peak", "stroke.margin"])
-    assert (condition.metric, condition.bound) == ("stroke.margin", 0.012)
-    assert [condition.holds(value) for value in (0.0119, 0.012, 0.0121)] == [below, at, above]
-    assert not condition.holds(float("nan"))
-    violations = [condition.violation(value) for value in (0.006, 0.012, 0.018)]
-    assert violations[0] == (0.0 if below else pytest.approx(0.5))
-    assert violations[2] == (0.0 if above else pytest.approx(0.5))
-    assert (violations[1] == 0.0) == at
-    assert condition.violation(float("inf")) == (0.0 if sign[0] == ">" else 1e6)
-
-
-def axis(text: str, **settings: object) -> SearchAxis:
-    """The axis of a text in a shipped experiment with these settings."""
-    (found,) = axes_of([text], members_for(load_experiment("heave_step", dict(settings)), 1, None))
-    return found
-
-
-@pytest.mark.parametrize(("now", "expected"), [(0.99, False), (1.0, True), (3.0, True), (6.0, True), (6.01, False)])
-def test_a_value_is_within_from_the_lower_bound_to_the_upper(now: float, expected: bool) -> None:
-    found = axis("controller.bandwidth=1..6Hz", **{"controller.bandwidth": now})
-    assert (found.now, found.is_within) == (now, expected)
-    assert found.share(found.low) == 0.0
-    assert found.share(found.high) == 1.0
-    assert found.value(0.25) == pytest.approx(2.25)
-
-
-_DISTURBANCES = [{"at": 0, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.2, "duration": 0.25, "force": [1, 2, 3]}]
-
-_CHANGES = [{"at": 0.1, "parameters": {"platform_mass": 7}}, {"at": 0.2, "parameters": {"platform_mass": 12}}]
-
-
-@pytest.mark.parametrize(
-    ("text", "settings", "expected"),
+    ("settings", "axes"),
     [
-        ("disturbance.2.duration=0.01..0.3s", {"disturbance": _DISTURBANCES}, (0.01, 0.3, 0.25, "s", False, False)),
-        ("plant.parameters.platform_mass=900kg..1.4t", {}, (900.0, 1400.0, 1216.9, "kg", False, False)),
-        ("plant.parameters.platform_mass=0.9..1.4 t", {}, (900.0, 1400.0, 1216.9, "kg", False, False)),
-        ("limits.position_error=1..300mm", {}, (1e-3, 0.3, None, "m", False, False)),
-        ("actuators.force_limit=1e2..9e3", {}, (100.0, 9000.0, None, "N", False, False)),
-        ("actuators.rate_limit=1..9kN/s", {"actuators.rate_limit": 20}, (1e3, 9e3, 20.0, "N/s", False, False)),
-        ("loop.delay=+1..4", {}, (1.0, 4.0, 1, "", False, True)),
-        ("loop.delay = 0 .. 4 , log", {}, None),
-        ("controller.bandwidth= 120 rpm .. 6 Hz , log", {}, (2.0, 6.0, 2.0, "Hz", True, False)),
-        # whole numbers that are quantities
         (
-            "plant.platform_mass=900..1400kg",
-            {"plant.parameters.platform_mass": 1200},
-            (900.0, 1400.0, 1200.0, "kg", False, False),
+            {"disturbance": _DISTURBANCES, "actuators.rate_limit": 20e3, "change": _CHANGES,
+             "platform.parameters.leg_armature": 2},
+            {
+                "disturbance.2.duration=0.01..0.3s": (0.01, 0.3, 0.25, "s", False, False),
+                "plant.parameters.platform_mass=900kg..1.4t": (900.0, 1400.0, 1216.9, "kg", False, False),
+                "limits.position_error=200..300mm": (0.2, 0.3, None, "m", False, False),
+                "actuators.force_limit=4e3..9e3": (4e3, 9e3, None, "N", False, False),
+                "actuators.rate_limit=1..9kN/s": (1e3, 9e3, 2e4, "N/s", False, False),
+                "loop.delay=+1..4": (1.0, 4.0, 1, "", False, True),
+                "controller.bandwidth= 120 rpm .. 6 Hz , log": (2.0, 6.0, 2.0, "Hz", True, False),
+                "controller.damping_ratio=.5..1.": (0.5, 1.0, 0.8, "", False, False),
+                "platform.leg_armature=.5..6kg": (0.5, 6.0, 2.0, "kg", False, False),
+                "change.2.parameters.platform_mass=900..1400kg": (900.0, 1400.0, 1200.0, "kg", False, False),
+            },
         ),
-        ("platform.leg_armature=.5..6kg", {"platform.parameters.leg_armature": 2}, (0.5, 6.0, 2.0, "kg", False, False)),
-        ("change.2.parameters.platform_mass=9..14kg", {"change": _CHANGES}, (9.0, 14.0, 12.0, "kg", False, False)),
-        ("controller.damping_ratio=.5..1.", {}, (0.5, 1.0, 0.8, "", False, False)),
-        (
-            "plant.platform_mass=-1e-1..2E+3",
-            {"plant.parameters.platform_mass": 1234.5},
-            (-0.1, 2000.0, 1234.5, "kg", False, False),
-        ),
+        # whole numbers that are quantities, and one unit for both ends
+        ({"plant.parameters.platform_mass": 1200},
+         {"plant.platform_mass=0.9..1.4 t": (900.0, 1400.0, 1200.0, "kg", False, False)}),
+        ({"plant.parameters.platform_mass": 1234.5},
+         {"plant.platform_mass=-1e-1..2E+3": (-0.1, 2000.0, 1234.5, "kg", False, False)}),
     ],
-)
-def test_a_range_has_bounds_value_unit_and_scale(
-    text: str, settings: dict[str, object], expected: tuple[object, ...] | None
-) -> None:
+)  # fmt: skip
+def test_a_range_has_bounds_value_unit_and_scale(settings: dict[str, Any], axes: dict[str, tuple[object, ...]]) -> None:
     """Expected: by hand, in SI units; the value of the experiment, of the second of two tables, too."""
-    if expected is None:
-        with pytest.raises(GoughStewartError, match="the lower bound is 0; expected > 0 for a logarithmic scale"):
-            axis(text, **settings)
-        return
-    found = axis(text, **settings)
-    assert (found.low, found.high, found.now, found.unit, found.is_log, found.is_whole) == pytest.approx(expected)
-    assert isinstance(found.now, int) == found.is_whole
-    assert found.key == text.partition("=")[0].strip()
+
+    def stop(_search: Any) -> None:
+        raise KeyboardInterrupt
+
+    found = gs.tune("heave_step", list(axes), "force.rms", {**SHORT, **settings}, **ONCE, status=stop).search.axes
+    for axis, (text, expected) in zip(found, axes.items(), strict=True):
+        numbers = (axis.low, axis.high, axis.now, axis.unit, axis.is_log, axis.is_whole)
+        assert numbers == pytest.approx(expected), text
+        assert isinstance(axis.now, int) == axis.is_whole
+        assert axis.key == text.partition("=")[0].strip()
 
 
-@pytest.mark.parametrize(
-    ("text", "expected", "violations"),
-    [
-        # metric, upper, strict, bound; violation at the bound, one below it, one above
-        ("stroke.margin > 0", ("stroke.margin", False, True, 0.0), (1e-12, 1e6, 0.0)),
-        ("stroke.margin<=-2 mm", ("stroke.margin", True, False, -0.002), (0.0, 0.0, 500.0)),
-        ("  force.peak>=1e3 ", ("force.peak", False, False, 1000.0), (0.0, 1e-3, 0.0)),
-        ("force.peak < 2 kN", ("force.peak", True, True, 2000.0), (1e-12, 0.0, 5e-4)),
-        ("energy.net_total>-4 kJ", ("energy.net_total", False, True, -4000.0), (1e-12, 2.5e-4, 0.0)),
-        ("disk_margin > 0.5", ("margins.disk", False, True, 0.5), (1e-12, 2.0, 0.0)),
-        (
-            "step_response.z.overshoot_percent < 5 %",
-            ("step_response.z.overshoot_percent", True, True, 5.0),
-            (1e-12, 0.0, 0.2),
-        ),
-        ("saturation.force_limited.any < 5 %", ("saturation.force_limited.any", True, True, 0.05), (1e-12, 0.0, 20.0)),
-        ("saturation.force_limited.any < 0.05", ("saturation.force_limited.any", True, True, 0.05), (1e-12, 0.0, 20.0)),
-    ],
-)
-def test_a_condition_has_its_metric_side_and_bound(
-    text: str, expected: tuple[object, ...], violations: tuple[float, float, float]
+def test_candidates_fill_a_range_evenly_on_its_scale_from_the_lower_bound_to_the_upper() -> None:
+    """Expected: of 40 candidates of a Latin hypercube one in each fortieth; whole numbers in equal parts; five digits.
+
+    The first candidate is the experiment.
+    """
+    keys = ["controller.bandwidth=1..6Hz", "actuators.lag=0.5..50ms,log", "loop.delay=1..4"]
+    settings = {**SHORT, "controller.bandwidth": 1, "actuators.lag": 0.05, "loop.delay": 4}
+    found = gs.tune("heave_step", keys, "force.rms", settings, **{**ONCE, "population": 40}).candidates
+    bandwidth, lag, delay = (found[name].to_numpy() for name in found.columns[1:4])
+    assert (bandwidth[0], lag[0], delay[0]) == (1.0, 0.05, 4)
+    for share in ((bandwidth - 1) / 5, np.log(lag / 5e-4) / math.log(100)):
+        assert len(set(np.floor(40 * share[1:] + 1e-3))) >= 38
+    assert all(float(f"{x:.5g}") == x for x in (*bandwidth, *lag))
+    counts = np.bincount(delay[1:], minlength=5)[1:]
+    assert sorted(counts.tolist()) == [9, 10, 10, 10]
+
+
+KEYS, SLOW = ["controller.bandwidth=1..4Hz"], {**SHORT, "loop.duration": 0.05}
+
+
+@pytest.fixture(scope="module")
+def forces() -> list[float]:
+    """RMS forces of the candidates, in order of size."""
+    free = gs.tune("heave_step", KEYS, "power.peak", SLOW, subject_to=["force.rms > 0 N"], **ONCE)
+    return free.candidates["force.rms"].sort().to_list()
+
+
+@pytest.mark.parametrize(("sign", "holds"), [("<", (1, 0, 0)), ("<=", (1, 1, 0)), (">", (0, 0, 1)), (">=", (0, 1, 1))])
+def test_a_condition_holds_on_its_side_and_at_its_bound_only_if_it_says_so(
+    forces: list[float], sign: str, holds: tuple[int, ...]
 ) -> None:
-    """Expected: by hand; a violation is a share of the bound, at most a million, and never 0 where it does not hold."""
-    known = ["force.peak", "stroke.margin", "energy.net_total", "saturation.force_limited.any"]
-    condition = condition_of(text, [*known, "step_response.z.overshoot_percent"])
-    assert (condition.metric, condition.requirement.is_upper, condition.requirement.is_strict) == expected[:3]
-    assert condition.bound == pytest.approx(expected[3])
-    assert condition.text == text.strip()
-    at = (condition.bound, condition.bound - 1, condition.bound + 1)
-    assert [condition.violation(value) for value in at] == pytest.approx(list(violations))
+    """Expected: below, at and above a value that a candidate has; a violation is the share of the bound that lacks.
+
+    Conditions come before the metric, and members that failed before both: a million for each, and for one more.
+    """
+    bound = forces[2]
+    conditions = [f"force.rms {sign} {bound!r} N", "stroke.margin >= 10 um"]
+    found = gs.tune("heave_step", KEYS, "power.peak", SLOW, subject_to=conditions, **ONCE)
+    kept = dict(found.candidates.select("force.rms", "kept").iter_rows())
+    assert [kept[force] for force in forces] == [bool(holds[k]) for k in (0, 0, 1, 2, 2)]
+    best = found.candidates.filter("kept")["value"].min()
+    assert found.seen.value == best
+    goal, made = found.search.goal, found.seen
+    for force, is_met in zip((0.5 * bound, bound, 1.5 * bound), holds, strict=True):
+        lack = 0.0 if is_met else max(abs(force - bound) / bound, 1e-12)
+        assert goal.violation(made._replace(conditions=(force, 1.0))) == pytest.approx(lack)
+        assert goal.violation(made._replace(conditions=(force, 5e-6))) == pytest.approx(lack + 0.5)
+    lost = made._replace(value=math.inf, conditions=(bound * (0.9 if "<" in sign else 1.1), 1.0))
+    assert goal.violation(lost) == pytest.approx(1e6)
+    assert goal.violation(lost._replace(failed=2)) == pytest.approx(3e6)
+    assert goal.violation(made._replace(conditions=(math.nan, 1.0))) == 1e6
 
 
-EXPECTED = "expected PATH <= NUMBER UNIT, as in 'tracking.position.norm_peak <= 1 mm' or '… for 95 % of members'"
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("force.peak > ", f"cannot be read; {EXPECTED}"),
-        ("a b < 3", f"cannot be read; {EXPECTED}"),
-        ("force.peak << 3", f"cannot be read; {EXPECTED}"),
-        ("stroke.margin > inf", f"cannot be read; {EXPECTED}"),
-        ("force.peak < 3 mm", "has the unit 'mm'; expected N, kN"),
-        ("disk_margin > 5 %", "has the unit '%'; expected no unit"),
-    ],
-)
-def test_what_is_no_condition_says_what_is_one(text: str, says: str) -> None:
-    with pytest.raises(SearchError) as caught:
-        condition_of(text, ["force.peak", "stroke.margin"])
-    assert str(caught.value) == f"--subject-to: the requirement '{text}' {says}"
-
-
-def test_a_condition_has_no_share_of_its_own() -> None:
-    with pytest.raises(GoughStewartError, match=r"is on a share of members; expected a condition without one"):
-        condition_of("force.peak < 3 N for 90 % of members", ["force.peak"])
+def test_a_condition_has_its_metric_and_bound_in_units_of_the_metric() -> None:
+    """Expected: by hand, in SI units, percent where the metric is one."""
+    conditions = {
+        "stroke.margin > 0": ("stroke.margin", 0.0),
+        "stroke.margin>=-2 mm": ("stroke.margin", -0.002),
+        "  force.peak>=1e2 ": ("force.peak", 100.0),
+        "force.peak < 20 kN": ("force.peak", 20e3),
+        "energy.net_total>-4 kJ": ("energy.net_total", -4000.0),
+        "step_response.z.overshoot_percent < 500 %": ("step_response.z.overshoot_percent", 500.0),
+        "saturation.force_limited.any < 5 %": ("saturation.force_limited.any", 0.05),
+        "saturation.force_limited.any < 0.06": ("saturation.force_limited.any", 0.06),
+    }
+    settings = {**SHORT, "loop.duration": 0.3, "loop.sample_time": "5 ms", "reference.at": 0.01}
+    found = gs.tune("heave_step", ["controller.bandwidth=2..3Hz"], "force.rms", settings, subject_to=list(conditions),
+                    **ONCE)  # fmt: skip
+    for condition, (text, (metric, bound)) in zip(found.search.goal.conditions, conditions.items(), strict=True):
+        assert (condition.text, condition.metric) == (text.strip(), metric)
+        assert condition.bound == pytest.approx(bound)

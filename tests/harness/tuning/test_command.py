@@ -3,13 +3,13 @@
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.tuning.tuning import tuning_files
 from tests.support.commands import invoke
 from tests.support.uneven_search import CONDITIONS, METRIC, VARY
 
@@ -44,15 +44,55 @@ def shown(folder: Path) -> str:
     return done.stdout
 
 
+def plain(evaluation: Any) -> dict[str, Any]:
+    """As files have it; null for numbers that are not finite."""
+    value, *numbers = (x if np.isfinite(x) else None for x in (evaluation.value, *evaluation.conditions))
+    return {
+        "value": value,
+        "conditions": dict(zip(("force.rms", "stroke.margin"), numbers, strict=True)),
+        "failed": evaluation.failed,
+    }
+
+
+def strict(text: str) -> dict[str, Any]:
+    """JSON without NaN and Infinity."""
+
+    def refused(word: str) -> None:
+        raise AssertionError(word)
+
+    data: dict[str, Any] = json.loads(text, parse_constant=refused)
+    return data
+
+
 def test_the_files_have_every_number_of_the_search(folder: Path, found: gs.Tuning, shown: str) -> None:
-    """Expected: the files of the same search in Python, whose numbers are those of single runs elsewhere."""
+    """Expected: the same search in Python, whose numbers are those of single runs elsewhere."""
     out = folder / "out"
-    expected = tuning_files(found, folder / "mine.toml", out, {"loop.delay": 0})
-    assert {each.name for each in out.iterdir()} == {*expected, "report.json"}
+    assert {each.name for each in out.iterdir()} == {"tuned.toml", "tuning.json", "candidates.csv", "report.json"}
     assert all(each.name in shown for each in out.iterdir())
-    for name, content in expected.items():
-        assert (out / name).read_bytes() == content, name
-    rows = polars.read_csv(out / "candidates.csv").to_dicts()
+    text = (out / "tuning.json").read_text(encoding="utf-8")
+    written = strict(text)
+    assert text.startswith(f'{{\n  "metric": "{METRIC}",\n  "subject_to": [\n    "force.rms < 94.8 N",\n')
+    assert text.endswith("}\n")
+    written.pop("versions")
+    assert written == {
+        "metric": METRIC,
+        "subject_to": list(CONDITIONS),
+        "quantile": 0.6,
+        "values": found.values,
+        "units": {"controller.bandwidth": "Hz", "plant.leg_armature": "kg"},
+        "members": 3,
+        "seen": plain(found.seen),
+        "before": plain(found.before),
+        "fresh_members": 2,
+        "fresh": plain(found.fresh),
+        "before_fresh": plain(found.before_fresh),
+        "candidates": 12,
+        "ending": "after 2 generations",
+        "left_out": 0,
+        "integration_error": found.integration_error,
+    }
+    assert (out / "candidates.csv").read_text() == found.candidates.write_csv()
+    rows = found.candidates.to_dicts()
     assert {row["kept"] for row in rows} == {True, False}
     for row in rows:
         kept = row["force.rms"] < 94.8 and row["stroke.margin"] >= 0.3 and np.isfinite(row["value"])
@@ -90,7 +130,8 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     The rise time is undefined for slow candidates, which count as the worst and are not kept.
     """
     out, metric = folder / "one", "step_response.z.rise_time"
-    short = ("--set", "loop.duration=0.28")
+    # the experiment as it is leaves the motion
+    short = ("--set", "loop.duration=0.28", "--set", "controller.bandwidth=0.05")
     free = gs.tune(
         folder / "mine.toml",
         ["controller.bandwidth=0.2..2Hz"],
@@ -121,7 +162,8 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
         assert row["kept"] == (alone is not None and row["force.rms"] < bound)
         assert row["failed"] == 0
     assert {row["kept"] for row in rows} == {True, False}
-    written = json.loads((out / "tuning.json").read_text())
+    written = strict((out / "tuning.json").read_text(encoding="utf-8"))
+    assert written["before"] == {"value": None, "conditions": {"force.rms": None}, "failed": 1}
     best = min((row for row in rows if row["kept"]), key=lambda row: row["value"])
     assert written["seen"] == {"value": best["value"], "conditions": {"force.rms": best["force.rms"]}, "failed": 0}
     assert (written["quantile"], written["members"], written["fresh"], written["fresh_members"]) == (None, 1, None, 0)

@@ -68,22 +68,14 @@ def test_a_machine_that_sticks_and_gives_is_tuned_as_it_is() -> None:
         "plant.parameters.leg_friction_model": "elasto_plastic",
         "plant.parameters.leg_coulomb_friction": [60, 80, 100, 120, 90, 110],
         "plant.parameters.leg_stiffness": 5e7,
-        "loop.duration": 0.1,
-        "reference.at": 0.02,
+        "loop.duration": 0.05,
+        "reference.at": 0.01,
     }
-    found = gs.tune(
-        "heave_step",
-        ["controller.bandwidth=1..3Hz"],
-        "tracking.position.norm_rms",
-        machine,
-        subject_to=["disk_margin > 0.5"],
-        generations=1,
-        population=5,
-    )
+    found = gs.tune("heave_step", ["controller.bandwidth=1..3Hz"], RMS, machine, generations=1, population=5)
     alone = gs.run(found.experiment)
     assert found.seen.value == pytest.approx(gs.metrics(alone)["tracking"]["position"]["norm_rms"], rel=1e-4)
     assert len({round(each.value, 9) for each in found.search.tried}) > 1
     margins = gs.margins(found.experiment)
     assert margins.believed is not None
     assert found.report(charts=False).number("margins.disk").value == pytest.approx(margins.disk.alpha)
-    assert 0.5 < margins.disk.alpha < 0.9 * margins.believed.disk.alpha
+    assert margins.disk.alpha < 0.9 * margins.believed.disk.alpha

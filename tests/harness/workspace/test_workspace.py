@@ -1,201 +1,528 @@
-"""The command `workspace` as a user meets it: files, tables, pictures, a page, and clear errors."""
+"""The command `workspace`: every number that it writes, recomputed from the poses of its grid; what it refuses."""
 
+import json
 import re
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import polars
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 from typer.testing import Result
 
-from gough_stewart import evaluate_poses, leg_geometry, load_preset, sweep
-from gough_stewart.harness.errors import ReachError
-from gough_stewart.harness.motion.limits.reach import check_reach
-from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.workspace.isosurface import Isosurface, clearance, isosurface, surface_of
-from gough_stewart.harness.workspace.workspace_report import workspace_report
+import gough_stewart as gs
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.random_platforms import random_platform
+from tests.support.experiments import experiment_from
+from tests.support.reports import parts_in, report_in, rows_in
+from tests.support.uneven import UNEVEN
 
-MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
-FILES = {"workspace.csv", "report.json"}
+NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
+LIMITED = replace(UNEVEN, leg_velocity_max=0.6, actuator_power_max=300.0)
+STRONG = replace(UNEVEN, actuator_force_max=5e4, joint_angle_max=None, leg_length_min=None)
+SOFT = replace(UNEVEN, leg_stiffness=3.1e6)
+DESKTOP, MOTION_BASE, PAPER = (gs.load_preset(name) for name in ("desktop_hexapod", "motion_base", "liu2000"))
+# In the order of their numbers, as the table and as words have them.
+LIMITS = {
+    "none": "reachable",
+    "pitch": "pitch at ±90°",
+    "singular": "beyond a singular pose",
+    "leg_too_short": "a leg too short",
+    "leg_too_long": "a leg too long",
+    "base_joint": "angle of a base joint",
+    "platform_joint": "angle of a platform joint",
+}
+# Of each result its words, and its unit.
+RESULTS: Mapping[str, tuple[str, str]] = {
+    "condition_number": ("condition number", ""),
+    "payload": ("largest payload", "kg"),
+    "force_margin": ("force margin", "N"),
+    "largest_speed": ("largest speed", "m/s"),
+    "translational_stiffness": ("stiffness, softest direction", "N/µm"),
+    "translational_stiffness_max": ("stiffness, stiffest direction", "N/µm"),
+    "rotational_stiffness": ("stiffness, softest axis", "kN.m/rad"),
+    "rotational_stiffness_max": ("stiffness, stiffest axis", "kN.m/rad"),
+    "first_mode": ("first mode", "Hz"),
+    "leg_length_margin": ("stroke left", "m"),
+    "joint_angle_margin": ("joint angle left", "deg"),
+}
+Over = dict[str, tuple[float, float] | None]
+# Platform, what is swept and fixed, points of each, units of lengths and of forces.
+CASES: Mapping[str, tuple[gs.Platform, Over, dict[str, float], int, str, str]] = {
+    "map": (LIMITED, {"z": (1.6, 4.0), "pitch": (-1.5, 1.5)}, {"x": 0.2, "yaw": -0.3}, 9, "m", "N"),
+    "volume": (LIMITED, {"y": None, "x": (-1.0, 1.5), "z": (2.2, 3.7)}, {"roll": 0.2, "yaw": -0.3}, 6, "m", "N"),
+    "small": (DESKTOP, {"yaw": None, "x": (-0.07, 0.06)}, {"y": 0.01}, 8, "mm", "N"),
+    "strong": (STRONG, {"x": None, "y": (-0.7, 1.9)}, {}, 6, "m", "kN"),
+    "soft": (SOFT, {"pitch": (-0.4, 0.5), "x": (-0.6, 0.7)}, {}, 5, "m", "N"),
+    "unlimited": (PAPER, {"roll": None, "z": (2.0, 2.8)}, {}, 5, "m", ""),
+}
 
 
-def run(*arguments: str) -> Result:
-    return invoke("workspace", *arguments, columns=120)
+def run(platform: gs.Platform, folder: Path, over: Over, at: dict[str, float], points: int, *options: str) -> Result:
+    gs.save_platform(platform, folder / "platform.toml")
+    swept = ",".join(name if ends is None else f"{name}={ends[0]!r}:{ends[1]!r}" for name, ends in over.items())
+    fixed = [word for name, value in at.items() for word in ("--at", f"{name}={value!r}")]
+    words = ("--platform", str(folder / "platform.toml"), "--over", swept, *fixed, "--points", str(points))
+    done = invoke("workspace", *words, "--out", str(folder / "out"), *options)
+    assert done.exit_code == 0, done.output
+    return done
 
 
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=20)
-def test_what_can_be_reached_is_what_reach_lets_pass(seed: int) -> None:
-    """Expected: the verdict of `check_reach` on a motion of that pose alone, any condition number allowed."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    length = leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    some = {
-        "leg_length_min": 0.8 * length.min(),
-        "leg_length_max": 1.2 * length.max(),
-        "joint_angle_max": 0.4,
-    }
-    platform = replace(platform, **{name: value for name, value in some.items() if rng.random() < 0.8})
-    position = platform.home_position + 0.3 * platform.characteristic_length * rng.normal(size=(12, 3))
-    orientation = platform.home_orientation + 0.3 * rng.normal(size=(12, 3))
-    reachable = evaluate_poses(platform, position, orientation).reachable
-    none = np.zeros((1, 3))
-    for k in range(12):
-        try:
-            check_reach(
-                platform, np.zeros(1), Motion(position[[k]], orientation[[k]], none, none, none, none), float("inf")
-            )
-        except ReachError:
-            assert not reachable[k]
+def report_of(platform: gs.Platform, folder: Path, over: Over, at: dict[str, float], points: int = 3) -> dict[str, Any]:
+    run(platform, folder, over, at, points)
+    return report_in(folder / "out")
+
+
+def numbers(values: Any) -> FloatArray:
+    """An array of a report as data."""
+    found = np.array(values, dtype=object)
+    return np.array([np.nan if x is None else float(x) for x in found.ravel()]).reshape(found.shape)
+
+
+class Seen:
+    """What the command wrote of a case, and the same of its poses, which are evaluated here."""
+
+    def __init__(self, case: str, folder: Path) -> None:
+        self.platform, over, at, points, self.length, self.force = CASES[case]
+        self.report = report_of(self.platform, folder, over, at, points)
+        self.tables = parts_in(self.report, "table")
+        self.csv = polars.read_csv(folder / "out/workspace.csv", infer_schema_length=None)
+        found = gs.sweep(self.platform, over, at, points)
+        self.swept, self.fixed = dict(found.swept), dict(found.fixed)
+        self.shape = tuple(len(values) for values in self.swept.values())
+        rows = [dict(zip(self.swept, values, strict=True)) | self.fixed for values in product(*self.swept.values())]
+        self.poses = np.array([[row[name] for name in NAMES] for row in rows])
+        self.each = gs.evaluate_poses(self.platform, self.poses[:, :3], self.poses[:, 3:])
+        self.reached = np.asarray(self.each.limit) == 0
+
+    def unit(self, unit: str) -> str:
+        """Of a small platform, lengths in mm; of a strong one forces in kN."""
+        if unit in ("m", "m/s"):
+            return unit if self.length == "m" else f"m{unit}"
+        return self.force if unit == "N" else unit
+
+    def results(self) -> dict[str, FloatArray]:
+        """Values by result, of the results that there are."""
+        return {name: np.asarray(getattr(self.each, name)) for name in RESULTS if getattr(self.each, name) is not None}
+
+    def text(self, value: float, name: str, digits: int = 4) -> str:
+        """A coordinate as text with its unit."""
+        if name in NAMES[3:]:
+            return f"{np.degrees(value):.{digits}g}°".replace("-0°", "0°")
+        return f"{(1e3 if self.length == 'mm' else 1.0) * value + 0.0:.{digits}g} {self.length}"
+
+    def quantity(self, key: str) -> dict[str, Any]:
+        found: dict[str, Any] = self.report["quantities"][key]
+        return found
+
+
+@pytest.fixture(scope="module", params=CASES)
+def seen(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    return Seen(request.param, tmp_path_factory.mktemp("workspace"))
+
+
+def test_every_pose_is_a_row_of_the_table(seen: Seen) -> None:
+    """Expected: the poses in the order of the grid, last coordinate fastest, with what each has by itself."""
+    stiffness = [name for name in seen.results() if "stiffness" in name or name == "first_mode"]
+    assert len(stiffness) == (5 if seen.platform is SOFT else 0)
+    columns = [*NAMES, "reachable", "limit", "leg_length_margin", "joint_angle_margin", "singular_margin"]
+    columns += ["condition_number", "payload", "force_margin", "largest_speed", *stiffness]
+    assert seen.csv.columns == columns
+    assert seen.csv.select(NAMES).to_numpy() == pytest.approx(seen.poses)
+    assert seen.csv["reachable"].to_list() == seen.reached.tolist()
+    assert seen.csv["limit"].to_list() == [[*LIMITS][code] for code in seen.each.limit]
+    for name in seen.csv.columns[8:]:
+        values = getattr(seen.each, name)
+        if values is None:
+            assert seen.csv[name].null_count() == len(seen.poses)
         else:
-            assert reachable[k]
+            np.testing.assert_allclose(seen.csv[name].to_numpy(), values, rtol=1e-9, err_msg=name)
 
 
-def test_a_name_cannot_break_out_of_the_page() -> None:
-    workspace = sweep(replace(DESKTOP, name="</script><b>$x", source="<i>"), points=3)
-    page = page_of(workspace_report(workspace)).decode()
-    assert "&lt;/script&gt;&lt;b&gt;$x" in page
-    assert "<i>" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+def test_lengths_of_legs_decide_between_too_short_and_too_long(tmp_path: Path) -> None:
+    """Expected: |t + R p − b| with SciPy's rotations, where no other limit comes first."""
+    seen, counts = Seen("map", tmp_path), dict.fromkeys(("none", "leg_too_short", "leg_too_long"), 0)
+    platform = seen.platform
+    assert platform.leg_length_min is not None
+    assert platform.leg_length_max is not None
+    for pose, limit in zip(seen.poses, seen.csv["limit"], strict=True):
+        if limit in counts:
+            arms = Rotation.from_euler("xyz", pose[3:]).apply(platform.platform_points.copy())
+            length = np.linalg.norm(pose[:3] + arms - platform.base_points, axis=1)
+            is_short, is_long = length.min() < platform.leg_length_min, length.max() > platform.leg_length_max
+            assert limit == ("leg_too_short" if is_short else "leg_too_long" if is_long else "none")
+            counts[limit] += 1
+    assert min(counts.values()) > 5
 
 
-def test_clearance_is_positive_exactly_where_poses_can_be_reached() -> None:
-    for over in (("x", "z"), ("roll", "yaw"), ("pitch", "z")):
-        workspace = sweep(
-            MOTION_BASE, {name: (-1.5, 1.5) if name in ("pitch", "yaw") else None for name in over}, points=41
-        )
-        field = clearance(MOTION_BASE, workspace.qualities, workspace.coordinates()[..., 4])
-        assert np.array_equal(field > 0, workspace.qualities.reachable)
+def test_tables_have_ranges_limits_and_extremes(seen: Seen) -> None:
+    """Expected: ends of the grid, and of what is reached with any other coordinates; shares of poses by their limit.
 
-
-def enclosed(surface: Isosurface) -> float:
-    """By Gauss's theorem; negative if normals point inward."""
-    a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
-    return float((a * np.cross(b, c)).sum() / 6)
-
-
-@pytest.mark.parametrize("n", [25, 45])
-def test_the_surface_of_a_ball_is_closed_and_encloses_its_volume(n: int) -> None:
-    """Expected: 4/3 π r³ less what chords cut off, in second order of the step; every edge in two triangles."""
-    axes = [np.linspace(-1, 1, n), np.linspace(-1.2, 1.2, n), np.linspace(-1, 1.1, n)]
-    x, y, z = np.meshgrid(*axes, indexing="ij")
-    surface = isosurface(axes, 0.9 - np.sqrt(x**2 + y**2 + z**2), x)
-    assert enclosed(surface) == pytest.approx(4 / 3 * np.pi * 0.9**3, rel=8 / n**2)
-    edges = np.sort(np.concatenate([surface.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
-    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
-    assert np.allclose(surface.colour, surface.vertices[:, 0], atol=1e-12)
-
-
-@pytest.mark.parametrize("normal", [(0.5, -0.8, 0.4), (-0.3, 0.2, 0.9), (0.7, 0.7, -0.1)])
-def test_a_box_that_a_plane_cuts_is_exact(normal: tuple[float, float, float]) -> None:
-    """Expected: SciPy's intersection of half spaces; corners in the plane or on faces; normals all outward.
-
-    Coordinates have uneven steps and ranges; colours are interpolated, exactly for a linear function.
+    The least and the largest of each result over the poses that can be reached, and where; margins are 0 at the border.
     """
-    axes = [np.array([-1.0, -0.6, 0.1, 0.9]), np.array([2.0, 2.3, 3.1, 3.3, 3.9]), np.array([-7.0, -5.5, -5.0])]
-    x, y, z = np.meshgrid(*axes, indexing="ij")
-    middle = np.array([0.03, 2.9, -5.8])
-    field = normal[0] * (x - middle[0]) + normal[1] * (y - middle[1]) + normal[2] * (z - middle[2])
-    surface = isosurface(axes, field, 3 * x - y + 2 * z)
-    low, high = np.array([(axis[0], axis[-1]) for axis in axes]).T
-    faces = [*np.column_stack([-np.eye(3), low]), *np.column_stack([np.eye(3), -high])]
-    faces.append(np.append(-np.array(normal), np.dot(normal, middle)))
-    inside = middle + 0.05 * np.array(normal)
-    hull = ConvexHull(HalfspaceIntersection(np.array(faces), inside).intersections)
-    assert enclosed(surface) == pytest.approx(hull.volume, rel=1e-9)
-    v = surface.vertices
-    on_plane = abs((v - middle) @ normal) < 1e-9
-    assert (on_plane | (abs(v - low) < 1e-12).any(axis=1) | (abs(v - high) < 1e-12).any(axis=1)).all()
-    assert ((v - middle) @ normal > -1e-9).all()
-    assert on_plane.sum() > 5
-    a, b, c = (v[surface.triangles[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a) / 2
-    assert np.linalg.norm(area, axis=1).sum() == pytest.approx(hull.area, rel=1e-9)
-    # seen from inside, each triangle turns the other way
-    assert ((area * (a - inside)).sum(axis=1) > -1e-12).all()
-    assert surface.colour[on_plane] == pytest.approx((v @ [3, -1, 2])[on_plane])
+    swept, limits, extremes = seen.tables
+    assert [table["title"] for table in seen.tables] == ["Swept", "Limits of the platform", "Where it can be reached"]
+    assert [column["name"] for column in swept["columns"]] == [
+        *("", "from", "to", "points", "reached from", "reached to", "range"),
+    ]
+    origins = {"y": "computed", "yaw": "computed", "roll": "assumed"}
+    if seen.platform is STRONG:
+        origins = {"x": "computed"}
+    for name, values in seen.swept.items():
+        there = seen.poses[seen.reached][:, NAMES.index(name)]
+        low, high, points, *ends, origin = rows_in(swept)[name]
+        assert [low, high, *ends] == pytest.approx([values[0], values[-1], there.min(), there.max()], abs=1e-12)
+        assert (points, origin) == (len(values), origins.get(name, "given"))
+    codes, n = np.asarray(seen.each.limit), len(seen.poses)
+
+    def share(*names: str) -> float:
+        return float(np.isin(codes, [[*LIMITS].index(name) for name in names]).mean())
+
+    stated = {
+        "shortest leg": (seen.platform.leg_length_min, share("leg_too_short")),
+        "longest leg": (seen.platform.leg_length_max, share("leg_too_long")),
+        "leg velocity": (seen.platform.leg_velocity_max, ""),
+        "actuator force": (seen.platform.actuator_force_max, ""),
+        "actuator power": (seen.platform.actuator_power_max, ""),
+        "joint angle from home": (seen.platform.joint_angle_max, share("base_joint", "platform_joint")),
+        "leg acceleration": (seen.platform.leg_acceleration_max, ""),
+    }
+    factors = {"°": 180 / np.pi, "mm": 1e3, "mm/s": 1e3}
+    for name, (value, kept) in stated.items():
+        text, keeps = rows_in(limits)[name]
+        if value is None:
+            assert (text, keeps) == ("not stated", "nothing" if kept != "" else "")
+        else:
+            unit = re.sub(r"^[\d.]+ ?", "", text)
+            assert float(text.removesuffix(unit)) == pytest.approx(factors.get(unit, 1.0) * value, rel=5e-4)
+            assert keeps == kept
+    for name in ("singular", "pitch"):
+        rows = rows_in(limits)
+        assert (LIMITS[name] in rows) == (share(name) > 0)
+        assert share(name) == 0 or rows[LIMITS[name]][1] == pytest.approx(share(name))
+    assert n == np.prod(seen.shape)
+    expected, k = seen.results(), 0
+    for name, values in expected.items():
+        words, unit = RESULTS[name]
+        for word in ("best", "worst")[: 1 if unit in ("m", "deg") else 2]:
+            least = (word == "best") == (name == "condition_number")
+            extreme = (np.min if least else np.max)(values[seen.reached])
+            title, said, cell, *place = extremes["rows"][k]
+            assert (title, said, cell["value"]) == (words, word, pytest.approx(extreme))
+            assert seen.quantity(cell["quantity"]).get("unit", "") == seen.unit(unit)
+            at = (np.abs(seen.poses[:, [NAMES.index(n) for n in seen.swept]] - place) < 1e-9).all(axis=1) & seen.reached
+            assert values[at] == pytest.approx(extreme, rel=1e-9)
+            k += 1
+        assert k - 1 in extremes["group_ends"]
+    assert k == len(extremes["rows"])
 
 
-def test_a_volume_that_goes_on_beyond_the_grid_is_cut_at_its_end() -> None:
-    """Expected: 2 · 4 · 3 of the whole box, 0.7 · 4 · 3 of the part with x > 0.3."""
-    axes = [np.linspace(-1, 1, 11), np.linspace(-2, 2, 13), np.linspace(-1.5, 1.5, 9)]
-    x = np.meshgrid(*axes, indexing="ij")[0]
-    assert enclosed(isosurface(axes, 1 + 0 * x, x)) == pytest.approx(24)
-    assert enclosed(isosurface(axes, x - 0.3, x)) == pytest.approx(8.4)
+def test_the_maps_have_every_number(seen: Seen) -> None:
+    """Expected: the grid in SI units, and by pose the limit, all results, and the distance from the nearest limit.
+
+    That is the least of: margin of lengths over the characteristic length, of joints, of the pitch below 90° less
+    1 mrad, and the smallest singular value. Of a volume, the slice shown first is the one nearest to home.
+    """
+    charts, names = parts_in(seen.report, "chart"), list(seen.swept)
+    assert charts[0]["map"]["classes"] == list(LIMITS.values())
+    assert [chart["title"] for chart in charts[1:]] == [RESULTS[name][0] for name in seen.results()]
+    margins = [np.asarray(seen.each.singular_margin), np.pi / 2 - 1e-3 - np.abs(seen.poses[:, 4])]
+    if seen.each.leg_length_margin is not None:
+        margins.append(seen.each.leg_length_margin / seen.platform.characteristic_length)
+    if seen.each.joint_angle_margin is not None:
+        margins.append(seen.each.joint_angle_margin)
+    inside = np.fmin.reduce(margins)
+    assert ((inside > 0) == seen.reached).all()
+    for chart, (name, values) in zip(charts, {"limit": seen.each.limit, **seen.results()}.items(), strict=True):
+        axes = [chart["x"], chart["y"], *([chart["map"]["slices"]] if len(names) == 3 else [])]
+        for axis, coordinate in zip(axes, names, strict=True):
+            assert (axis["name"], axis["values"]) == (coordinate, seen.swept[coordinate].tolist())
+            unit = "deg" if coordinate in NAMES[3:] else seen.length
+            assert seen.quantity(axis["quantity"])["unit"] == unit
+        (series,) = chart["series"]
+        if name != "limit":
+            assert seen.quantity(series["quantity"]).get("unit", "") == seen.unit(RESULTS[name][1])
+        assert chart["map"].get("scale", "linear") == ("log" if name == "condition_number" else "linear")
+        np.testing.assert_allclose(numbers(series["values"]), np.reshape(values, seen.shape).T, rtol=1e-9)
+        np.testing.assert_allclose(numbers(chart["map"]["inside"]), inside.reshape(seen.shape).T, rtol=1e-9, atol=1e-15)
+    if len(names) == 3:
+        home = seen.platform.home_position[2]
+        assert charts[0]["map"]["first"] == int(np.abs(seen.swept["z"] - home).argmin())
 
 
-def test_an_angle_may_have_the_sign_of_degrees(tmp_path: Path) -> None:
-    """Expected: the same poses as with "deg"."""
-    tables = []
-    for unit in ("deg", "°"):
-        few = ("--over", "x,z", "--points", "5", "--at", f"yaw=5{unit}", "--out", str(tmp_path / unit))
-        assert run("--preset", "motion_base", *few).exit_code == 0
-        tables.append((tmp_path / unit / "workspace.csv").read_text())
-    assert tables[0] == tables[1]
+def test_the_report_says_each_thing_in_its_place(seen: Seen) -> None:
+    """Expected: platform, ranges, share, extents, worst values over those within reach, the size by trapezoids, source.
+
+    Poses on a face, edge or corner of the grid are parts of cells.
+    """
+    report, verdict = seen.report, seen.report["verdict"]
+    assert report["title"] == f"Workspace of {seen.platform.name}"
+    swept = ", ".join(f"{n} from {seen.text(v[0], n)} to {seen.text(v[-1], n)}" for n, v in seen.swept.items())
+    fixed = ", ".join(f"{n} {seen.text(seen.fixed[n], n)}" for n in NAMES if n not in seen.swept)
+    assert report["lead"] == f"{swept}; at {fixed}"
+    unstated = "liu2000 states no leg_length_min, leg_length_max or joint_angle_max: only singular poses"
+    notes = [note["text"].startswith(unstated) for note in report.get("notes", ())]
+    assert notes == [True] * (seen.platform is PAPER)
+    by_path = {number["path"]: number for number in report["numbers"]}
+    assert by_path["reachable"]["value"] == pytest.approx(seen.reached.mean())
+    assert by_path["reachable"]["explanation"].startswith(f"{seen.reached.sum()} of {len(seen.poses)} poses; ")
+    for name, values in seen.results().items():
+        worst = (np.max if name == "condition_number" else np.min)(values[seen.reached])
+        assert by_path[f"worst.{name}"]["value"] == pytest.approx(worst)
+    # those at the border are 0 there, and say nothing
+    told = [f"worst.{name}" for name in seen.results() if RESULTS[name][1] not in ("m", "deg")]
+    assert [number["path"] for number in verdict["numbers"]] == ["reachable", *told]
+    ends = []
+    for name, values in seen.swept.items():
+        there = seen.poses[seen.reached][:, NAMES.index(name)]
+        is_cut = bool(there.min() == values[0] or there.max() == values[-1])
+        ends.append(
+            f"{name} {seen.text(there.min(), name, 3)} to {seen.text(there.max(), name, 3)}{' or more' * is_cut}"
+        )
+    assert verdict["text"].startswith(f"Reaches {', '.join(ends[:-1])} and {ends[-1]}; ")
+    counts = np.bincount(np.asarray(seen.each.limit), minlength=len(LIMITS))[1:]
+    if counts.any():
+        share = f"{100 * counts.max() / len(seen.poses):.2g} % of it is out of reach"
+        assert share in verdict["text"]
+    sources = [part["text"] for part in parts_in(report, "note")]
+    assert sources == ([f"{seen.platform.name}: {seen.platform.source}"] if seen.platform.source else [])
+    if not any(name in NAMES[3:] for name in seen.swept):
+        size = seen.reached.reshape(seen.shape).astype(float)
+        for values in reversed([*seen.swept.values()]):
+            size = np.trapezoid(size, values, axis=-1)
+        power, kind = {2: ("²", "an area"), 3: ("³", "a volume")}[len(seen.swept)]
+        assert f" of the grid, {kind} of {float(size):.4g} m{power}" in verdict["text"]
 
 
-def test_nothing_reached_is_a_warning(tmp_path: Path) -> None:
-    done = run("--preset", "motion_base", "--at", "z=5", "--points", "5", "--out", str(tmp_path))
-    assert done.exit_code == 0
-    assert "No pose of this grid can be reached" in done.stderr
-    assert {path.name for path in tmp_path.iterdir()} == FILES
+@pytest.mark.parametrize(
+    ("sides", "text"),
+    [
+        ((0.4, 0.25), "an area of 0.1 m²"),
+        ((0.3, 0.333), "an area of 999 cm²"),
+        ((0.003, 0.003), "an area of 9 mm²"),
+        ((0.4, 0.25, 0.1), "a volume of 0.01 m³"),
+        ((0.004, 0.0025, 0.0011), "a volume of 0.011 cm³"),
+        ((0.003, 0.002, 0.0015), "a volume of 9 mm³"),
+    ],
+)
+def test_a_size_is_in_the_largest_unit_that_leaves_it_a_number_to_read(
+    sides: tuple[float, ...], text: str, tmp_path: Path
+) -> None:
+    """Expected: products of the sides, all of which can be reached; units change at 0.1 squared and 0.01 cubed."""
+    over: Over = {name: (low, low + side) for name, low, side in zip("xyz", (0.0, 0.0, 3.0), sides, strict=False)}
+    verdict = report_of(PAPER, tmp_path, over, {})["verdict"]
+    assert verdict["text"].endswith(f"100 % of the grid, {text}")
+    assert verdict["status"] == "good"
 
 
-ERRORS = [
-    (["--over", "x,q"], "--over x,q: unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
-    (["--over", "x"], "1 swept coordinates; expected two for maps, or three for a volume"),
-    (["--over", "x,x"], "x appears twice; expected each coordinate once"),
-    (["--over", "x=1,y"], "found the range '1' for x; expected LOW:HIGH"),
-    (["--over", "x=1:-1,y"], "x goes from 1 m to -1 m; expected a range from low to high"),
-    (["--over", "x=-1deg:1,y"], "x is '-1deg'; expected a number of m, or a string with one of the units m, cm"),
-    (["--over", "x=:1,y"], "x is ''; expected a number of m"),
-    (["--over", "z,y", "--at", "z=2"], "z is both swept and fixed; expected one of them"),
-    (["--at", "z"], "--at z: found no value; expected NAME=VALUE"),
-    (["--at", "height=2"], "--at height=2: unknown coordinate 'height'"),
-    (["--at", "z=2", "--at", "z=3"], "z is fixed twice; expected one value"),
-    (
-        ["--at", "yaw=high"],
-        "yaw is 'high'; expected a number of rad, or a string with one of the units rad, mrad, urad",
-    ),
-    (["--over", "x,y", "--at", "pitch=100deg"], "pitch is 1.74533 rad, 100°; expected from −90° to 90°"),
-    (["--at", "z=1e400"], "expected a number of at most 1e+12"),
-    (["--points", "501"], "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates"),
-    (["--points", "0"], "0 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
-]
+_NEAR: Over = {"x": (-0.1, 0.1), "y": (0.0, 0.1)}
 
 
-@pytest.mark.parametrize(("arguments", "text"), ERRORS, ids=[" ".join(arguments) for arguments, _ in ERRORS])
-def test_what_cannot_be_is_one_clear_line_and_no_file(arguments: list[str], text: str, tmp_path: Path) -> None:
-    done = run(*arguments, "--out", str(tmp_path / "out"))
-    assert done.exit_code == 2
-    assert text in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize(
+    ("over", "at", "points", "home"),
+    [
+        # of a volume in the slice of its third coordinate
+        ({"yaw": (-0.2, 0.3), "y": (-0.3, 0.2), "x": (-0.12, 0.18)}, {}, 4, (0.11, -0.05)),
+        ({"yaw": (-0.2, 0.3), "y": (-0.3, 0.2), "x": (-0.12, 0.18)}, {}, 5, None),
+        # to a billionth, from both sides
+        (_NEAR, {"z": 2.9 - 0.5e-9}, 3, (0.08, -0.05)),
+        (_NEAR, {"z": 2.9 - 2e-9}, 3, None),
+        (_NEAR, {"yaw": 0.11 + 0.5e-9}, 3, (0.08, -0.05)),
+        (_NEAR, {"yaw": 0.11 + 2e-9}, 3, None),
+    ],
+)
+def test_home_is_marked_where_a_map_goes_through_it(
+    over: Over, at: dict[str, float], points: int, home: tuple[float, float] | None, tmp_path: Path
+) -> None:
+    """Expected: at its first two coordinates where all others agree, and not elsewhere."""
+    drawn = parts_in(report_of(LIMITED, tmp_path, over, at, points), "chart")[0]["map"]
+    assert drawn.get("point") == (None if home is None else pytest.approx(home))
+    assert drawn.get("point_name") == (None if home is None else "home")
 
 
-def test_the_refined_surface_lies_where_a_leg_reaches_its_limit() -> None:
-    """Expected: inside the box, |p + R b − B| of some leg is its limit: to 20 µm, at edges to a fine cell of 2 mm."""
+def test_the_limit_that_keeps_from_all_poses_is_named_with_its_number(tmp_path: Path) -> None:
+    """Expected: the leg by inverse kinematics, the joint by the angle from its direction at home, at the pose named."""
+
+    def notice(platform: gs.Platform, over: Over, at: dict[str, float]) -> str:
+        return str(report_of(platform, tmp_path, over, at)["notes"][-1]["text"])
+
+    def legs(values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Vectors of the legs, and of their arms' rotation."""
+        R = Rotation.from_euler("xyz", [values[name] for name in NAMES[3:]])
+        arms = R.apply(UNEVEN.platform_points.copy())
+        return np.array([values[name] for name in NAMES[:3]]) + arms - UNEVEN.base_points, R.as_matrix()
+
+    home = dict(zip(NAMES, [*UNEVEN.home_position, *UNEVEN.home_orientation], strict=True))
+    for at, pick, word, limit in (({"z": 1.0}, np.argmin, "min", 2.3), ({"pitch": -1.2}, np.argmax, "max", 3.9)):
+        text = notice(UNEVEN, _NEAR, at)
+        said = re.search(r"is x (\S+) m, y (\S+) m: leg (\d) is (\S+) m long; leg_length_(\w+) is (\S+) m\.", text)
+        assert said, text
+        length = np.linalg.norm(legs({**home, **at, "x": float(said[1]), "y": float(said[2])})[0], axis=1)
+        assert int(said[3]) == int(pick(length)) + 1
+        assert float(said[4]) == pytest.approx(length[pick(length)], rel=2e-4)
+        assert (said[5], float(said[6])) == (word, limit)
+    tight = replace(UNEVEN, joint_angle_max=0.1, leg_length_min=None, leg_length_max=None)
+    for at, word in (({"x": 1.1, "z": 2.9}, "base"), ({"x": 0.08, "yaw": 0.3}, "platform")):
+        text = notice(tight, {"y": (-0.05, 0.0), "roll": (0.04, 0.05)}, at)
+        said = re.search(
+            r"is y (\S+) m, roll (\S+)°: the (\w+) joint of leg (\d) is (\S+)° from its direction at home; "
+            r"joint_angle_max is 5\.73°",
+            text,
+        )
+        assert said, text
+        here = {**home, **at, "y": float(said[1]), "roll": np.radians(float(said[2]))}
+        (now, R), (then, R0) = legs(here), legs(home)
+        if word == "platform":
+            now, then = now @ R, then @ R0
+        cosine = (now * then).sum(axis=1) / np.linalg.norm(now, axis=1) / np.linalg.norm(then, axis=1)
+        angles = np.arccos(cosine)
+        assert (said[3], int(said[4])) == (word, int(angles.argmax()) + 1)
+        assert float(said[5]) == pytest.approx(np.degrees(angles.max()), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("over", "at", "says"),
+    [
+        # first coordinates that are fixed elsewhere, then ranges that leave home out, then the grid's points
+        ({"x": (1.0, 1.1), "y": (0.0, 0.1)}, {"z": 1.0, "yaw": 0.5},
+         "with z at 2.9 m, yaw at 6.303°: fix coordinates nearer to it."),
+        ({"x": (1.0, 1.1), "y": (0.0, 0.1)}, {"z": 3.6, "roll": 0.04 + 1e-12},
+         "with z at 2.9 m: fix coordinates nearer to it."),
+        ({"z": (5.0, 7.0), "y": (-3.05, 3.1)}, {}, "with z at 2.9 m: sweep a range about it, or omit the range."),
+        ({"y": (-3.2, -3.1), "x": (-9.0, 9.0)}, {}, "with y at -0.05 m: sweep a range about it, or omit the range."),
+        ({"z": (0.5, 7.0), "y": (-3.05, 3.1)}, {},
+         "but lies between two poses of this grid: use more points or smaller ranges."),
+        (_NEAR, {"roll": 1.2}, "with roll at 2.292°: fix coordinates nearer to it."),
+    ],
+)  # fmt: skip
+def test_what_leads_back_home_is_said_in_the_order_of_its_use(
+    over: Over, at: dict[str, float], says: str, tmp_path: Path
+) -> None:
+    """Expected: written out; nothing of a region that has poses, by any one limit; a bad verdict, and no results."""
+    report = report_of(replace(UNEVEN, source=""), tmp_path, over, at)
+    text = report["notes"][-1]["text"]
+    assert text.startswith("No pose of this grid can be reached")
+    assert text.endswith(f"Home can be reached, {says}")
+    assert report["verdict"]["text"].startswith("Reaches none of 9 poses of this grid; ")
+    assert report["verdict"]["status"] == "bad"
+    assert [chart["title"] for chart in parts_in(report, "chart")] == ["reachable region"]
+    assert [table["title"] for table in parts_in(report, "table")] == ["Swept", "Limits of the platform"]
+    assert parts_in(report, "note") == []
+    for one in ("leg_length_min", "leg_length_max", "joint_angle_max"):
+        without = dict.fromkeys({"leg_length_min", "leg_length_max", "joint_angle_max"} - {one})
+        if over is _NEAR:
+            assert "notes" not in report_of(replace(UNEVEN, **without), tmp_path, _NEAR, {})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("platform", "over", "why"),
+    [
+        (PAPER, {"yaw": (-3.0, 3.0), "x": (-0.1, 0.1)}, "beyond a singular pose"),
+        (replace(MOTION_BASE, joint_angle_max=0.1), {"roll": (-0.5, 0.5), "x": (-0.4, 0.4)},
+         "because of the angle of a base joint"),
+        (MOTION_BASE, {"x": (-1.2, 1.4), "roll": (-0.6, 0.6)}, "because of a leg too short"),
+    ],
+)  # fmt: skip
+def test_why_most_poses_are_out_of_reach_is_a_sentence(
+    platform: gs.Platform, over: Over, why: str, tmp_path: Path
+) -> None:
+    """Expected: written out; the platforms have one limit that keeps off most."""
+    verdict = report_of(platform, tmp_path, over, {}, 9)["verdict"]["text"]
+    assert verdict.endswith(f" of it is out of reach {why}")
+
+
+def test_what_can_be_reached_is_what_a_run_may_hold() -> None:
+    """Expected: that an experiment which holds the pose is refused, or not; far from singular poses."""
+    rng, counts = np.random.default_rng(3), [0, 0]
+    poses = [0, 0, 2.0, 0, 0, 0] + rng.normal(size=(16, 6)) * [0.35, 0.35, 0.25, 0.15, 0.15, 0.15]
+    reachable = gs.evaluate_poses(MOTION_BASE, poses[:, :3], poses[:, 3:]).reachable
+    for pose, is_reachable in zip(poses.tolist(), reachable, strict=True):
+        experiment = experiment_from({
+            "title": "held", "platform": {"preset": "motion_base"},
+            "reference": {"type": "hold", "position": pose[:3], "orientation": pose[3:]},
+            "controller": {"type": "pd", "bandwidth": "2 Hz", "feedforward": "gravity"},
+            "loop": {"duration": 0.002, "sample_time": 0.002},
+        })  # fmt: skip
+        counts[bool(is_reachable)] += 1
+        if is_reachable:
+            gs.run(experiment)
+        else:
+            with pytest.raises(gs.GoughStewartError, match=r"leg|joint"):
+                gs.run(experiment)
+    assert min(counts) > 3
+
+
+def test_a_surface_lies_where_a_leg_reaches_its_limit(tmp_path: Path) -> None:
+    """Expected: inside the box, |p + R b − B| of some leg is its limit: to 0.1 mm, at edges to a fine cell of 5 mm.
+
+    Its numbers are condition numbers at its corners, interpolated in logarithms over a fine cell.
+    """
     platform = replace(DESKTOP, joint_angle_max=None)
-    over = {"x": (-0.06, 0.06), "z": (0.1, 0.2), "pitch": (-0.3, 0.3)}
-    workspace = sweep(platform, over, {"y": 0.004, "roll": 0.02, "yaw": -0.05}, points=7)
-    surface = surface_of(workspace)
-    assert surface is not None
-    low, high = np.array(list(over.values())).T
-    inside = surface.vertices[((surface.vertices > low + 1e-9) & (surface.vertices < high - 1e-9)).all(axis=1)]
-    assert len(inside) > 1000
+    over: Over = {"x": (-0.14, 0.14), "z": (0.06, 0.26), "pitch": (-0.6, 0.6)}
+    done = run(platform, tmp_path, over, {"y": 0.004, "roll": 0.02, "yaw": -0.05}, 7, "--json")
+    (surface,) = parts_in(json.loads(done.stdout), "surface")
+    low, high = np.array([over[name] for name in over]).T
+    assert (surface["names"], surface["low"], surface["high"]) == (list(over), low.tolist(), high.tolist())
+    vertices = np.array(surface["vertices"])
+    rows = ((vertices > low + 1e-9) & (vertices < high - 1e-9)).all(axis=1)
+    inside = vertices[rows]
+    assert len(inside) > 500
     angles = np.column_stack([np.full(len(inside), 0.02), inside[:, 2], np.full(len(inside), -0.05)])
-    turned = Rotation.from_euler("xyz", angles)
     position = np.column_stack([inside[:, 0], np.full(len(inside), 0.004), inside[:, 1]])
-    arms = np.einsum("nij,kj->nki", turned.as_matrix(), platform.platform_points)
+    arms = np.einsum("nij,kj->nki", Rotation.from_euler("xyz", angles).as_matrix(), platform.platform_points)
     length = np.linalg.norm(position[:, None] + arms - platform.base_points, axis=2)
     assert platform.leg_length_min is not None
     assert platform.leg_length_max is not None
     margin = np.minimum(length - platform.leg_length_min, platform.leg_length_max - length).min(axis=1)
-    assert np.quantile(np.abs(margin), 0.9) < 2e-5
-    assert np.abs(margin).max() < 2e-3
+    assert np.quantile(np.abs(margin), 0.9) < 1e-4
+    assert np.abs(margin).max() < 5e-3
+    number = np.asarray(gs.evaluate_poses(platform, position, angles).condition_number)
+    np.testing.assert_allclose(np.array(surface["values"])[rows], number, rtol=0.03)
+
+
+def test_a_name_cannot_break_out_of_the_page_and_an_angle_may_have_the_sign_of_degrees(tmp_path: Path) -> None:
+    """Expected: the texts escaped; the same poses as with "deg"."""
+    gs.save_platform(replace(DESKTOP, name="</script><b>$x", source="<i>"), tmp_path / "odd.toml")
+    tables = []
+    for unit in ("deg", "°"):
+        out = tmp_path / unit
+        few = ("--over", "x,z", "--points", "3", "--at", f"yaw=5{unit}", "--report", "--out", str(out))
+        assert invoke("workspace", "--platform", str(tmp_path / "odd.toml"), *few).exit_code == 0
+        tables.append((out / "workspace.csv").read_text())
+    assert tables[0] == tables[1]
+    page = (tmp_path / "deg/report.html").read_text()
+    assert "&lt;/script&gt;&lt;b&gt;$x" in page
+    assert "<i>" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+REFUSED = {
+    "--over x,q": "--over x,q: unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw",
+    "--over x": "1 swept coordinates; expected two for maps, or three for a volume",
+    "--over x,x": "x appears twice; expected each coordinate once",
+    "--over x=1,y": "found the range '1' for x; expected LOW:HIGH",
+    "--over x=1:-1,y": "x goes from 1 m to -1 m; expected a range from low to high",
+    "--over x=-1deg:1,y": "x is '-1deg'; expected a number of m, or a string with one of the units m, cm",
+    "--over x=:1,y": "x is ''; expected a number of m",
+    "--over z,y --at z=2": "z is both swept and fixed; expected one of them",
+    "--at z": "--at z: found no value; expected NAME=VALUE",
+    "--at height=2": "--at height=2: unknown coordinate 'height'",
+    "--at z=2 --at z=3": "z is fixed twice; expected one value",
+    "--at yaw=high": "yaw is 'high'; expected a number of rad, or a string with one of the units rad, mrad, urad",
+    "--over x,y --at pitch=100deg": "pitch is 1.74533 rad, 100°; expected from −90° to 90°",
+    "--at z=1e400": "expected a number of at most 1e+12",
+    "--points 501": "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates",
+    "--points 0": "0 points per coordinate for 2 swept coordinates; expected from 2 to 500",
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_cannot_be_is_one_clear_line_and_no_file(words: str, tmp_path: Path) -> None:
+    done = invoke("workspace", *words.split(), "--out", str(tmp_path / "out"), columns=120)
+    assert done.exit_code == 2
+    assert REFUSED[words] in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
