@@ -161,10 +161,8 @@ class Said:
         with (folder / "out" / "needs.csv").open(encoding="utf-8") as file:
             self.rows = list(csv.reader(file))
         self.found = gs.check(self.experiment)
-        self.report: Any = self.found.report()
-        self.tables: dict[str, Any] = {
-            part.title: part for part in self.report.parts() if type(part).__name__ == "Table"
-        }
+        parts = list[Any](self.found.report().parts())
+        self.tables = {part.title: part for part in parts if type(part).__name__ == "Table"}
 
 
 @pytest.fixture(scope="module")

@@ -107,7 +107,7 @@ def test_the_tables_have_these_numbers(found: gs.LoopMargins, report: Any) -> No
     low, high, phase = *found.disk.gain, np.degrees(found.disk.phase)
     texts = [f"{found.disk.alpha:.3g} at {found.disk.frequency:.3g} Hz", f"× {low:.3g} to {high:.3g}"]
     assert [row[1] for row in together.rows[:3]] == [*texts, f"± {phase:.3g} deg"]
-    peaks = [row[1].value for row in together.rows[3:]]  # type: ignore[union-attr]
+    peaks = [row[1].value for row in together.rows[3:]]
     assert peaks == [found.sensitivity_peak, found.complementary_peak]
     assert gains.rows == tuple((str(k + 1), *(gain[k] for gain in GAINS.values())) for k in range(6))
     for k, (row, mode) in enumerate(zip(modes.rows, found.modes, strict=True), 1):
