@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import linear_of
+from gough_stewart.harness.control.linear_controller import linear_of
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.margins import judged

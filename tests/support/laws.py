@@ -3,8 +3,8 @@
 import numpy as np
 
 from gough_stewart.harness.control import laws_of_members
-from gough_stewart.harness.control.laws import Controller
 from gough_stewart.harness.control.laws_of_members import KnownAhead
+from gough_stewart.harness.control.linear_controller import Controller
 from tests.support.arrays import FloatArray
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart import Sample
-from gough_stewart.harness.control.laws import Controller, controller_of
 from gough_stewart.harness.control.laws_of_members import law_of
+from gough_stewart.harness.control.linear_controller import Controller, controller_of
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import Timing

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from gough_stewart import Gains, Sample
-from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
+from gough_stewart.harness.control.linear_controller import controller_of
 from gough_stewart.harness.experiment.preparation import one_or_each, one_or_stacked
 from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members
 from gough_stewart.harness.loop.run import Run, simulate

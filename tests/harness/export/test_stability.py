@@ -28,8 +28,8 @@ from gough_stewart import (
     leg_jacobian,
     static_leg_forces,
 )
+from gough_stewart.harness.control.loop_margins import loop_margins
 from gough_stewart.harness.control.loop_transfer import loop_transfer
-from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.ensemble.chunk import margins_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.design import designed
