@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.cached import cached_build
-from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import laws_of
+from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.rows import Observer, RowBlock

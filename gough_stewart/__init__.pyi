@@ -1,15 +1,15 @@
 """The public names: type checkers read them here, and `__init__.py` imports each from its module on first use."""
 
 from gough_stewart.fmu_build.build import build as build
+from gough_stewart.harness.control.component import Notch as Notch
 from gough_stewart.harness.control.controllers import PD as PD
 from gough_stewart.harness.control.controllers import PID as PID
-from gough_stewart.harness.control.laws import LinearController as LinearController
 from gough_stewart.harness.control.linear import linearise as linearise
 from gough_stewart.harness.control.linear import modes as modes
 from gough_stewart.harness.control.linear import plant_system as plant_system
 from gough_stewart.harness.control.linear import trim as trim
+from gough_stewart.harness.control.linear_controller import LinearController as LinearController
 from gough_stewart.harness.control.makers import Sample as Sample
-from gough_stewart.harness.control.notch import Notch as Notch
 from gough_stewart.harness.control.pid import Gains as Gains
 from gough_stewart.harness.control.pid import gains_from_bandwidth as gains_from_bandwidth
 from gough_stewart.harness.control.pid import pid as pid

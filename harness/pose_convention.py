@@ -68,11 +68,6 @@ class PoseConvention:
         """Whether the file's frame is mirrored."""
         return bool(np.linalg.det(self.axes) < 0)
 
-    @property
-    def changes_angles(self) -> bool:
-        """Whether angles about fixed X, Y, Z are not written as they are."""
-        return replace(self, pivot=(0.0, 0.0, 0.0)) not in (OURS, PoseConvention("ZYX", "moving"))
-
     def read(self, position: FloatArray, turning: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions (n, 3) of Op [m] and rotation matrices (n, 3, 3) from positions and angles or quaternions."""
         from scipy.spatial.transform import Rotation  # rarely needed
@@ -100,8 +95,8 @@ class PoseConvention:
         M, known = self.axes, np.flatnonzero(np.isfinite(orientation).all(axis=1))
         R = matrix_from_orientation(orientation)
         place = (position + R @ np.asarray(self.pivot)) @ M
-        if not self.changes_angles:
-            return place, orientation
+        if replace(self, pivot=(0.0, 0.0, 0.0)) in (OURS, PoseConvention("ZYX", "moving")):
+            return place, orientation  # angles about fixed X, Y, Z as they are
         turning = np.full((len(orientation), 4 if self.rotation_order == QUATERNION else 3), np.nan)
         if not known.size:
             return place, turning

@@ -77,7 +77,14 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
             return read_parquet(BytesIO(content))
         except (polars.exceptions.PolarsError, OSError) as error:
             raise TableError(f"is not Parquet: {str(error).splitlines()[0]}") from error
-    return _columns_of(_text_of(content))
+    # UTF-8, UTF-16 with its mark, or the code page 1252 of Windows
+    is_utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    for encoding in ("utf-16" if is_utf16 else "utf-8-sig", "cp1252"):
+        try:
+            return _columns_of(content.decode(encoding))
+        except UnicodeDecodeError as error:
+            where = error.start
+    raise TableError(f"is not text: byte {where} is 0x{content[where]:02x}; expected CSV, best in UTF-8, or Parquet")
 
 
 def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "", *, gaps: bool = False) -> FloatArray:
@@ -113,7 +120,20 @@ def times_of(table: "polars.DataFrame", name: str, remedy: str = "") -> tuple[fl
 
     if has_dates(table, name):
         moments = table[name].to_list() if table[name].dtype == polars.String else table[name].dt.epoch("ns").to_list()
-        nanoseconds = [_nanoseconds(moment, name, k + 1) for k, moment in enumerate(moments)]
+        nanoseconds = []  # since 1970
+        for k, moment in enumerate(moments):
+            if isinstance(moment, int):
+                nanoseconds.append(moment)
+                continue
+            parts = _DATE.match(moment or "")
+            date, fraction, zone = ("", "", "") if parts is None else parts.groups(default="")
+            try:
+                whole = datetime.fromisoformat(f"{date}{zone or 'Z'}")
+            except ValueError:
+                raise TableError(
+                    f"{name} in row {k + 1} is {moment!r}; expected a date and time as 2024-05-01T12:00:00.25Z"
+                ) from None
+            nanoseconds.append(round(whole.timestamp()) * 10**9 + int(fraction.ljust(9, "0")[:9] or 0))
         return nanoseconds[0] / 1e9, np.array([moment - nanoseconds[0] for moment in nanoseconds], dtype=float) / 1e9
     numbers = numbers_of(table, name, remedy)
     integers = table[name].cast(polars.Int64, strict=False)
@@ -143,23 +163,6 @@ def timestamps_of(table: "polars.DataFrame") -> set[str]:
     return found
 
 
-def _nanoseconds(moment: str | int | None, name: str, row: int) -> int:
-    """Nanoseconds since 1970 of a date and time by ISO 8601."""
-    if isinstance(moment, int):
-        return moment
-    parts = _DATE.match(moment or "")
-    try:
-        if parts is None:
-            raise ValueError  # noqa: TRY301 - the same refusal as of a day that no month has
-        date, fraction, zone = parts.groups(default="")
-        whole = datetime.fromisoformat(f"{date}{zone or 'Z'}")
-    except ValueError:
-        raise TableError(
-            f"{name} in row {row} is {moment!r}; expected a date and time as 2024-05-01T12:00:00.25Z"
-        ) from None
-    return round(whole.timestamp()) * 10**9 + int(fraction.ljust(9, "0")[:9] or 0)
-
-
 def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 0.0) -> NDArray[np.intp]:
     """The rows to keep of times (n,) [s] since a first one and values (n, m): not those that repeat the row before.
 
@@ -182,22 +185,6 @@ def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 
         )
         warnings.warn(f"{rows} the row before, with its time, and count once", stacklevel=3)
     return kept
-
-
-def _text_of(content: bytes) -> str:
-    """The text of a file: UTF-8, UTF-16 with its mark, or the code page 1252 of Windows."""
-    try:
-        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return content.decode("utf-16")
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        pass
-    try:
-        return content.decode("cp1252")
-    except UnicodeDecodeError as error:
-        raise TableError(
-            f"is not text: byte {error.start} is 0x{content[error.start]:02x}; expected CSV, best in UTF-8, or Parquet"
-        ) from error
 
 
 def _columns_of(text: str) -> "polars.DataFrame":

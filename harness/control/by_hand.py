@@ -4,26 +4,79 @@ A live page writes what was dragged in it as such a motion; its C has the same f
 """
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import model_validator
 
-from gough_stewart.harness.control.smoothing import Smoothing, SmoothingChoice
+from gough_stewart.harness.control.component import Signals, Stepped
 from gough_stewart.harness.errors import MotionError, TableError
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Reference, coordinates_of, end_of, motion_of
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.quantities import PositiveTime
-from gough_stewart.harness.section import ByType, FileName
+from gough_stewart.harness.quantities import Frequency, PositiveNumber, PositiveTime
+from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.operations import clip
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-if TYPE_CHECKING:
-    import polars
+
+class SmoothingChoice(TableSection):
+    """Of one kind of channels: positions in m, or angles in rad."""
+
+    bandwidth: Frequency = 1.0
+    largest_rate: PositiveNumber = 0.5
+    largest_acceleration: PositiveNumber = 2.0
+
+
+class SmoothingCoefficients(NamedTuple):
+    """Of `Smoothing`."""
+
+    period: Any  # h [s]
+    to_rate: Any  # ω/3 [1/s]
+    to_acceleration: Any  # ω [1/s]
+    share: Any  # 1 − e^(−3 ω h): of the way to a wanted acceleration in a step
+    rate: Any
+    acceleration: Any
+
+
+class Smoothing(Stepped):
+    """Follows a target by (s/ω + 1)³ with limits on rate and acceleration, ω = 2π `bandwidth`.
+
+    Between two steps the acceleration a is linear in time, so that rate v and value x are its exact integrals; a tends
+    to a* = ω (v* − v), with v* = ω/3 (target − x), within their limits. If ω/3 times the rate limit is at most the
+    acceleration's, a target at rest is reached without a large overshoot.
+    """
+
+    name: ClassVar[str] = "smoothing"
+    table: ClassVar[type[TableSection]] = SmoothingChoice
+    keys: ClassVar[tuple[str, ...]] = ("bandwidth", "largest_rate", "largest_acceleration")
+    inputs: ClassVar[tuple[str, ...]] = ("target",)
+    outputs: ClassVar[tuple[str, ...]] = ()
+    states: ClassVar[tuple[str, ...]] = ("value", "rate", "acceleration")
+
+    @staticmethod
+    def prepare(values: Mapping[str, Any], period: Any) -> SmoothingCoefficients:
+        omega = 2 * np.pi * values["bandwidth"]
+        rate, acceleration = values["largest_rate"], values["largest_acceleration"]
+        return SmoothingCoefficients(period, omega / 3, omega, 1 - np.exp(-3 * omega * period), rate, acceleration)
+
+    @staticmethod
+    def start(_coefficients: SmoothingCoefficients, inputs: Signals) -> Signals:
+        return inputs[0], 0 * inputs[0], 0 * inputs[0]
+
+    @staticmethod
+    def step(coefficients: SmoothingCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
+        h, k1, k2, share, most_rate, most = coefficients
+        (x, v, a), (target,) = states, inputs
+        wanted_rate = clip(k1 * (target - x), -most_rate, most_rate)
+        later = a + share * (clip(k2 * (wanted_rate - v), -most, most) - a)
+        return (x + h * v + h * h * (a / 3 + later / 6), v + h * (a + later) / 2, later), ()
+
 
 # What a hand's filter follows, of positions [m] and angles [rad].
 HAND_FILTERS = (
@@ -65,22 +118,20 @@ class ByHand(ReferenceChoice):
         """The motion, then the targets of the file."""
         path = folder / self.file
         try:
-            samples, targets, jumps = self._rows_of(read_table(path, "reference"))
+            table = read_table(path, "reference")
+            missing = [name for name in TARGET_COLUMNS if name not in table.columns]
+            if missing:
+                raise MotionError(f"has no column {missing[0]}; expected {', '.join(TARGET_COLUMNS)}")  # noqa: TRY301
+            time, *targets, jumps = (numbers_of(table, name) for name in TARGET_COLUMNS)
+            samples = np.rint(time / self.sample_time).astype(int)
+            apart = np.abs(time - samples * self.sample_time)
+            if not len(time) or (np.diff(samples) < 0).any() or (samples < 0).any() or apart.max() > ROUNDING:
+                rule = f"in order of time, at multiples of sample_time, {self.sample_time:g} s"
+                raise MotionError(f"expected rows {rule}")  # noqa: TRY301
         except (MotionError, TableError) as error:
             raise MotionError(f"{path}: {error}") from error
-        return HandMotion(self.motion.about(platform, folder), self.sample_time, samples, targets, jumps)
-
-    def _rows_of(self, table: "polars.DataFrame") -> tuple[list[int], FloatArray, FloatArray]:
-        """Samples, targets (n, 6), and which of them jump (n,)."""
-        missing = [name for name in TARGET_COLUMNS if name not in table.columns]
-        if missing:
-            raise MotionError(f"has no column {missing[0]}; expected {', '.join(TARGET_COLUMNS)}")
-        time, *targets, jumps = (numbers_of(table, name) for name in TARGET_COLUMNS)
-        samples = np.rint(time / self.sample_time).astype(int)
-        apart = np.abs(time - samples * self.sample_time)
-        if not len(time) or (np.diff(samples) < 0).any() or (samples < 0).any() or apart.max() > ROUNDING:
-            raise MotionError(f"expected rows in order of time, at multiples of sample_time, {self.sample_time:g} s")
-        return samples.tolist(), np.stack(targets, axis=1), jumps
+        motion = self.motion.about(platform, folder)
+        return HandMotion(motion, self.sample_time, samples.tolist(), np.stack(targets, axis=1), jumps)
 
     @property
     def highest_frequency(self) -> float:

@@ -12,10 +12,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from gough_stewart.harness.control.component import Link, with_links
-from gough_stewart.harness.control.laws import Controller, LinearController, Space, controller_of
+from gough_stewart.harness.control.component import Link, Notch, with_links
+from gough_stewart.harness.control.linear_controller import Controller, LinearController, Space, controller_of
 from gough_stewart.harness.control.makers import Design, UserFolder, constructed
-from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import (
     DAMPING_RATIO,
     DerivativeOn,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from gough_stewart.harness.control.margins import ComplexArray
+from gough_stewart.harness.control.loop_margins import ComplexArray
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.quantities import Band, PositiveForce, PositiveTime
 from gough_stewart.harness.section import Kind

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
+from gough_stewart.harness.control.linear_controller import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, copied, name_of, place_in_code
 from gough_stewart.harness.control.state_space import Solve, stacked_blocks
 from gough_stewart.harness.control.traced_law import CasadiFunction, is_casadi_function

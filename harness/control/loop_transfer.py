@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.linear import Mode, linear_matrices, modes, pose_of
-from gough_stewart.harness.control.margins import disk_margin, frequency_range, is_stable, response
+from gough_stewart.harness.control.linear_controller import LinearController
+from gough_stewart.harness.control.loop_margins import disk_margin, frequency_range, is_stable, response
 from gough_stewart.harness.control.state_space import StateSpace, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.laws_of_members import CalledLaw, KnownAhead
+from gough_stewart.harness.control.linear_controller import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.makers import Maker, Sample, is_of_user, name_of
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE, SIZES

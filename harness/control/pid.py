@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.laws import Space
 from gough_stewart.harness.control.linear import leg_space_mass
+from gough_stewart.harness.control.linear_controller import Space
 from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, matrices_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface

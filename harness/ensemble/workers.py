@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 
 import gough_stewart
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.ensemble.chunk import ChunkBytes, chunk
 from gough_stewart.harness.errors import ControllerError, EnsembleError

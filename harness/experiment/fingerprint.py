@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.state_space import is_control_system
 

@@ -10,19 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
-from gough_stewart.harness.control.laws import LinearController, linear_of
 from gough_stewart.harness.control.linear import Mode, modes
-from gough_stewart.harness.control.loop_transfer import (
-    MOST_STATES,
-    LoopStructure,
-    feedback_part,
-    held_plant,
-    loop_transfer,
-    structural_modes,
-    structure_of,
-)
-from gough_stewart.harness.control.makers import Maker
-from gough_stewart.harness.control.margins import (
+from gough_stewart.harness.control.linear_controller import LinearController, linear_of
+from gough_stewart.harness.control.loop_margins import (
     ClassicalMargins,
     Margins,
     closed_loop,
@@ -33,6 +23,16 @@ from gough_stewart.harness.control.margins import (
     response,
     sensitivities,
 )
+from gough_stewart.harness.control.loop_transfer import (
+    MOST_STATES,
+    LoopStructure,
+    feedback_part,
+    held_plant,
+    loop_transfer,
+    structural_modes,
+    structure_of,
+)
+from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace, control_system
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError

@@ -12,7 +12,7 @@ import numpy as np
 import polars
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.faults import CUT, FROZEN, N_FAULTS
+from gough_stewart.harness.control.fault import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError

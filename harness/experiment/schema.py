@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_
 from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.drive import ActuatorChoice, ForceLimit
-from gough_stewart.harness.control.faults import FaultChoice
+from gough_stewart.harness.control.fault import FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
 from gough_stewart.harness.control.sensor import PerSignal, SensorChoice
 from gough_stewart.harness.motion.limits.reach import WhenBeyond

@@ -10,7 +10,7 @@ import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, Feedforward
 from gough_stewart.harness.control.drive import Drive, ForceLimits
-from gough_stewart.harness.control.laws import LinearController, fresh_controller
+from gough_stewart.harness.control.linear_controller import LinearController, fresh_controller
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError

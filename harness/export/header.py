@@ -5,7 +5,7 @@ from textwrap import fill
 
 from jinja2 import Environment, StrictUndefined
 
-from gough_stewart.harness.control.manual import TRANSFER_TIME
+from gough_stewart.harness.control.drive import TRANSFER_TIME
 from gough_stewart.harness.export.design import Designed, Ranges
 from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.trace import Traced

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.component import Link, Parameter, with_links
-from gough_stewart.harness.control.laws import Controller, LinearController, Space, fresh_controller
 from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
+from gough_stewart.harness.control.linear_controller import Controller, LinearController, Space, fresh_controller
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.own_law import traced_function
 from gough_stewart.harness.control.pid import ChannelGains, DerivativeOn, Gains, channel_matrices, channels_of

@@ -12,9 +12,9 @@ import numpy as np
 
 from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.fmu_build.sources import defines
-from gough_stewart.harness.control.component import Stepped, with_links
+from gough_stewart.harness.control.by_hand import Smoothing
+from gough_stewart.harness.control.component import Notch, Stepped, with_links
 from gough_stewart.harness.control.drive import ForceLimits
-from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import (
     ChannelGains,
     channel_matrices,
@@ -23,7 +23,6 @@ from gough_stewart.harness.control.pid import (
     tracking_time_of,
 )
 from gough_stewart.harness.control.sensor import Sensor
-from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.machine import N_MOTION, VARIANTS, TurnableLaw, keys_of, motion_variants

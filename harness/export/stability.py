@@ -14,8 +14,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.margins import (
+from gough_stewart.harness.control.linear_controller import LinearController
+from gough_stewart.harness.control.loop_margins import (
     Margins,
     closed_loop,
     frequency_of,

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
-from gough_stewart.harness.control.drive import Drive, ForceLimits
-from gough_stewart.harness.control.faults import CUT, FROZEN
+from gough_stewart.harness.control.drive import Drive, ForceLimits, Takeover
+from gough_stewart.harness.control.fault import CUT, FROZEN
 from gough_stewart.harness.control.laws_of_members import LinearLaw, rests_of
-from gough_stewart.harness.control.manual import Takeover
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import stacked_blocks
 from gough_stewart.harness.loop.folds import AT

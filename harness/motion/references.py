@@ -392,4 +392,4 @@ class FromFile(WrittenPoses):
         table = table if self.smoothing is None else smoothed(table, self.smoothing)
         start = 0.0 if self.start_time is None else self.start_time - first
         table = table if self.at_home is None else moved_home(table, platform, self.at_home, start)
-        return table.from_time(start).scaled(self.time_scale, self.amplitude_scale)
+        return table.scaled(start, self.time_scale, self.amplitude_scale)

@@ -272,7 +272,16 @@ def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ram
         law = Averaged(sharp, ramp) if ramp > 0 else sharp
         time = (law.knots[:-1, None] + np.diff(law.knots)[:, None] * _WITHIN_PIECES).reshape(-1)
         at = law(time)
-        plan = Stretched(law, _slowing(legs, limits, at))
+        # how many times as long it has to take to be within the limits at these points
+        factor = 1.0
+        for _ in range(_MOST_STRETCHES):
+            slower = AlongPath(at.value, at.rate / factor, at.acceleration / factor**2)
+            largest = float(legs.shares(limits, slower).max())
+            if largest <= 1 + _ROUNDING:
+                break
+            # a force that is not at its limit at rest falls with the square of the factor
+            factor *= largest if largest < 1.001 else math.sqrt(largest)
+        plan = Stretched(law, factor)
         before, best = best, plan if best is None or plan.duration < best.duration else best
         if before is not None and plan.factor < 1 + _WORTHWHILE and plan.duration > before.duration * (1 - _WORTHWHILE):
             break
@@ -284,19 +293,6 @@ def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ram
             "smaller margin, or a duration as timing"
         )
     return best
-
-
-def _slowing(legs: LegsAlong, limits: DynamicLimits, at: AlongPath) -> float:
-    """How many times as long a motion has to take to be within the limits at these points."""
-    factor = 1.0
-    for _ in range(_MOST_STRETCHES):
-        slower = AlongPath(at.value, at.rate / factor, at.acceleration / factor**2)
-        largest = float(legs.shares(limits, slower).max())
-        if largest <= 1 + _ROUNDING:
-            break
-        # a force that is not at its limit at rest falls with the square of the factor
-        factor *= largest if largest < 1.001 else math.sqrt(largest)
-    return factor
 
 
 def _largest_near(values: FloatArray, time: FloatArray, knots: FloatArray, window: float) -> FloatArray:

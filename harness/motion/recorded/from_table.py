@@ -89,25 +89,22 @@ class FromTable(Piecewise):
         powers = range(_SPLINE_DEGREE, -1, -1)
         return begins, np.stack([self._spline(begins, k) / math.factorial(k) for k in powers], axis=-1)
 
-    def from_time(self, start: float) -> "FromTable":
-        """The same motion with times [s] relative to `start`."""
-        return self if start == 0 else FromTable(self.time - start, self.position, self.orientation)
-
     @property
     def centre(self) -> FloatArray:
         """The pose (6,) at time 0, or that of the first row if it is later; amplitudes are scaled about it."""
         begin = self(np.clip([0.0], self.time[0], self.time[-1]))
         return np.concatenate([begin.position[0], begin.orientation[0]])
 
-    def scaled(self, time_scale: float, amplitude_scale: float) -> "FromTable":
-        """The motion s times as long, and a times as large about its centre; splines scale exactly."""
+    def scaled(self, start: float, time_scale: float, amplitude_scale: float) -> "FromTable":
+        """From a time [s] on, s times as long, and a times as large about its pose there; splines scale exactly."""
+        table = self if start == 0 else FromTable(self.time - start, self.position, self.orientation)
         if time_scale == amplitude_scale == 1:
-            return self
-        position, orientation = np.split(self.centre, 2)
+            return table
+        position, orientation = np.split(table.centre, 2)
         return FromTable(
-            time_scale * self.time,
-            position + amplitude_scale * (self.position - position),
-            orientation + amplitude_scale * (self.orientation - orientation),
+            time_scale * table.time,
+            position + amplitude_scale * (table.position - position),
+            orientation + amplitude_scale * (table.orientation - orientation),
         )
 
 

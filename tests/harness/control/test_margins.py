@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.margins import Margins, bounds_of_the_largest, loop_margins, response, scaled_norm
+from gough_stewart.harness.control.loop_margins import (
+    Margins,
+    bounds_of_the_largest,
+    loop_margins,
+    response,
+    scaled_norm,
+)
 from gough_stewart.harness.control.state_space import matrices_of
 
 T = 1e-3
