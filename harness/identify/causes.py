@@ -221,8 +221,9 @@ def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, .
         best = refits[0]
         if rows is first:
             # once more: what only its own model describes was taken for noise
-            every = [fit.columns, best.hypothesis.columns, *(family.columns for family in rows.families)]
-            rows = replace(rows, noise=fitted_noise(rows.parts, np.concatenate(every, axis=2), best.residual, fit.used))
+            parts = [fit.columns, best.hypothesis.columns, *(family.columns for family in rows.families)]
+            noise = fitted_noise(rows.parts, np.concatenate(parts, axis=2), best.residual, fit.used)
+            rows = replace(rows, noise=noise)
             least = _CONTENDS * best.evidence - _NEAR
             contenders = [best.hypothesis, *(refit.hypothesis for refit in refits[1:] if refit.evidence > least)]
     if best.evidence < _SIGNIFICANT:

@@ -211,11 +211,12 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     scale, not_excited = scales(platform, names, *changes), tuple[str, ...]()
     if rows:
         # what of the platform's masses the motion does not excite, estimated or not
-        others = [name for name in expanded(MASSES, platform) if name not in names]
-        every, sizes = [*linear, *others], np.concatenate([scale[at], scales(platform, others, *changes)])
-        not_excited = identifiability(rows, smooth, every, nominal_values(every, smooth), sizes).not_excited
+        masses = [name for name in expanded(MASSES, platform) if name not in names]
+        elements, sizes = [*linear, *masses], np.concatenate([scale[at], scales(platform, masses, *changes)])
+        not_excited = identifiability(rows, smooth, elements, nominal_values(elements, smooth), sizes).not_excited
 
-    fit, values, held, unknown = None, nominal.copy(), set[str](), set[str]()
+    fit: Estimate | None = None
+    values, held, unknown = nominal.copy(), set[str](), set[str]()
     now = Identifiability(np.zeros(len(linear)), (), ())
     while True:
         if rows:
@@ -225,11 +226,11 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
         if fit is not None and set(now.held) <= held:
             break
         held |= set(now.held)
-        left = tuple(name for name in names if name not in held)
-        if not left:
+        remaining = tuple(name for name in names if name not in held)
+        if not remaining:
             fit = None
             break
-        fit, hidden = _fit_of_shown(usable, platform, left, not_excited)
+        fit, hidden = _fit_of_shown(usable, platform, remaining, not_excited)
         held |= set(hidden)
         values[[names.index(name) for name in fit.names]] = fit.values
     hidden = tuple(name for name in names if name in held and not is_linear(name, platform))
@@ -279,7 +280,7 @@ def _fit_of_shown(
         hidden = tuple(name for name in names if name in STICTION)
     if not hidden:
         return fit, ()
-    left = tuple(name for name in names if name not in hidden)
-    if not left:
+    remaining = tuple(name for name in names if name not in hidden)
+    if not remaining:
         raise IdentificationError(f"{_NOT_SHOWN}: {', '.join(names)}. {_SLOW}", names)
-    return identify_linear(usable.parts, platform, left, **options), hidden
+    return identify_linear(usable.parts, platform, remaining, **options), hidden

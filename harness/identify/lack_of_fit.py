@@ -308,8 +308,8 @@ def lack_of_fit(
     left = residual - Q @ (Q.T @ residual)
     bases = {name: basis_of(X - Q @ (Q.T @ X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
     bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
-    every = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
-    U = basis_of(every, np.ones(every.shape[1]))
+    all_columns = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
+    U = basis_of(all_columns, np.ones(all_columns.shape[1]))
     rank, freedom = U.shape[1], int(used.sum()) - Q.shape[1] - U.shape[1]
     if freedom < max(rank, 1):
         return None

@@ -90,15 +90,15 @@ def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None 
         share = np.sqrt(n / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
         regressors.append(share * clean)
         motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
-        some = motion[np.unique(np.linspace(0, len(motion) - 1, _ROWS_WITH_NOISE).astype(int))]
-        by_legs = force_derivatives(some, parameter_vector(platform), np.zeros((len(some), 6))).motion_by_legs
+        sampled = motion[np.unique(np.linspace(0, len(motion) - 1, _ROWS_WITH_NOISE).astype(int))]
+        by_legs = force_derivatives(sampled, parameter_vector(platform), np.zeros((len(sampled), 6))).motion_by_legs
         # columns of value, velocity and acceleration of one leg that together have the covariance of its noise
-        kernels, at_some = length_kernels(h, row_cutoff), regressor(platform, *states_of(some))
+        kernels, at_sampled = length_kernels(h, row_cutoff), regressor(platform, *states_of(sampled))
         axes, noise = np.linalg.cholesky(kernels @ kernels.T), []
         for leg, size in enumerate(noise_of(part.length)):
             directions = size * by_legs[:, :, leg::6] @ axes
-            noise += [regressor(platform, *states_of(some + directions[:, :, k])) - at_some for k in range(3)]
-        added.append(share * np.sqrt(len(clean)) * (np.concatenate(noise) / np.sqrt(len(some))))
+            noise += [regressor(platform, *states_of(sampled + directions[:, :, k])) - at_sampled for k in range(3)]
+        added.append(share * np.sqrt(len(clean)) * (np.concatenate(noise) / np.sqrt(len(sampled))))
         forces.append(float(part.force.std(axis=0).mean()))
         velocities.append(float(np.sqrt((lengths[1] ** 2).mean())))
     if not regressors:

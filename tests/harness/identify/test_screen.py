@@ -58,7 +58,7 @@ def late() -> Log:
 
 def remarks(log: Log) -> list[str]:
     """What is said of the data of a log."""
-    return [note for note in identify(log, NOMINAL, "platform_mass").notes if note.startswith(f"{log.where}: ")]
+    return [note for note in identify(log, MACHINE, "platform_mass").notes if note.startswith(f"{log.where}: ")]
 
 
 FAULTS: dict[str, tuple[Callable[[Log], Log], str]] = {
@@ -287,7 +287,7 @@ def test_a_row_that_one_length_alone_lost_is_an_alarm_and_jitter_is_no_lost_row(
     log = machine_log()
     length = log.leg_length.copy()
     length[4000:-1, 2] = log.leg_length[4001:, 2]
-    alarm = identify(replace(log, leg_length=length), NOMINAL, "platform_mass").alarms[0]
+    alarm = identify(replace(log, leg_length=length), MACHINE, "platform_mass").alarms[0]
     assert "rows of the length of leg 3 alone were lost (+) or repeated (−) at 4 s (+1)" in alarm
     jitter = 0.3e-3 * np.random.default_rng(1).standard_normal((len(log), 1))
     shaken = log.leg_length + jitter * np.gradient(log.leg_length, 1e-3, axis=0)
@@ -424,7 +424,7 @@ def test_a_gap_of_any_length_takes_no_memory_and_logs_are_shown_one_after_the_ot
     log = machine_log()
     time = np.asarray(log.time)
     gap = replace(log, time=np.where(np.arange(len(log)) >= 5000, time + 1e6, time), where="gap")
-    estimate = identify([gap, log], NOMINAL, "platform_mass", validation=0.3)
+    estimate = identify([gap, log], MACHINE, "platform_mass", validation=0.3)
     assert "gap: 1000000000 missing rows, at 5 s to" in estimate.notes[0]
     shown = np.asarray(estimate.details["time"])
     assert (np.diff(shown) > 0).all()
