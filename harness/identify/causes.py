@@ -28,7 +28,6 @@ from gough_stewart.harness.identify.lack_of_fit import (
     LEGS,
     STRIBECK_WIDTHS,
     TIMING,
-    Family,
     LackOfFit,
     Whitened,
     basis_of,
@@ -36,8 +35,9 @@ from gough_stewart.harness.identify.lack_of_fit import (
     leg_motion,
     stribeck,
 )
+from gough_stewart.harness.identify.noise import fitted_noise
 from gough_stewart.harness.identify.regressor import parameter_columns, value_of
-from gough_stewart.harness.identify.rows import RowFit
+from gough_stewart.harness.identify.row_model import RowFit, RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # Residuals below this share of the forces are errors of the filters.
@@ -80,20 +80,6 @@ class Hypothesis(NamedTuple):
     kind: str = "linear"
     at: float = 0.0  # the velocity, force or time of one of several
     legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
-
-
-def members_of(families: Sequence[Family]) -> list[Hypothesis]:
-    """The members of the families."""
-    return [
-        Hypothesis(
-            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
-            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
-            sum(len(others) == len(chosen) for _, others in family.members.values()),
-            "exact" if family.is_estimable else "linear",
-        )
-        for family in families
-        for name, (cause, chosen) in family.members.items()
-    ]  # fmt: skip
 
 
 def at_several_places(fit: RowFit, residual: FloatArray) -> list[list[Hypothesis]]:
@@ -160,7 +146,8 @@ def reading_of(
     if hypothesis.kind == "exact":
         # relative to the platform's file, and to perfect instruments
         nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
-        wider, values = model.extended(hypothesis.parameters), np.concatenate([theta, nominal + eta])
+        names, values = (*model.names, *hypothesis.parameters), np.concatenate([theta, nominal + eta])
+        wider = RowModel(model.regression, model.platform, model.elements, names, model.friction)
         return wider.residual(values)[fitted], wider.columns(values)[fitted]
     residual, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
     match hypothesis.kind:
@@ -192,7 +179,10 @@ def diagnosis_of(rows: Whitened, standard_errors: FloatArray) -> Diagnosis:
     fit, residual = rows.fit, rows.fit.residual
     D = rows.of(fit.columns)
     outcome = lack_of_fit(D, rows.whitened_families, rows.of(residual[..., None])[:, 0], fit.used)
-    seen = _unseen(rows, D), fit.model.names, standard_errors, *rows.levels
+    # standard deviations of the raw forces [N] and RMS of those of the lengths [m], of the first log
+    (force, length), raw = rows.noise.shares[rows.parts[0].which], rows.parts[0].raw
+    levels = np.sqrt(force) * raw.force, float(np.sqrt(length * (raw.length**2).mean()))
+    seen = _unseen(rows, D), fit.model.names, standard_errors, *levels
     load = float((fit.used * fit.force[fit.is_fitted] ** 2).sum())
     small = float((fit.used * residual**2).sum()) < _RESOLVED**2 * load
     if outcome is None or small:
@@ -220,22 +210,22 @@ class _Refit(NamedTuple):
 
 def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, ...], float]:
     """The cause, what is of it or what else is possible, and the p-value of what is left after that."""
-    fit = rows.fit
+    first, fit = rows, rows.fit
     contenders = _contenders(rows, residual)
     if not contenders:
         return "", (), 1.0
 
-    def compared() -> tuple[float, list[_Refit]]:
+    for _ in range(2):
         alone = _left(rows, fit.columns, residual)
-        return alone, sorted((_refit(rows, h, alone) for h in contenders), key=lambda refit: -refit.evidence)
-
-    alone, refits = compared()
-    # what only its own model describes was taken for noise
-    rows = rows.with_noise_of(refits[0].residual, refits[0].hypothesis.columns)
-    least = _CONTENDS * refits[0].evidence - _NEAR
-    contenders = [refits[0].hypothesis, *(refit.hypothesis for refit in refits[1:] if refit.evidence > least)]
-    alone, refits = compared()
-    best = refits[0]
+        refits = sorted((_refit(rows, h, alone) for h in contenders), key=lambda refit: -refit.evidence)
+        best = refits[0]
+        if rows is first:
+            # once more: what only its own model describes was taken for noise
+            parts = [fit.columns, best.hypothesis.columns, *(family.columns for family in rows.families)]
+            noise = fitted_noise(rows.parts, np.concatenate(parts, axis=2), best.residual, fit.used)
+            rows = replace(rows, noise=noise)
+            least = _CONTENDS * best.evidence - _NEAR
+            contenders = [best.hypothesis, *(refit.hypothesis for refit in refits[1:] if refit.evidence > least)]
     if best.evidence < _SIGNIFICANT:
         return "", (), 1.0
 
@@ -315,7 +305,17 @@ def _contenders(rows: Whitened, residual: FloatArray) -> list[Hypothesis]:
     def best_of(group: Sequence[Hypothesis]) -> tuple[float, Hypothesis]:
         return max(((evidence(hypothesis), hypothesis) for hypothesis in group), key=lambda pair: pair[0])
 
-    weighed = [(evidence(hypothesis), hypothesis) for hypothesis in members_of(rows.families)]
+    members = [
+        Hypothesis(
+            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
+            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
+            sum(len(others) == len(chosen) for _, others in family.members.values()),
+            "exact" if family.is_estimable else "linear",
+        )
+        for family in rows.families
+        for name, (cause, chosen) in family.members.items()
+    ]  # fmt: skip
+    weighed = [(evidence(hypothesis), hypothesis) for hypothesis in members]
     weighed += [best_of(group) for group in at_several_places(fit, residual)]
     lost = best_of(rows_lost(fit, np.linspace(time[0], time[-1], TIMES + 2)[1:-1]))
     near = time[np.abs(time - lost[1].at) < np.ptp(time) / TIMES]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.lack_of_fit import FITS, LEVEL, LackOfFit
@@ -29,8 +29,27 @@ VALIDATION_LEVEL = 0.005
 FILES = ("platform.toml", "estimate.json")
 
 
+class _WithCovariance:
+    """What a covariance says of values."""
+
+    values: FloatArray  # (q,) [SI]
+    covariance: FloatArray  # (q, q)
+    freedom: float = math.inf  # of the variance that residuals estimate; infinite if it is known
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Square roots of the variances (q,) [SI]; NaN of elements without a number, or at a bound."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def interval(self) -> FloatArray:
+        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI], by Student's t."""
+        half = float(stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.standard_errors
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+
 @dataclass(frozen=True)
-class Finding:
+class Finding(_WithCovariance):
     """A hypothesis with its estimate."""
 
     name: str
@@ -41,17 +60,6 @@ class Finding:
     values: FloatArray  # (q,) [SI]
     covariance: FloatArray  # (q, q)
     improvement: float  # share of what the residuals have beyond noise, 0 to 1
-
-    @property
-    def standard_errors(self) -> FloatArray:
-        """Square roots of the variances (q,) [SI]."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def interval(self) -> FloatArray:
-        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI]."""
-        half = ndtri(0.975) * self.standard_errors
-        return np.stack([self.values - half, self.values + half], axis=1)
 
 
 class Unseen(NamedTuple):
@@ -83,30 +91,23 @@ class Diagnosis:
         return self.test is not None and self.test.alarm
 
     @property
-    def likely(self) -> str:
-        """The cause in words, then its hypothesis if the log separates it; what is possible if none is named."""
-        texts = "; or ".join(finding.text for finding in self.findings)
-        if self.cause and len(self.findings) == 1:
-            finding = self.findings[0]
-            return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
-        if self.cause:
-            return f"{self.cause}: this log does not tell which: {texts}"
-        if len(self.findings) == 1:
-            return texts
-        if self.findings:
-            return f"one of several causes, which this log does not tell apart: {texts}"
-        return "something that no hypothesis here explains"
-
-    @property
     def alarms(self) -> tuple[str, ...]:
         """The reason not to trust the fit, in words; empty without an alarm."""
         if self.test is None or not self.alarm:
             return ()
-        said = (
+        # the cause, then its hypothesis if the log separates it; what is possible if none is named
+        likely, several = "; or ".join(finding.text for finding in self.findings), len(self.findings) > 1
+        if self.cause and several:
+            likely = f"{self.cause}: this log does not tell which: {likely}"
+        elif self.cause and self.cause not in self.findings[0].name:
+            likely = f"{self.cause}: {likely}"
+        elif several and not self.cause:
+            likely = f"one of several causes, which this log does not tell apart: {likely}"
+        return (
             f"the log contradicts the model (p {_p(self.test.combined)}; a false alarm in {100 * LEVEL:.0f} of 100 "
-            "logs); values and intervals are not valid"
+            f"logs); values and intervals are not valid. Most likely: "
+            f"{likely or 'something that no hypothesis here explains'}",
         )
-        return (f"{said}. Most likely: {self.likely}",)
 
     def moved(self, unseen: Unseen) -> list[tuple[str, float, float]]:
         """Estimates, how far the error moves them [SI], and in how many standard errors; most first."""
@@ -201,7 +202,7 @@ class Residuals:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(_WithCovariance):
     """Parameters from a log, with confidence intervals, correlation, identifiability and residuals.
 
     Examples
@@ -250,21 +251,10 @@ class Estimate:
     """Data for pages and figures."""
 
     @property
-    def standard_errors(self) -> FloatArray:
-        """Square roots of the variances (p,) [SI]; NaN of elements without a number, or at a bound."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
     def without_interval(self) -> tuple[str, ...]:
         """Elements with a value, but no interval, since combinations that no log shows move them."""
         known = np.isfinite(self.values) & ~np.isfinite(self.standard_errors)
         return tuple(name for name, is_it in zip(self.names, known, strict=True) if is_it and name not in self.at_bound)
-
-    @property
-    def interval(self) -> FloatArray:
-        """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI], by Student's t."""
-        half = float(stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.standard_errors
-        return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
     def correlation(self) -> FloatArray:

@@ -95,11 +95,6 @@ def estimate_verdict(estimate: Estimate) -> Verdict:
         number = f"{quantity.factor * estimate.values[k]:.{decimals}f}"
         return f"{names[k]} {number} ± {shown:.2g} {quantity.unit_text}".rstrip()
 
-    def some(names: Sequence[str]) -> str:
-        if len(names) <= _FEW:
-            return listed(list(names))
-        return f"{listed(list(names[:_FEW]), 'and')} and {len(names) - _FEW} more"
-
     half = estimate.values - estimate.interval[:, 0]
     known = [k for k in range(len(names)) if math.isfinite(estimate.standard_errors[k])]
     shares = {k: half[k] / max(abs(estimate.values[k]), estimate.scale[k]) for k in known}
@@ -118,8 +113,10 @@ def estimate_verdict(estimate: Estimate) -> Verdict:
         ("at the bound of what is possible", estimate.at_bound),
         ("without an interval", estimate.without_interval),
     ):
-        if elements:
-            parts.append(f"{what}: {some(elements)}")
+        if len(elements) > _FEW:
+            parts.append(f"{what}: {listed(list(elements[:_FEW]), 'and')} and {len(elements) - _FEW} more")
+        elif elements:
+            parts.append(f"{what}: {listed(list(elements))}")
     is_tested = diagnosis is not None and diagnosis.test is not None
     parts.append("the residuals are those of noise" if is_tested else "whether the model fits the log is not tested")
     parts.append(diagnosis.unseen_text if diagnosis is not None else None)
@@ -152,11 +149,6 @@ def _quantity_of(name: str, digits: int = 6) -> Quantity:
     return replace(of_unit(unit) if unit else NUMBER, digits=digits)
 
 
-def _residual_quantity(estimate: Estimate) -> Quantity:
-    unit = estimate.residuals.unit
-    return _MICROMETRE if unit == "m" else of_unit(unit)
-
-
 def _p(value: float | None) -> Cell:
     """A p value; what is smaller is not known better, and none is 0."""
     return "< 1e-6" if value is not None and value < 1e-6 else value
@@ -187,7 +179,8 @@ def estimate_tables(estimate: Estimate) -> list[Table]:
     )
     title = f"Identifiability; condition number {estimate.condition_number:.3g}"
 
-    residuals, quantity = estimate.residuals, _residual_quantity(estimate)
+    residuals = estimate.residuals
+    quantity = _MICROMETRE if residuals.unit == "m" else of_unit(residuals.unit)
     legs = []
     for k, rms in enumerate(residuals.rms.tolist()):
         aside = None if residuals.validation_rms is None else float(residuals.validation_rms[k])
@@ -256,7 +249,8 @@ def _signal_charts(estimate: Estimate) -> list[Chart]:
     details = estimate.details
     if "time" not in details:
         return []
-    unit, channel, fine = of_unit(estimate.residuals.unit), estimate.residuals.quantity, _residual_quantity(estimate)
+    unit, channel = of_unit(estimate.residuals.unit), estimate.residuals.quantity
+    fine = _MICROMETRE if estimate.residuals.unit == "m" else unit
     time, measured, fitted, before = (
         np.asarray(details[name], dtype=float) for name in ("time", "measured", "fitted", "before")
     )
@@ -301,7 +295,13 @@ class Compared:
     @property
     def table(self) -> Table:
         """Errors, feedback and margins side by side."""
-        errors = [_errors(record) for record in (self.before, self.after)]
+        errors = []
+        for record in (self.before, self.after):
+            position, feedback = record["error.position"], record["controller.force"] - record["controller.feedforward"]
+            vectors = (position, record["error.orientation"], record["error.leg_length"], feedback)
+            of_position, *others = (float(np.sqrt((values**2).sum(axis=1).mean())) for values in vectors)
+            peak = float(np.linalg.norm(position, axis=1).max())
+            errors.append(dict(zip(_MEASURES, (of_position, peak, *others), strict=True)))
         margins = [_margins_of(experiment) for experiment in self.experiments]
         rows: list[tuple[Cell, ...]] = [
             (name, *(Value(values[name], quantity) for values in errors)) for name, quantity in _MEASURES.items()
@@ -348,7 +348,6 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     chosen = experiment_of(experiment)
 
     def designed(**platforms: Platform) -> Experiment:
-        """The experiment with these platforms as nominal model and as machine."""
         numbers = {
             f"{key}.parameters": {name: value for name, value in plain(platform).items() if name in TABLE}
             for key, platform in platforms.items()
@@ -358,18 +357,6 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     machine = prepare(designed(platform=nominal)).machine
     before, after = (designed(platform=platform, plant=machine) for platform in (nominal, found))
     return Compared(run(before), run(after), (before, after))
-
-
-def _errors(record: Record) -> dict[str, float]:
-    """Errors and feedback of a run, by their names."""
-    position, feedback = record["error.position"], record["controller.force"] - record["controller.feedforward"]
-
-    def rms(values: np.ndarray) -> float:
-        return float(np.sqrt((values**2).sum(axis=1).mean()))
-
-    peak = float(np.linalg.norm(position, axis=1).max())
-    turned, lengths = rms(record["error.orientation"]), rms(record["error.leg_length"])
-    return dict(zip(_MEASURES, (rms(position), peak, turned, lengths, rms(feedback)), strict=True))
 
 
 def _margins_of(experiment: Experiment) -> dict[str, float] | str:

@@ -10,9 +10,9 @@ import numpy as np
 from gough_stewart.harness.errors import IdentificationError, ReachError
 from gough_stewart.harness.identify.blas import one_blas_thread
 from gough_stewart.harness.identify.fit import scales_of
-from gough_stewart.harness.identify.friction import ideal_of
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
+from gough_stewart.harness.identify.poses import pose_charts
 from gough_stewart.harness.identify.regressor import (
     FRICTION,
     elements_of,
@@ -26,13 +26,14 @@ from gough_stewart.harness.identify.regressor import (
     unit_of,
     wrenches_function,
 )
-from gough_stewart.harness.identify.rows import Regression, segment_of
+from gough_stewart.harness.identify.row_model import Regression, segment_of
+from gough_stewart.harness.identify.sticking_friction import ideal_of
+from gough_stewart.harness.motion.references import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
-from gough_stewart.harness.motion.references import Excitation
-from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
+from gough_stewart.harness.report.chart import time_axis
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, LENGTH, NUMBER, of_unit
+from gough_stewart.harness.report.quantities import NUMBER, of_unit
 from gough_stewart.harness.report.table import Column, Table, Value
 from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -79,7 +80,7 @@ class Excited(NamedTuple):
 
 
 @one_blas_thread()
-def excite(
+def excite(  # noqa: PLR0915 - one station after the other
     platform: Platform,
     estimate: Sequence[str] | str = ESTIMATE,
     *,
@@ -166,7 +167,15 @@ def excite(
         """The coefficients, scaled to the limits; 0 if none are kept."""
 
         def keeps(scale: float) -> bool:
-            return within_limits(platform, time, motion_at(scale / _SHARE * coefficients, time))
+            motion = motion_at(scale / _SHARE * coefficients, time)
+            try:
+                check_reach(platform, time, motion)
+            except ReachError:
+                return False
+            if platform.actuator_force_max is None:
+                return True
+            force = inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:]))
+            return bool((np.abs(force) <= platform.actuator_force_max).all())
 
         if keeps(1.0):
             return coefficients
@@ -367,18 +376,6 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     return np.asarray(np.linalg.norm(np.linalg.pinv(R), axis=1) / size)
 
 
-def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
-    """Whether a motion keeps all limits, including that of force."""
-    try:
-        check_reach(platform, time, motion)
-    except ReachError:
-        return False
-    if platform.actuator_force_max is None:
-        return True
-    force = inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:]))
-    return bool((np.abs(force) <= platform.actuator_force_max).all())
-
-
 def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], duration: float) -> Report:
     """The report of an excitation of these elements of parameters."""
     condition = found.condition_number
@@ -407,20 +404,11 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
     time = np.linspace(0.0, duration, _ROWS)
     motion = found.reference.about(platform)(time)
 
-    def chart(what: str, quantity: Any, values: FloatArray, components: tuple[str, ...]) -> Chart:
-        series = tuple(
-            Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components)
-        )  # fmt: skip
-        return Chart(what, time_axis(time), series, y=Axis(what, quantity), group="pose")
-
-    charts = (
-        chart("position", LENGTH, motion.position, ("x", "y", "z")),
-        chart("orientation", ANGLE, motion.orientation, ("roll", "pitch", "yaw")),
-    )
+    charts = pose_charts(time_axis(time), motion.position, motion.orientation)
     return Report(
         f"Excitation of {platform.name}",
         Verdict(text, "good" if well else "marginal", (number,)),
-        (Section("Promise", (promised,)), Section("Motion", charts)),
+        (Section("Promise", (promised,)), Section("Motion", tuple(charts))),
         study="excite",
         lead=f"{duration:g} s within all limits of the platform",
         numbers=(number, Number("log_determinant", "log determinant of the information", found.log_determinant)),

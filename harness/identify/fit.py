@@ -25,15 +25,6 @@ from gough_stewart.harness.identify.estimate import (
     on_one_axis,
     rms,
 )
-from gough_stewart.harness.identify.friction import (
-    COULOMB,
-    STICTION,
-    StickingFriction,
-    ideal_of,
-    resolved,
-    sticks,
-    unit_friction,
-)
 from gough_stewart.harness.identify.lack_of_fit import Whitened
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
@@ -48,7 +39,16 @@ from gough_stewart.harness.identify.regressor import (
     value_of,
     with_estimated,
 )
-from gough_stewart.harness.identify.rows import Regression, RowModel, is_of_instruments, row_fit, segment_of
+from gough_stewart.harness.identify.row_model import Regression, RowModel, is_of_instruments, row_fit, segment_of
+from gough_stewart.harness.identify.sticking_friction import (
+    COULOMB,
+    STICTION,
+    StickingFriction,
+    ideal_of,
+    resolved,
+    sticks,
+    unit_friction,
+)
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -134,7 +134,21 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
 
     residual = model.residual(best)
     duration = sum(float(np.ptp(time[chosen])) for time, chosen in zip(times, fitted_times, strict=True) if any(chosen))
-    _check_explained(residual[is_fitted], F, duration, where)
+    # of another platform, or too short
+    change = np.std(F, axis=0)
+    share = float(np.median(rms(residual[is_fitted]) / np.maximum(change, 1e-300)))
+    if share > _UNEXPLAINED and duration < _TELLING:
+        raise LogError(
+            f"{where}: too short: after the filters and without the rows for validation {duration:.2g} s are left to "
+            f"fit, in which the forces change by {float(np.median(change)):.3g} N only, and the best fit leaves "
+            f"{100 * share:.0f} % of that unexplained; record some seconds of motion (gough-stewart excite designs it)"
+        )
+    if share > _UNEXPLAINED:
+        raise LogError(
+            f"{where}: the log contradicts this platform: the best fit leaves {100 * share:.0f} % of the forces' "
+            "changes unexplained; check the joints, the order of the legs, the sign of the forces (positive extends a "
+            "leg), and that lengths are from joint to joint"
+        )
     D = whole.of(whole.fit.columns * scale)
     white = whole.of(residual[is_fitted, :, None])[:, 0]
     freedom = int(used.sum()) - len(names)
@@ -258,7 +272,7 @@ def _start_of_friction(
     static, velocity = STICTION
     factor = platform.leg_coulomb_friction_factor
     velocities = _VELOCITIES if velocity in names else np.array([platform.leg_stribeck_velocity])
-    stiffness = float(StickingFriction(platform, ()).law(np.zeros(0)).stiffness.mean())
+    stiffness = float(StickingFriction(platform, ()).law().stiffness.mean())
     bent = platform.unchecked({static: 0.0, "leg_bristle_stiffness": stiffness, "leg_bristle_damping": 0.0})
 
     def unit(v: FloatArray, step: float) -> FloatArray:
@@ -303,25 +317,6 @@ def scales(platform: Platform, names: Sequence[str], force: float, velocity: flo
         "base_tilt": _TILT,
     }
     return np.array([sizes.get(name.partition("[")[0]) or abs(value_of(platform, name)) or 1.0 for name in names])
-
-
-def _check_explained(residual: FloatArray, force: FloatArray, duration: float, where: str) -> None:
-    """Refuse a fit that leaves most of the forces unexplained: it is of another platform, or too short."""
-    share = float(np.median(rms(residual) / np.maximum(np.std(force, axis=0), 1e-300)))
-    if share <= _UNEXPLAINED:
-        return
-    if duration < _TELLING:
-        change = float(np.median(np.std(force, axis=0)))
-        raise LogError(
-            f"{where}: too short: after the filters and without the rows for validation {duration:.2g} s are left to "
-            f"fit, in which the forces change by {change:.3g} N only, and the best fit leaves {100 * share:.0f} % of "
-            "that unexplained; record some seconds of motion (gough-stewart excite designs it)"
-        )
-    raise LogError(
-        f"{where}: the log contradicts this platform: the best fit leaves {100 * share:.0f} % of the forces' changes "
-        "unexplained; check the joints, the order of the legs, the sign of the forces (positive extends a leg), and "
-        "that lengths are from joint to joint"
-    )
 
 
 def _validated(

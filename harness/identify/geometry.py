@@ -349,7 +349,7 @@ def _beside(Z: FloatArray, F: FloatArray) -> FloatArray:
     return np.asarray(Z - Q @ (Q.T @ Z))
 
 
-def identify_geometry(  # noqa: PLR0915 - one station after the other
+def identify_geometry(  # noqa: PLR0912, PLR0915 - one station after the other
     log: Log,
     platform: Platform,
     names: Sequence[str] = GEOMETRY,
@@ -379,14 +379,42 @@ def identify_geometry(  # noqa: PLR0915 - one station after the other
     deviations = np.repeat([sigma_length, sigma_position, sigma_turn], [6, 3, 3]).astype(float)
     if not (np.isfinite(deviations).all() and (deviations > 0).all()):
         raise IdentificationError(f"accuracy is {tuple(accuracy)}; expected standard errors > 0 m, m, rad")
-    measured = _measured(log, deviations, pose_frame)
+    none = np.full((len(log), 3), np.nan)
+    pose = (none if values is None else values for values in (log.position, log.orientation))
+    measured = Measured(np.concatenate([log.leg_length, *pose], axis=1), deviations)
+    known = measured.is_known
+    if not known[:, :6].all():
+        row = int(np.argmin(known[:, :6].all(axis=1))) + 1
+        raise IdentificationError(f"{log.where}: row {row} lacks a leg length; expected all six for every pose")
+    if not known[:, 6:].any():
+        raise IdentificationError(
+            f"{log.where}: no measured poses, and leg lengths alone do not determine the geometry: some pose fits any "
+            "six of them; expected columns position[1..3] and orientation[1..3], or some of them"
+        )
+    partial = known[:, 9:].any(axis=1) & ~known[:, 9:].all(axis=1)
+    if pose_frame == "own" and partial.any():
+        raise IdentificationError(
+            f"{log.where}: row {int(partial.argmax()) + 1} has some angles of three in an own frame; expected all "
+            "three, or pose_frame 'world'"
+        )
     scale = _NOMINAL_SHARE * platform.characteristic_length if nominal_error is None else nominal_error
     if not (np.isfinite(scale) and scale > 0):
         raise IdentificationError(f"nominal_error is {scale!r} m; expected > 0")
     nominal = np.concatenate([platform.base_points.ravel(), platform.platform_points.ravel(), np.zeros(6)])
-    poses = _first_poses(platform, measured, pose_frame, log.where)
+    # the measured poses if they are full and in world, else those of the nominal platform at these lengths
+    is_known, first = pose_frame == "world", measured.values[:, 6:].copy()
+    for k in np.flatnonzero(~(known.all(axis=1) & is_known)):
+        try:
+            at = platform.home_position, platform.home_orientation
+            near = forward_kinematics(platform, measured.values[k, :6], *at)
+        except GoughStewartError as error:
+            raise IdentificationError(
+                f"{log.where}: row {k + 1}: the nominal platform has no pose with these leg lengths ({error}); "
+                "expected a log of this platform, legs in its order, lengths from joint to joint"
+            ) from None
+        first[k] = np.concatenate([near.position, near.orientation])
+    poses = first[:, :3], matrix_from_orientation(first[:, 3:])
     start = CalibrationState(nominal, np.zeros(3), np.eye(3), np.zeros(3), np.eye(3), *poses)
-    is_known = pose_frame == "world"
     start = start if is_known else with_guessed_frames(start, measured)
     whole = _Calibration(measured, start, unknowns, scale, is_known)
 
@@ -410,7 +438,29 @@ def identify_geometry(  # noqa: PLR0915 - one station after the other
         )
     values, before = fit.found.geometry[unknowns], nominal_values(elements, platform)
     errors = rms(_length_error(fit.found, used.measured))
-    _check(fit, elements, log, errors, values - before, scale)
+    change = values - before
+    leg, farthest = int(errors.argmax()), int(np.abs(change).argmax())
+    if fit.rank == 0:
+        raise IdentificationError(
+            f"{log.where}: {len(log)} poses with {fit.redundant} measured numbers do not determine "
+            f"{', '.join(elements)} better than to {scale:.3g} m; expected more poses, or poses that differ more",
+            elements,
+        )
+    if fit.factor > _CONTRADICTION:
+        raise IdentificationError(
+            f"{log.where}: contradicts any geometry near the nominal one: residuals are {fit.factor:.3g} times their "
+            f"standard errors, leg {leg + 1} the worst with {errors[leg]:.3g} m; {_REMEDY}"
+        )
+    if abs(change[farthest]) > _FAR * scale:
+        raise IdentificationError(
+            f"{log.where}: contradicts the nominal geometry: {elements[farthest]} would be {change[farthest]:.3g} m "
+            f"from its nominal value; {_REMEDY}, or a nominal_error above {scale:.3g} m"
+        )
+    if not fit.is_converged:
+        raise IdentificationError(
+            f"{log.where}: the fit did not converge in {_MOST_STEPS} steps; expected more poses, poses that differ "
+            "more, or a smaller nominal_error"
+        )
 
     # a second fit, without the last rows
     aside = np.arange(max(1, round(_KEPT_ASIDE * len(kept))))[::-1]
@@ -463,78 +513,6 @@ def identify_geometry(  # noqa: PLR0915 - one station after the other
             "factor": fit.factor,
         },
     )
-
-
-def _measured(log: Log, deviations: FloatArray, pose_frame: PoseFrame) -> Measured:
-    """What the log has of each pose; refuses rows that carry no information."""
-    none = np.full((len(log), 3), np.nan)
-    pose = (none if values is None else values for values in (log.position, log.orientation))
-    measured = Measured(np.concatenate([log.leg_length, *pose], axis=1), deviations)
-    known = measured.is_known
-    if not known[:, :6].all():
-        row = int(np.argmin(known[:, :6].all(axis=1))) + 1
-        raise IdentificationError(f"{log.where}: row {row} lacks a leg length; expected all six for every pose")
-    if not known[:, 6:].any():
-        raise IdentificationError(
-            f"{log.where}: no measured poses, and leg lengths alone do not determine the geometry: some pose fits any "
-            "six of them; expected columns position[1..3] and orientation[1..3], or some of them"
-        )
-    parts = known[:, 9:].any(axis=1) & ~known[:, 9:].all(axis=1)
-    if pose_frame == "own" and parts.any():
-        raise IdentificationError(
-            f"{log.where}: row {int(parts.argmax()) + 1} has some angles of three in an own frame; expected all "
-            "three, or pose_frame 'world'"
-        )
-    return measured
-
-
-def _first_poses(
-    platform: Platform, measured: Measured, pose_frame: PoseFrame, where: str
-) -> tuple[FloatArray, FloatArray]:
-    """The measured poses if they are full and in world, else those of the nominal platform at these lengths."""
-    poses = measured.values[:, 6:].copy()
-    for k, is_full in enumerate(np.asarray(measured.is_known.all(axis=1))):
-        if pose_frame == "world" and is_full:
-            continue
-        near = platform.home_position, platform.home_orientation
-        try:
-            pose = forward_kinematics(platform, measured.values[k, :6], *near)
-        except GoughStewartError as error:
-            raise IdentificationError(
-                f"{where}: row {k + 1}: the nominal platform has no pose with these leg lengths ({error}); expected a "
-                "log of this platform, legs in its order, lengths from joint to joint"
-            ) from None
-        poses[k] = np.concatenate([pose.position, pose.orientation])
-    return poses[:, :3], matrix_from_orientation(poses[:, 3:])
-
-
-def _check(
-    fit: GeometryFit, elements: Sequence[str], log: Log, errors: FloatArray, change: FloatArray, scale: float
-) -> None:
-    """Refuse a fit that is none; `errors` are those of each leg's lengths (6,) [m]."""
-    if fit.rank == 0:
-        raise IdentificationError(
-            f"{log.where}: {len(log)} poses with {fit.redundant} measured numbers do not determine "
-            f"{', '.join(elements)} better than to {scale:.3g} m; expected more poses, or poses that differ more",
-            elements,
-        )
-    if fit.factor > _CONTRADICTION:
-        leg = int(errors.argmax())
-        raise IdentificationError(
-            f"{log.where}: contradicts any geometry near the nominal one: residuals are {fit.factor:.3g} times their "
-            f"standard errors, leg {leg + 1} the worst with {errors[leg]:.3g} m; {_REMEDY}"
-        )
-    farthest = int(np.abs(change).argmax())
-    if abs(change[farthest]) > _FAR * scale:
-        raise IdentificationError(
-            f"{log.where}: contradicts the nominal geometry: {elements[farthest]} would be {change[farthest]:.3g} m "
-            f"from its nominal value; {_REMEDY}, or a nominal_error above {scale:.3g} m"
-        )
-    if not fit.is_converged:
-        raise IdentificationError(
-            f"{log.where}: the fit did not converge in {_MOST_STEPS} steps; expected more poses, poses that differ "
-            "more, or a smaller nominal_error"
-        )
 
 
 def _length_error(found: CalibrationState, measured: Measured) -> FloatArray:

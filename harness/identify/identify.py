@@ -12,14 +12,14 @@ from gough_stewart.harness.errors import IdentificationError, IdentificationWarn
 from gough_stewart.harness.identify.blas import one_blas_thread
 from gough_stewart.harness.identify.estimate import Estimate, expand_to_requested, nominal_values
 from gough_stewart.harness.identify.fit import identify_linear, scales
-from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
 from gough_stewart.harness.identify.lack_of_fit import MASSES
 from gough_stewart.harness.identify.log import VALIDATION, Log, check_poses, log_of, read_log
-from gough_stewart.harness.identify.observability import check_separable, identifiability, motion_rows
+from gough_stewart.harness.identify.observability import Identifiability, check_separable, identifiability, motion_rows
 from gough_stewart.harness.identify.regressor import expanded, is_linear
 from gough_stewart.harness.identify.screen import Screened, compared_forces, cutoff_within_noise, screened
 from gough_stewart.harness.identify.springs import SPRINGS, with_both_sides, with_springs
+from gough_stewart.harness.identify.sticking_friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 
@@ -163,7 +163,24 @@ def _identified_from_forces(
 ) -> Estimate:
     """The estimate by the linear method: the logs are screened, brought to both sides of elastic legs, and fitted."""
     names = expanded(estimate, platform)
-    _check_names(platform, names)
+    for name in names:
+        stem = name.partition("[")[0]
+        if stem in _ELSEWHERE:
+            raise IdentificationError(f"{name} is not estimated from forces: {_ELSEWHERE[stem]}", [name])
+    lacking = [name for name in names if name in STICTION]
+    if lacking and not sticks(platform):
+        raise IdentificationError(
+            f"{lacking[0]}: friction of this platform does not stick; set its leg_friction_model = 'elasto_plastic' or "
+            "'lugre'",
+            lacking,
+        )
+    springs = [name for name in names if name in SPRINGS]
+    if springs and not platform.leg_armature > 0 and "leg_armature" not in names:
+        raise IdentificationError(
+            f"{springs[0]}: leg_armature is 0, and elastic legs need the mass of their motors; set it, or "
+            "estimate it, too",
+            springs,
+        )
     logs = _logs(log)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
     # what is screened is the motion, and the forces that it needs but for friction
@@ -186,28 +203,6 @@ def _identified_from_forces(
     return replace(fit, notes=(*usable.notes, *fit.notes), alarms=(*alarms, *fit.alarms))
 
 
-def _check_names(platform: Platform, names: Sequence[str]) -> None:
-    """Refuse what no log of forces determines, and what this platform does not have."""
-    for name in names:
-        stem = name.partition("[")[0]
-        if stem in _ELSEWHERE:
-            raise IdentificationError(f"{name} is not estimated from forces: {_ELSEWHERE[stem]}", [name])
-    lacking = [name for name in names if name in STICTION]
-    if lacking and not sticks(platform):
-        raise IdentificationError(
-            f"{lacking[0]}: friction of this platform does not stick; set its leg_friction_model = 'elasto_plastic' or "
-            "'lugre'",
-            lacking,
-        )
-    springs = [name for name in names if name in SPRINGS]
-    if springs and not platform.leg_armature > 0 and "leg_armature" not in names:
-        raise IdentificationError(
-            f"{springs[0]}: leg_armature is 0, and elastic legs need the mass of their motors; set it, or "
-            "estimate it, too",
-            springs,
-        )
-
-
 def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, ...]) -> Estimate:
     """The fit of what the motion determines; the other elements get no number."""
     linear = [name for name in names if is_linear(name, platform)]
@@ -215,58 +210,51 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     if linear:
         check_separable(smooth, linear)
     rows = motion_rows(usable.parts, smooth, usable.cutoff) if linear else None
-    nominal = nominal_values(names, resolved(platform))
-    scale = scales(platform, names, rows.force, rows.velocity) if rows else scales(platform, names, 1.0, 1.0)
-    if rows is None:
-        fit, hidden = _fit_of_shown(usable, platform, names)
-        return _with_note(expand_to_requested(fit, names, nominal, scale, hidden), hidden)
+    nominal, at = nominal_values(names, resolved(platform)), [names.index(name) for name in linear]
+    changes = (rows.force, rows.velocity) if rows else (1.0, 1.0)
+    scale, not_excited = scales(platform, names, *changes), tuple[str, ...]()
+    if rows:
+        # what of the platform's masses the motion does not excite, estimated or not
+        masses = [name for name in expanded(MASSES, platform) if name not in names]
+        elements, sizes = [*linear, *masses], np.concatenate([scale[at], scales(platform, masses, *changes)])
+        not_excited = identifiability(rows, smooth, elements, nominal_values(elements, smooth), sizes).not_excited
 
-    # what of the platform's masses the motion does not excite, estimated or not
-    others = [name for name in expanded(MASSES, platform) if name not in names]
-    at = [names.index(name) for name in linear]
-    sizes = np.concatenate([scale[at], scales(platform, others, rows.force, rows.velocity)])
-    every = [*linear, *others]
-    not_excited = identifiability(rows, smooth, every, nominal_values(every, smooth), sizes).not_excited
-
-    def none_excited() -> IdentificationError:
-        return IdentificationError(
+    fit: Estimate | None = None
+    values, held, unknown = nominal.copy(), set[str](), set[str]()
+    now = Identifiability(np.zeros(len(linear)), (), ())
+    while True:
+        if rows:
+            # what a motion determines of centres of mass and inertias depends on their values
+            now = identifiability(rows, smooth, linear, values[at], scale[at])
+        unknown |= {*now.held, *now.not_excited}
+        if fit is not None and set(now.held) <= held:
+            break
+        held |= set(now.held)
+        remaining = tuple(name for name in names if name not in held)
+        if not remaining:
+            fit = None
+            break
+        fit, hidden = _fit_of_shown(usable, platform, remaining, not_excited)
+        held |= set(hidden)
+        values[[names.index(name) for name in fit.names]] = fit.values
+    hidden = tuple(name for name in names if name in held and not is_linear(name, platform))
+    lacking = [name for name in names if name in unknown]
+    if fit is None or len(lacking) + len(hidden) == len(names):
+        raise IdentificationError(
             f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed for "
             "them (gough-stewart excite)",
             names,
         )
-
-    values = nominal.copy()
-    now = identifiability(rows, smooth, linear, values[at], scale[at])
-    held: set[str] = set()
-    unknown: set[str] = set()
-    while True:
-        held |= set(now.held)
-        unknown |= {*now.held, *now.not_excited}
-        kept = tuple(name for name in names if name not in held)
-        if not kept:
-            raise none_excited()
-        fit, hidden = _fit_of_shown(usable, platform, kept, not_excited)
-        held |= set(hidden)
-        values[[names.index(name) for name in fit.names]] = fit.values
-        # what a motion determines of centres of mass and inertias depends on their values
-        now = identifiability(rows, smooth, linear, values[at], scale[at])
-        unknown |= set(now.not_excited)
-        if set(now.held) <= held:
-            break
     bias = np.zeros(len(names))
     bias[at] = now.bias * scale[at]
-    hidden = tuple(name for name in names if name in held and not is_linear(name, platform))
-    lacking = [name for name in names if name in unknown]
-    if len(lacking) + len(hidden) == len(names):
-        raise none_excited()
-    fit = _with_note(expand_to_requested(fit, names, nominal, scale, (*lacking, *hidden), bias), hidden)
-    if not lacking:
-        return fit
-    note = (
-        f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "
-        f"designed by gough-stewart excite --estimate {','.join(linear)}"
-    )
-    return replace(fit, notes=(*fit.notes, note))
+    fit = expand_to_requested(fit, names, nominal, scale, (*lacking, *hidden), bias)
+    notes = [f"{_NOT_SHOWN}: {', '.join(hidden)}. {_SLOW}"] if hidden else []
+    if lacking:
+        notes.append(
+            f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "
+            f"designed by gough-stewart excite --estimate {','.join(linear)}"
+        )
+    return replace(fit, notes=(*fit.notes, *notes))
 
 
 def _fit_of_shown(
@@ -279,37 +267,24 @@ def _fit_of_shown(
     options: dict[str, Any] = {"cutoff": usable.cutoff, "not_excited": not_excited}
     try:
         fit = identify_linear(usable.parts, platform, names, **options)
-        hidden = not_shown(fit)
+        # static friction needs the velocity over which it falls, and is significantly above Coulomb friction
+        of_static = [k for k, name in enumerate(names) if name in STICTION]
+        is_shown = bool((fit.standard_errors[of_static] <= _LARGEST_ERROR * fit.values[of_static]).all())
+        coulomb = [k for k, name in enumerate(names) if name.partition("[")[0] == COULOMB]
+        if STICTION[0] in names and coulomb:
+            difference = np.zeros(len(names))
+            difference[coulomb] = -1 / len(coulomb)
+            difference[names.index(STICTION[0])] = 1.0
+            spread = float(np.sqrt(difference @ fit.covariance @ difference))
+            is_shown &= bool(difference @ fit.values > _SIGNIFICANT * spread)
+        hidden = () if is_shown else tuple(names[k] for k in of_static)
     except IdentificationError as error:
         if not set(error.names) & set(STICTION):
             raise
         hidden = tuple(name for name in names if name in STICTION)
     if not hidden:
         return fit, ()
-    kept = tuple(name for name in names if name not in hidden)
-    if not kept:
+    remaining = tuple(name for name in names if name not in hidden)
+    if not remaining:
         raise IdentificationError(f"{_NOT_SHOWN}: {', '.join(names)}. {_SLOW}", names)
-    return identify_linear(usable.parts, platform, kept, **options), hidden
-
-
-def not_shown(fit: Estimate) -> tuple[str, ...]:
-    """The elements of static friction in a fit that does not determine all of them.
-
-    Static friction needs the velocity over which it falls. If it is not significantly above Coulomb friction, neither
-    is shown.
-    """
-    of_static = [k for k, name in enumerate(fit.names) if name in STICTION]
-    is_shown = bool((fit.standard_errors[of_static] <= _LARGEST_ERROR * fit.values[of_static]).all())
-    coulomb = [k for k, name in enumerate(fit.names) if name.partition("[")[0] == COULOMB]
-    if STICTION[0] in fit.names and coulomb:
-        difference = np.zeros(len(fit.names))
-        difference[coulomb] = -1 / len(coulomb)
-        difference[fit.names.index(STICTION[0])] = 1.0
-        spread = float(np.sqrt(difference @ fit.covariance @ difference))
-        is_shown &= bool(difference @ fit.values > _SIGNIFICANT * spread)
-    return () if is_shown else tuple(fit.names[k] for k in of_static)
-
-
-def _with_note(fit: Estimate, hidden: Sequence[str]) -> Estimate:
-    """The estimate with a remark on what of friction its log does not show, and which would."""
-    return replace(fit, notes=(*fit.notes, f"{_NOT_SHOWN}: {', '.join(hidden)}. {_SLOW}")) if hidden else fit
+    return identify_linear(usable.parts, platform, remaining, **options), hidden

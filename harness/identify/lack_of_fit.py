@@ -12,17 +12,17 @@ distribution for white noise, which is simulated: the share of false alarms is t
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from gough_stewart.harness.identify.friction import travel_since_reversal
 from gough_stewart.harness.identify.noise import PartNoise, RowNoise, fitted_noise, noises_of, whitened_by
 from gough_stewart.harness.identify.regressor import INERTIAL, expanded, parameter_columns, states_of, unit_of
-from gough_stewart.harness.identify.rows import RowFit, tilt_directions
+from gough_stewart.harness.identify.row_model import RowFit, tilt_directions
+from gough_stewart.harness.identify.sticking_friction import travel_since_reversal
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -55,8 +55,8 @@ _CLOCK_OR_ARMATURE = "armature or clock"
 LEVEL = 0.05
 # What is left after an extension of the model is noise from this p-value on.
 FITS = 0.02
-# Draws of white noise at once, and the most; and the longest series that is simulated for the test of whiteness.
-_DRAWS, _MOST_DRAWS, _MOST_ROWS = 4000, 40_000, 800
+# Draws of white noise at once, and the most; the longest series that is simulated for the test of whiteness; its lags.
+_DRAWS, _MOST_DRAWS, _MOST_ROWS, _LAGS = 4000, 40_000, 400, 10
 # Singular values below this share of the column's own size are rounding errors.
 _NEGLIGIBLE = 1e-6
 # Effects of a family's size that are below this many standard deviations cannot be seen.
@@ -281,17 +281,6 @@ class Whitened:
         """Whitened columns of each family, in units of its sizes."""
         return {family.name: self.of(family.columns * family.sizes) for family in self.families}
 
-    @property
-    def levels(self) -> tuple[FloatArray, float]:
-        """Standard deviations of the raw forces (6,) [N] and RMS of those of the lengths [m], of the first log."""
-        (force, length), raw = self.noise.shares[self.parts[0].which], self.parts[0].raw
-        return np.sqrt(force) * raw.force, float(np.sqrt(length * (raw.length**2).mean()))
-
-    def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
-        """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
-        every = np.concatenate([self.fit.columns, columns, *(family.columns for family in self.families)], axis=2)
-        return replace(self, noise=fitted_noise(self.parts, every, residual, self.fit.used))
-
 
 class LackOfFit(NamedTuple):
     """The result of all tests."""
@@ -319,8 +308,8 @@ def lack_of_fit(
     left = residual - Q @ (Q.T @ residual)
     bases = {name: basis_of(X - Q @ (Q.T @ X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
     bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
-    every = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
-    U = basis_of(every, np.ones(every.shape[1]))
+    all_columns = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
+    U = basis_of(all_columns, np.ones(all_columns.shape[1]))
     rank, freedom = U.shape[1], int(used.sum()) - Q.shape[1] - U.shape[1]
     if freedom < max(rank, 1):
         return None
@@ -339,7 +328,7 @@ def lack_of_fit(
     p_values["whiteness"] = float(_simes(white[None])[0])
     observed = _simes(np.array([list(p_values.values())]))[0]
     rng, below, simulated = np.random.default_rng(0), 0, 0
-    legs = _whiteness_of_noise(min(int(used.sum() / 6), _MOST_ROWS))
+    legs = _whiteness_of_noise(int(np.clip(used.sum() / 6, 2 * _LAGS, _MOST_ROWS)))
     # until it is clear on which side of the level the p-value is
     while simulated < _MOST_DRAWS and abs(below - LEVEL * simulated) <= 4 * np.sqrt(LEVEL * simulated):
         drawn, variances = rng.standard_normal((_DRAWS, rank)), rng.chisquare(freedom, _DRAWS) / freedom
@@ -375,7 +364,7 @@ def _whiteness_of_noise(rows: int) -> FloatArray:
     return whiteness(series, np.ones_like(series))
 
 
-def whiteness(residuals: FloatArray, used: FloatArray, lags: int = 10) -> FloatArray:
+def whiteness(residuals: FloatArray, used: FloatArray, lags: int = _LAGS) -> FloatArray:
     """p-values (k,) that prewhitened residuals (n, k) are white: Σ_l (Σ_t r_t r_{t−l})²/(n_l s⁴) is χ²(lags).
 
     n_l is the number of pairs of rows that are used (n, k), about n − l [Ljung & Box, Biometrika 65(2), 1978].

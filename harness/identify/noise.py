@@ -10,7 +10,7 @@ matrix is banded. The shares s_F and s_L of each log are fitted by restricted ma
 Biometrika 58(3), 1971]: ℓ = −½ [log|V| + log|Xᵀ V⁻¹ X| + (n − k) log(rᵀ V⁻¹ r)].
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import minimize_scalar
 
-from gough_stewart.harness.identify.rows import RawNoise, Regression
+from gough_stewart.harness.identify.row_model import RawNoise, Regression
 from gough_stewart.model.vectors import FloatArray
 
 # The shares are fitted from so many windows of so many rows, spread over a log; more would hardly improve them.
@@ -94,8 +94,11 @@ class RowNoise(NamedTuple):
     shares: Mapping[int, tuple[float, float]]  # s_F, s_L of each log
 
     def of(self, which: int) -> tuple[float, float]:
-        """The shares of a log; of one that was not fitted, what the others have."""
-        return self.shares.get(which) or _usual(self.shares.values())
+        """The shares of a log; of one that was not fitted, the geometric means of the others."""
+        if which in self.shares:
+            return self.shares[which]
+        force, length = np.exp(np.log(list(self.shares.values())).mean(axis=0)).tolist()
+        return force, length
 
 
 def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArray:
@@ -119,7 +122,10 @@ def fitted_noise(parts: Sequence[PartNoise], columns: FloatArray, residual: Floa
         windows, rows = [], []
         for k in of_log:
             n = int(first[k + 1] - first[k])
-            for start, end in _windows(n, max(1, round(_WINDOWS * n / every))):
+            number = max(1, round(_WINDOWS * n / every))
+            starts = [int(n / number * (w + 0.5) - _ROWS_A_WINDOW / 2) for w in range(number)]
+            is_short = n <= number * _ROWS_A_WINDOW
+            for start, end in [(0, n)] if is_short else [(start, start + _ROWS_A_WINDOW) for start in starts]:
                 bands = (values[..., 6 * start : 6 * end] for values in parts[k][2:])
                 windows.append(PartNoise(log, parts[k].raw, *bands))
                 rows.append(np.arange(first[k] + start, first[k] + end))
@@ -128,22 +134,9 @@ def fitted_noise(parts: Sequence[PartNoise], columns: FloatArray, residual: Floa
             shares[log] = _fitted_shares(windows, columns[at], residual[at], used[at])
     if not shares:  # all are short
         shares[logs[0]] = _fitted_shares(parts, columns, residual, used)
-    shares = {log: shares.get(log) or _usual(shares.values()) for log in logs}
+    noise = RowNoise([], shares)
+    shares = {log: noise.of(log) for log in logs}
     return RowNoise([part.factor(*shares[part.which]) for part in parts], shares)
-
-
-def _usual(shares: Iterable[tuple[float, float]]) -> tuple[float, float]:
-    """Geometric means."""
-    force, length = np.exp(np.log(list(shares)).mean(axis=0)).tolist()
-    return force, length
-
-
-def _windows(rows: int, number: int) -> list[tuple[int, int]]:
-    """The first and the last row (exclusive) of windows that are spread over these rows; all rows if they are few."""
-    if rows <= number * _ROWS_A_WINDOW:
-        return [(0, rows)]
-    starts = [int(rows / number * (k + 0.5) - _ROWS_A_WINDOW / 2) for k in range(number)]
-    return [(start, start + _ROWS_A_WINDOW) for start in starts]
 
 
 def _fitted_shares(

@@ -27,7 +27,7 @@ from gough_stewart.harness.identify.regressor import (
     states_of,
     with_estimated,
 )
-from gough_stewart.harness.identify.rows import length_kernels, spacing_of
+from gough_stewart.harness.identify.row_model import length_kernels, spacing_of
 from gough_stewart.harness.identify.screen import noise_of
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.kernel import parameter_vector
@@ -90,28 +90,21 @@ def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None 
         share = np.sqrt(n / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
         regressors.append(share * clean)
         motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
-        noise = _of_noise(motion, platform, noise_of(part.length), length_kernels(h, row_cutoff))
-        added.append(share * np.sqrt(len(clean)) * noise)
+        sampled = motion[np.unique(np.linspace(0, len(motion) - 1, _ROWS_WITH_NOISE).astype(int))]
+        by_legs = force_derivatives(sampled, parameter_vector(platform), np.zeros((len(sampled), 6))).motion_by_legs
+        # columns of value, velocity and acceleration of one leg that together have the covariance of its noise
+        kernels, at_sampled = length_kernels(h, row_cutoff), regressor(platform, *states_of(sampled))
+        axes, noise = np.linalg.cholesky(kernels @ kernels.T), []
+        for leg, size in enumerate(noise_of(part.length)):
+            directions = size * by_legs[:, :, leg::6] @ axes
+            noise += [regressor(platform, *states_of(sampled + directions[:, :, k])) - at_sampled for k in range(3)]
+        added.append(share * np.sqrt(len(clean)) * (np.concatenate(noise) / np.sqrt(len(sampled))))
         forces.append(float(part.force.std(axis=0).mean()))
         velocities.append(float(np.sqrt((lengths[1] ** 2).mean())))
     if not regressors:
         return None
     force, velocity = float(np.mean(forces)), float(np.mean(velocities))
     return MotionRows(np.concatenate(regressors), np.concatenate(added), force, velocity)
-
-
-def _of_noise(motion: FloatArray, platform: Platform, noise: FloatArray, kernels: FloatArray) -> FloatArray:
-    """N (k, 6, SIZE): Nᵀ N is what noise of raw lengths (6,) [m] adds to Wᵀ W in a row of these motions."""
-    some = motion[np.unique(np.linspace(0, len(motion) - 1, _ROWS_WITH_NOISE).astype(int))]
-    by_legs = force_derivatives(some, parameter_vector(platform), np.zeros((len(some), 6))).motion_by_legs
-    # columns of value, velocity and acceleration of one leg that together have the covariance of its noise
-    axes = np.linalg.cholesky(kernels @ kernels.T)
-    clean = regressor(platform, *states_of(some))
-    rows = []
-    for leg in range(6):
-        directions = noise[leg] * by_legs[:, :, leg::6] @ axes
-        rows += [regressor(platform, *states_of(some + directions[:, :, k])) - clean for k in range(3)]
-    return np.asarray(np.concatenate(rows) / np.sqrt(len(some)))
 
 
 def identifiability(

@@ -60,6 +60,16 @@ def poses_of_log(
     return Poses(found, lengths, polars.DataFrame(columns))
 
 
+def pose_charts(along: Axis, position: FloatArray, orientation: FloatArray) -> list[Chart]:
+    """Positions (n, 3) [m] and angles (n, 3) [rad] along an axis."""
+    charts = []
+    for name, quantity, values, first in (("position", LENGTH, position, 0), ("orientation", ANGLE, orientation, 3)):
+        coordinates = enumerate(_COORDINATES[first : first + 3])
+        series = tuple(Series(axis, quantity, values[:, k], component=axis) for k, axis in coordinates)
+        charts.append(Chart(name, along, series, y=Axis(name, quantity), group="pose"))
+    return charts
+
+
 def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseConvention = OURS) -> Report:
     """The report of the poses of a log."""
     found, n, title = poses.found, len(poses.lengths), f"Poses of {platform.name}"
@@ -132,12 +142,7 @@ def poses_report(poses: Poses, log: Log, platform: Platform, convention: PoseCon
     )
     rows = np.unique(np.linspace(0, n - 1, _DRAWN).astype(int))
     along = Axis("row", COUNT, rows + 1.0) if log.time is None else time_axis(log.time[rows])
-    charts = []
-    for name, quantity, first in (("position", LENGTH, 0), ("orientation", ANGLE, 3)):
-        series = tuple(
-            Series(_COORDINATES[k], quantity, pose[rows, k], component=_COORDINATES[k]) for k in range(first, first + 3)
-        )
-        charts.append(Chart(name, along, series, y=Axis(name, quantity), group="pose"))
+    charts = pose_charts(along, pose[rows, :3], pose[rows, 3:])
     return Report(
         title,
         Verdict(sentence(parts), status, tuple(numbers)),

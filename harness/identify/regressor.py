@@ -23,7 +23,6 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.friction import friction_force
 from gough_stewart.model.interface import N_PARAMETERS, nearest
-from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     leg_accelerations,
@@ -346,18 +345,6 @@ def _equations() -> casadi.Function:
     blocks = [J, casadi.jacobian(G, m), casadi.jacobian(G, p), casadi.jacobian(h, m), by_joints]
     # without common subexpressions: finding them takes longer than they save
     return casadi.Function("equations", [m, p, F], [casadi.densify(block) for block in blocks])
-
-
-def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """The kernel's p (N_PARAMETERS,), and ∂p/∂θ (N_PARAMETERS, k) by elements of a platform.
-
-    p has friction as a common value times six factors; if a leg's own friction is an element, as 1 times six values.
-    """
-    of_each_leg: dict[str, Any] = {}
-    for stem in PER_LEG:
-        if any(name.startswith(f"{stem}[") for name in names):
-            of_each_leg |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
-    return parameter_vector(platform.with_parameters(of_each_leg)), parameter_columns(names)
 
 
 def parameter_columns(names: Sequence[str]) -> FloatArray:

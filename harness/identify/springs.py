@@ -24,10 +24,10 @@ from gough_stewart.harness.identify.estimate import (
     nominal_values,
     on_one_axis,
 )
-from gough_stewart.harness.identify.friction import resolved
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths, with_values
+from gough_stewart.harness.identify.sticking_friction import resolved
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform
@@ -138,45 +138,35 @@ def with_springs(
             springs, by_masses = _springs_of(parts, platform, wanted, nominal[at], cutoff, masses)
         except IdentificationError as error:
             return replace(whole, notes=(*whole.notes, str(error)))
-        whole = _merged(whole, springs, by_masses, masses)
+        # with their covariance with the masses, which make N
+        by_springs, of_masses = ([names.index(name) for name in fit.names] for fit in (springs, masses))
+        values, covariance = whole.values.copy(), whole.covariance.copy()
+        values[by_springs], scale[by_springs] = springs.values, springs.scale
+        mixed = by_masses @ np.nan_to_num(masses.covariance)
+        covariance[np.ix_(by_springs, of_masses)], covariance[np.ix_(of_masses, by_springs)] = mixed, mixed.T
+        without = [name in {*whole.not_excited, *whole.at_bound} - set(springs.names) for name in names]
+        covariance[without] = covariance[:, without] = np.nan
+        covariance[np.ix_(by_springs, by_springs)] = springs.covariance + mixed @ by_masses.T
+        directions = np.zeros((len(springs.names), len(names)))
+        directions[:, by_springs] = springs.directions
+        sigma = np.concatenate([whole.singular_values, springs.singular_values])
+        order = np.argsort(-sigma)
+        note = f"the legs' stretch is explained to {1e6 * float(springs.residuals.rms.max()):.2g} µm RMS"
+        whole = replace(
+            whole,
+            values=values,
+            covariance=covariance,
+            freedom=min(whole.freedom, springs.freedom),
+            scale=scale,
+            singular_values=sigma[order],
+            directions=np.concatenate([whole.directions, directions])[order],
+            rank=whole.rank + springs.rank,
+            not_excited=tuple(name for name in whole.not_excited if name not in springs.names),
+            notes=(*whole.notes, note),
+        )
     hidden = [name for name in wanted if name not in springs.names]
     note = f"not shown by this log, so without a number: {', '.join(hidden)}. {_FAST}"
     return replace(whole, notes=(*whole.notes, note)) if hidden else whole
-
-
-def _merged(whole: Estimate, springs: Estimate, by_masses: FloatArray, masses: Estimate) -> Estimate:
-    """The estimate of all names with the springs' values and their covariance with the masses, which make N.
-
-    `by_masses` is ∂(springs)/∂(masses) (q, p); 0 by elements without a variance.
-    """
-    names = whole.names
-    at, of_masses = ([names.index(name) for name in fit.names] for fit in (springs, masses))
-    values, covariance, scale = whole.values.copy(), whole.covariance.copy(), whole.scale.copy()
-    values[at], scale[at] = springs.values, springs.scale
-    known = np.nan_to_num(masses.covariance)
-    covariance[np.ix_(at, of_masses)] = by_masses @ known
-    covariance[np.ix_(of_masses, at)] = (by_masses @ known).T
-    lacking = {*whole.not_excited, *whole.at_bound} - set(springs.names)
-    without = [name in lacking for name in names]
-    covariance[without] = covariance[:, without] = np.nan
-    covariance[np.ix_(at, at)] = springs.covariance + by_masses @ known @ by_masses.T
-    directions = np.zeros((len(springs.names), len(names)))
-    directions[:, at] = springs.directions
-    sigma = np.concatenate([whole.singular_values, springs.singular_values])
-    order = np.argsort(-sigma)
-    note = f"the legs' stretch is explained to {1e6 * float(springs.residuals.rms.max()):.2g} µm RMS"
-    return replace(
-        whole,
-        values=values,
-        covariance=covariance,
-        freedom=min(whole.freedom, springs.freedom),
-        scale=scale,
-        singular_values=sigma[order],
-        directions=np.concatenate([whole.directions, directions])[order],
-        rank=whole.rank + springs.rank,
-        not_excited=tuple(name for name in whole.not_excited if name not in springs.names),
-        notes=(*whole.notes, note),
-    )
 
 
 def _springs_of(

@@ -21,7 +21,6 @@ from tests.support.uneven import UNEVEN
 NAMES = "platform_mass,platform_com,platform_inertia"
 ELEMENTS = ("platform_mass", *(f"platform_com[{k}]" for k in (1, 2, 3)))
 ELEMENTS += tuple(f"platform_inertia[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3"))
-_FREE = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max", "joint_angle_max")
 # The stroke is the only limit.
 PLATFORM = replace(
     UNEVEN,
@@ -29,7 +28,11 @@ PLATFORM = replace(
     leg_length_max=3.4,
     leg_viscous_friction=0.0,
     leg_coulomb_friction=0.0,
-    **dict.fromkeys(_FREE),
+    leg_velocity_max=None,
+    leg_acceleration_max=None,
+    actuator_force_max=None,
+    actuator_power_max=None,
+    joint_angle_max=None,
 )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gough_stewart import Platform, load_preset
-from gough_stewart.harness.identify.friction import StickingFriction, sliding_rows
+from gough_stewart.harness.identify.sticking_friction import StickingFriction, sliding_rows
 from tests.support.arrays import FloatArray
 from tests.support.sticking_logs import LEGS, Law
 

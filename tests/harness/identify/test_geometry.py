@@ -102,24 +102,17 @@ def gain(machine: Machine, found: Estimate, *, relative: bool = False) -> float:
     return pose_error(machine, NOMINAL, np.zeros(6), relative=relative) / after
 
 
-def test_sixty_poses_make_fresh_poses_twenty_times_as_exact() -> None:
-    """Expected: the figure that this project promises; the machine's own poses."""
+def test_sixty_poses_make_fresh_poses_twenty_times_as_exact_and_intervals_hold_the_truth_in_95_of_100() -> None:
+    """Expected: the figure that this project promises; 92 to 98 % of 30 logs with 42 numbers each."""
     machine = Machine()
     found = calibrated(machine.log(2))
     assert gain(machine, found) > 20
     assert found.rank == 42
     assert 0.9 < found.details["factor"] < 1.1
-
-
-def test_intervals_hold_the_truth_in_95_of_100() -> None:
-    """Expected: 92 to 98 % of 30 logs with 42 numbers each."""
-    machine = Machine(3)
-    accuracy = (ENCODER / np.sqrt(12), NOISE, None)
-    holds = []
+    machine, holds = Machine(3), []
     for seed in range(30):
-        found = calibrated(machine.log(seed), accuracy=accuracy, nominal_error=1.0)
-        low, high = found.interval.T
-        holds.append((low < machine.numbers) & (machine.numbers < high))
+        found = calibrated(machine.log(seed), accuracy=(ENCODER / np.sqrt(12), NOISE, None), nominal_error=1.0)
+        holds.append((found.interval[:, 0] < machine.numbers) & (machine.numbers < found.interval[:, 1]))
     assert 0.92 < np.mean(holds) < 0.98
 
 
@@ -136,7 +129,8 @@ def test_the_frames_of_a_tracker_are_found_of_any_target(missing: int, target: t
     position[:missing], angles[30 - missing :] = np.nan, np.nan
     log = replace(log, position=position, orientation=angles)
     frames = calibrated(log, ["leg_length_offset"], pose_frame="own").details["found"]
-    for name, value in {"X": X.as_matrix(), "Y": Y.as_matrix(), "X_t": X_T, "y": target}.items():
+    wanted: dict[str, Any] = {"X": X.as_matrix(), "Y": Y.as_matrix(), "X_t": X_T, "y": target}
+    for name, value in wanted.items():
         np.testing.assert_allclose(getattr(frames, name), value, atol=1e-3, err_msg=name)
 
 
@@ -182,18 +176,6 @@ def test_a_part_of_the_pose_calibrates_in_part(part: str, least: float) -> None:
     assert np.abs(few.directions[few.rank :] @ step).max() < 1e-9
     assert np.abs(few.directions[: few.rank] @ step).max() > 1e-4
     assert f"{few.rank} of 42 combinations are observable" in " ".join(few.notes)
-
-
-def test_some_names_are_found_while_the_others_stay() -> None:
-    """Expected: offsets of a machine whose joints are where they should be, to twice their standard errors or so."""
-    machine = Machine()
-    machine.base, machine.top = NOMINAL.base_points, NOMINAL.platform_points
-    found = calibrated(machine.log(7), ["leg_length_offset[2]", "leg_length_offset[5]"])
-    assert found.names == ("leg_length_offset[2]", "leg_length_offset[5]")
-    assert found.details["factor"] > 2  # four offsets are there that were not looked for
-    all_six = calibrated(machine.log(7), ["leg_length_offset"])
-    assert np.abs((all_six.values - machine.offset) / all_six.standard_errors).max() < 3.5
-    assert all_six.platform(NOMINAL) == NOMINAL
 
 
 @pytest.mark.parametrize(("row", "error", "has_angles"), [(16, 2e-3, True), (3, 1e-1, True), (29, 4e-3, False)])

@@ -29,7 +29,7 @@ def test_payload_com_and_friction_are_found_to_half_a_percent_a_millimetre_and_t
 def test_intervals_are_those_of_student_s_t_and_the_order_of_logs_does_not_matter() -> None:
     """Expected: the quantile of t of the rows less the parameters; shares of noise are those of both logs."""
     logs = [machine_log(course=Course(duration=6.0), seed=4), machine_log(course=OTHER, sensing=NOISY, seed=5)]
-    first, second = (identify(order, NOMINAL, "platform_mass,leg_viscous_friction") for order in (logs, logs[::-1]))
+    first, second = (identify(order, MACHINE, "platform_mass,leg_viscous_friction") for order in (logs, logs[::-1]))
     half = (first.interval[:, 1] - first.interval[:, 0]) / 2
     np.testing.assert_allclose(half, t.ppf(0.975, first.freedom) * first.standard_errors, rtol=1e-9)
     assert 500 < first.freedom < 6 * len(first.details["time"])
@@ -127,7 +127,7 @@ def test_units_are_not_doubted_between_a_third_and_three_times_and_times_may_be_
     """Expected: docs: lengths within a factor of 3 of home, forces within 50; no such log is refused for its units."""
     log = machine_log(course=Course(duration=4.0))
     coarse: Any = np.asarray(log.time).astype(np.float32).astype(float)
-    assert identify(replace(log, time=coarse), NOMINAL, "platform_mass").names == ("platform_mass",)
+    assert identify(replace(log, time=coarse), MACHINE, "platform_mass").names == ("platform_mass",)
     free = replace(NOMINAL, actuator_force_max=None)
     for length, force in ((0.35, 1 / 40), (2.9, 30.0)):
         legs = log.leg_length * np.where(np.arange(6) == 2, length, 1.0)
@@ -180,9 +180,9 @@ def test_names_mean_all_of_their_elements_in_order() -> None:
     log = machine_log(course=Course(Swing(frequency=0.4), duration=2.5, rate=500.0))
     inertia = tuple(f"platform_inertia[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3"))
     com = tuple(f"platform_com[{k}]" for k in (1, 2, 3))
-    assert identify(log, NOMINAL, [" platform_inertia ", "platform_com"]).names == (*inertia, *com)
+    assert identify(log, MACHINE, [" platform_inertia ", "platform_com"]).names == (*inertia, *com)
     legs = tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
-    estimate = identify(log, NOMINAL, "leg_coulomb_friction[1..6], base_tilt ,leg_viscous_friction[3]")
+    estimate = identify(log, MACHINE, "leg_coulomb_friction[1..6], base_tilt ,leg_viscous_friction[3]")
     assert estimate.names == (*legs, "base_tilt[1]", "base_tilt[2]", "leg_viscous_friction[3]")
     assert estimate["leg_coulomb_friction"].tolist() == estimate.values[:6].tolist()
     assert estimate["leg_viscous_friction[3]"].tolist() == [estimate.values[8]]

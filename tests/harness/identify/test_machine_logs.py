@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from gough_stewart import Acceleration, Platform, State, identify, inverse_dynamics
 from tests.support.machine_logs import (
@@ -37,19 +36,6 @@ def test_a_noiseless_log_has_the_forces_of_the_project_s_physics() -> None:
         np.testing.assert_allclose(force_of(log), expected, atol=1e-8 * np.abs(expected).max())
 
 
-def test_the_motion_s_rates_are_those_of_differences_and_it_starts_and_ends_at_rest() -> None:
-    """Expected: central differences of the pose; home, no velocity and no acceleration at both ends."""
-    swing, h = Swing(), 1e-5
-    time = np.linspace(0.05, 3.95, 40)
-    before, at, after = (swing.along(UNEVEN, time + e, 4.0) for e in (-h, 0.0, h))
-    np.testing.assert_allclose(at.rate, (after.q - before.q) / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(at.acceleration, (after.rate - before.rate) / (2 * h), atol=1e-6)
-    ends = swing.along(UNEVEN, np.array([-0.01, 0.0, 4.0, 4.01]), 4.0)
-    home = np.tile(np.r_[UNEVEN.home_position, UNEVEN.home_orientation], (4, 1))
-    np.testing.assert_allclose(ends.q, home, atol=1e-12)
-    np.testing.assert_allclose(np.r_[ends.rate, ends.acceleration], 0.0, atol=1e-12)
-
-
 def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() -> None:
     """Expected: 1 % noise within the filter's band, 10 to 11 N; without noise and reversals of legs, 1e-6 of forces."""
     estimate = identify(machine_log(), NOMINAL, NAMES)
@@ -60,20 +46,6 @@ def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() ->
     assert exact.residuals.rms.max() < 0.01
     np.testing.assert_allclose(exact["platform_mass"], MACHINE.platform_mass, rtol=1e-6)
     np.testing.assert_allclose(exact["platform_inertia"][[0, 1, 4]], [380.0, 12.0, 8.0], atol=0.02)
-
-
-@pytest.mark.parametrize("corner", [None, 2.0])
-def test_noise_has_its_size_and_colour(corner: float | None) -> None:
-    """Expected: 1 % of each leg's RMS; a correlation of exp(−2π f h) from row to row, 0 if white."""
-    course = Course(duration=20.0)
-    noisy = machine_log(UNEVEN, course, replace(NOISELESS, force_noise=0.01, coloured=corner), seed=3)
-    clean = machine_log(UNEVEN, course, NOISELESS)
-    noise = force_of(noisy) - force_of(clean)
-    noise /= np.sqrt((force_of(clean) ** 2).mean(axis=0))
-    # 240 independent pieces of coloured noise, 20,000 rows of white noise, of six legs
-    np.testing.assert_allclose(np.sqrt((noise**2).mean()), 0.01, rtol=0.15 if corner else 0.02)
-    correlation = (noise[1:] * noise[:-1]).mean() / (noise**2).mean()
-    np.testing.assert_allclose(correlation, np.exp(-2 * np.pi * 2.0 / 1000) if corner else 0.0, atol=0.02)
 
 
 def test_a_late_force_is_the_earlier_one_and_a_tilted_base_weighs_sideways() -> None:

@@ -10,7 +10,7 @@ from gough_stewart import Acceleration, Platform, inverse_dynamics, leg_geometry
 from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of, smoothed
 from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
 from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
-from gough_stewart.harness.identify.rows import RawNoise
+from gough_stewart.harness.identify.row_model import RawNoise
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, rates_of_legs
 from tests.support.arrays import FloatArray

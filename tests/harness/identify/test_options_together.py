@@ -3,7 +3,7 @@
 import json
 from dataclasses import replace
 from functools import cache
-from itertools import combinations, product
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -307,11 +307,3 @@ def _check_noise(found: dict[str, Any], row: dict[str, Any]) -> None:
 def _true(machine: gs.Platform, row: dict[str, Any], name: str) -> float:
     own = INSTRUMENTS[row["instruments"]]
     return own[name] + name.startswith("force_gain") if name in own else value_of(machine, name)
-
-
-def test_every_pair_of_values_is_in_a_row() -> None:
-    """Expected: counted, but for what the command does not have."""
-    for a, b in combinations(OPTIONS, 2):
-        met = {(str(row[a]), str(row[b])) for row in ROWS}
-        missing = {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b])} - met
-        assert missing <= {("20.0", "command")}

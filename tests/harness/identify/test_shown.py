@@ -18,12 +18,13 @@ from gough_stewart.harness.identify.estimate import (
     FILES,
     Diagnosis,
     Finding,
-    LackOfFit,
     Residuals,
     Unseen,
     identification_files,
 )
 from gough_stewart.harness.identify.estimate_report import estimate_report, estimate_tables
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
+from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Column, Table
 from tests.support.page_arrays import data_of, unpacked
@@ -359,53 +360,38 @@ def test_the_verdict_says_how_well_parameters_are_known(estimate: Estimate, stat
         assert (mass.low, mass.high) == pytest.approx((1516.9 - HALF[0], 1516.9 + HALF[0]))
 
 
-def _page(estimate: Estimate, more: tuple[Table, ...] = ()) -> tuple[str, dict[str, Any]]:
-    page = page_of(estimate_report(estimate, "my <base>", more))
-    return page.decode(), data_of(page)
-
-
-def test_the_page_has_the_numbers_that_its_charts_show() -> None:
-    text, data = _page(ESTIMATE, (Table("Before and after", (Column(""), Column("x")), (("row", 17.25),)),))
-    charts = {chart["title"]: chart for chart in data["charts"]}
-
-    def values(title: str, series: int = 0, name: str = "values") -> np.ndarray:
-        return unpacked(data["arrays"][charts[title]["series"][series][name]])
-
-    title = "change of the parameters, of their scale"
-    change = np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
-    assert charts[title]["x"]["labels"] == list(NAMES)
-    assert (charts[title]["y"]["unit"], charts[title]["y"]["factor"]) == ("%", 100.0)
-    assert_allclose(values(title), change, atol=1e-5)
-    known = np.isfinite(values(title, name="low"))
-    assert known.tolist() == [True, True, False, False, True]
-    half = (values(title, name="high") - values(title, name="low"))[known] / 2
-    assert_allclose(half, (HALF / ESTIMATE.scale)[known], atol=1e-5)
-    correlation = values("correlation of the estimates").reshape(5, 5)
-    assert correlation[1, 0] == pytest.approx(0.25, abs=1e-3)
+def test_charts_have_the_numbers_of_the_estimate_and_the_report_its_words() -> None:
+    report = estimate_report(ESTIMATE, "my base")
+    charts = {part.title: part for section in report.sections for part in section.parts if isinstance(part, Chart)}
+    change = charts["change of the parameters, of their scale"]
+    assert change.x.labels == NAMES
+    assert_allclose(change.series[0].values, [316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
+    low, high = (np.asarray(end) for end in (change.series[0].low, change.series[0].high))
+    assert_allclose((high - low) / 2, HALF / ESTIMATE.scale, rtol=1e-6)
+    correlation = charts["correlation of the estimates"].series[0].values
+    assert correlation[1, 0] == pytest.approx(0.25)
     assert np.isnan(correlation[1, 2])
-    assert_allclose(unpacked(data["arrays"][charts["force of leg 1"]["x"]["values"]]), _TIME, rtol=1e-6)
     for k in range(6):
-        for series, wanted in enumerate((_MEASURED, _FITTED)):
-            assert_allclose(values(f"force of leg {k + 1}", series), wanted[:, k], atol=1e-3)
+        force = charts[f"force of leg {k + 1}"]
+        assert_allclose(force.x.values, _TIME)
+        assert [series.quantity.unit for series in force.series] == ["N", "N"]
+        assert_allclose([series.values for series in force.series], [_MEASURED[:, k], _FITTED[:, k]])
         for name, model in (("identified", _FITTED), ("nominal", _BEFORE)):
-            assert_allclose(values(f"residuals, {name} platform", k), (_MEASURED - model)[:, k], atol=1e-3)
-    marks = charts["residuals, nominal platform"]["marks"]
-    assert [mark["value"] for mark in marks] == [7.5, 7.9, 8.1, 8.6]
-    assert charts["force of leg 1"]["y"]["unit"] == "N"
-    body = text[: text.index("<footer")]
-    assert "Parameters of my &lt;base&gt;" in body
-    assert "method linear" in body
-    notes = re.findall(r'<p class="note (\w+)">(?:<span[^>]*>!</span>)?(.*?)</p>', body)
-    # the alarm is the verdict, and not said twice
-    assert notes == [("note", "a &lt; note"), ("note", "another")]
-    assert "An &amp; alarm" in body[: body.index("<dl")]
-    for said in ("Before and after", "17.25", "1516.9", "not excited", "at its bound", "0.12", "24.5", "gain of leg 4"):
-        assert said in body
-    assert "intervals of 95 % if model and force gain are right" in text
-    # of poses there are no charts over time
-    text, data = _page(replace(ESTIMATE, details={"poses": 1}, notes=(), alarms=()))
-    assert not any(chart["isTime"] for chart in data["charts"])
-    assert '<p class="note' not in text
+            series = charts[f"residuals, {name} platform"].series[k]
+            assert_allclose(series.values, (_MEASURED - model)[:, k], atol=1e-12)
+    assert [mark.value for mark in charts["residuals, nominal platform"].marks] == [7.5, 7.9, 8.1, 8.6]
+    assert (report.title, report.study) == ("Parameters of my base", "identify")
+    assert report.lead == "method linear; intervals of 95 % if model and force gain are right"
+    assert [(note.text, note.kind) for note in report.notes] == [
+        ("a < note", "note"),
+        ("another", "note"),
+        ("an & alarm", "warning"),
+    ]
+    # of poses there are no charts over time, and none are made unless they are asked for
+    of_poses = estimate_report(replace(ESTIMATE, details={"poses": 1}), "my base")
+    parts = [part for section in of_poses.sections for part in section.parts]
+    assert not any(part.is_over_time for part in parts if isinstance(part, Chart))
+    assert [section.title for section in estimate_report(ESTIMATE, "my base", charts=False).sections] == ["Parameters"]
 
 
 def test_files_are_those_that_are_announced_and_the_platform_is_the_one_that_was_found(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ with viscous friction in φ, and v and d frozen at the middle of a part of the s
 and steady sliding are exact. ∂z/∂θ follows with it [model.friction; `leg_bristle` is z].
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -53,7 +53,7 @@ def resolved(platform: Platform) -> Platform:
     """The platform with its static friction as a number, if that is 0, which means Coulomb friction."""
     if not sticks(platform) or platform.leg_static_friction > 0:
         return platform
-    static = _law(platform, {}).static / platform.leg_coulomb_friction_factor
+    static = StickingFriction(platform, ()).law().static / platform.leg_coulomb_friction_factor
     return platform.unchecked({STICTION[0]: float(np.mean(static))})
 
 
@@ -66,9 +66,17 @@ class StickingFriction:
     # what was bent last, by the number of rows: each log's
     _last: dict[int, tuple[tuple[bytes, bytes, float], FloatArray]] = field(default_factory=dict, compare=False)
 
-    def law(self, values: FloatArray) -> Bristles:
+    def law(self, values: Sequence[float] | FloatArray = ()) -> Bristles:
         """The law at these values (q,), each of its fields (6,)."""
-        return _law(self.platform, dict(zip(self.names, values.tolist(), strict=True)))
+        known = dict(zip(self.names, map(float, values), strict=True))
+        changed: dict[str, Any] = {row.name: getattr(self.platform, row.name) for row in PHYSICAL}
+        if any(name.startswith(f"{COULOMB}[") for name in known):
+            legs = [f"{COULOMB}[{k}]" for k in range(1, 7)]
+            coulomb = np.array([known.get(leg, value_of(self.platform, leg)) for leg in legs])
+            changed |= {COULOMB: coulomb.mean(), f"{COULOMB}_factor": coulomb / coulomb.mean()}
+        changed |= {name: value for name, value in known.items() if "[" not in name}
+        law = law_of_bristles(Variant.of(self.platform), Parameters(**changed))
+        return Bristles(*(np.broadcast_to(np.asarray(part, dtype=float), (6,)) for part in law))
 
     def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
         """Deflections z [m] and ∂z/∂θ (j, 6, 1 + q) at rows with these velocities (j, 6) [m/s], unbent at the first."""
@@ -126,7 +134,7 @@ class StickingFriction:
 def unit_friction(platform: Platform, velocity: FloatArray, step: float) -> FloatArray:
     """Friction (j, 6) for unit Coulomb friction of each leg, by the platform's law."""
     friction = StickingFriction(platform, ())
-    return friction.force(np.zeros(0), velocity, step)[..., 0] / friction.law(np.zeros(0)).coulomb
+    return friction.force(np.zeros(0), velocity, step)[..., 0] / friction.law().coulomb
 
 
 def travel_since_reversal(velocity: FloatArray) -> FloatArray:
@@ -140,21 +148,9 @@ def travel_since_reversal(velocity: FloatArray) -> FloatArray:
 
 def sliding_rows(platform: Platform, velocity: FloatArray, step: float) -> FloatArray:
     """1 for rows (n, 6) at which a leg has slid some presliding distances since it reversed, else 0."""
-    law = _law(platform, {})
+    law = StickingFriction(platform, ()).law()
     least = _DISTANCES * law.static / law.stiffness
     return np.asarray(step * travel_since_reversal(velocity) > least, dtype=float)
-
-
-def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
-    """The platform's law with other values of some elements, each of its fields (6,)."""
-    changed: dict[str, Any] = {row.name: getattr(platform, row.name) for row in PHYSICAL}
-    if any(name.startswith(f"{COULOMB}[") for name in values):
-        legs = [f"{COULOMB}[{k}]" for k in range(1, 7)]
-        coulomb = np.array([values.get(leg, value_of(platform, leg)) for leg in legs])
-        changed |= {COULOMB: coulomb.mean(), f"{COULOMB}_factor": coulomb / coulomb.mean()}
-    changed |= {name: value for name, value in values.items() if "[" not in name}
-    law = law_of_bristles(Variant.of(platform), Parameters(**changed))
-    return Bristles(*(np.broadcast_to(np.asarray(part, dtype=float), (6,)) for part in law))
 
 
 @cache

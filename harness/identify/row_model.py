@@ -11,13 +11,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
-from gough_stewart.harness.identify.friction import COULOMB, StickingFriction, sliding_rows, sticks, unit_friction
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import (
     cutoff_of,
@@ -30,19 +29,28 @@ from gough_stewart.harness.identify.lowpass import (
 from gough_stewart.harness.identify.regressor import (
     ARMATURE,
     INERTIAL,
+    PER_LEG,
     ForceDerivatives,
     force_derivatives,
     friction_columns,
     gradient,
-    kernel_parameters,
     linear_parameters,
     motion_of_lengths,
+    parameter_columns,
     place_of,
     regressor,
     states_of,
     value_of,
     with_estimated,
 )
+from gough_stewart.harness.identify.sticking_friction import (
+    COULOMB,
+    StickingFriction,
+    sliding_rows,
+    sticks,
+    unit_friction,
+)
+from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -148,7 +156,8 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
     return Segment(
         part,
         part.time[at],
-        smoothed(part.force, h, cutoff, 1, 0, _lateness(part))[force_rows],
+        # a held force belongs to the middle of its sample
+        smoothed(part.force, h, cutoff, 1, 0, -h / 2 * part.holds_force)[force_rows],
         whole,
         cutoff,
         sliding,
@@ -162,11 +171,6 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
         per_unit.reshape(-1, 2, 6),
         velocity_rows,
     )
-
-
-def _lateness(part: Part) -> float:
-    """By how much a force is older than its row [s]: a held one belongs to the middle of its sample."""
-    return -part.step / 2 if part.holds_force else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,10 +202,10 @@ class Regression:
 
     def force_if_late(self, delay: float) -> FloatArray:
         """F (m, 6) [N] if the forces of the logs are late by this [s]."""
-        forces = [
-            smoothed(s.part.force, s.part.step, s.cutoff, 1, 0, _lateness(s.part) + delay)[s.force_rows]
-            for s in self.segments
-        ]
+        forces = []
+        for s in self.segments:
+            late = delay - s.part.step / 2 * s.part.holds_force
+            forces.append(smoothed(s.part.force, s.part.step, s.cutoff, 1, 0, late)[s.force_rows])
         return np.concatenate(forces)
 
     def rate(self, phi: FloatArray) -> FloatArray:
@@ -247,13 +251,8 @@ def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
 
 
 def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
-    """∂`tilted`/∂(α, β) (3, 2)."""
-    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
-    x, y, z = gravity
-    turned = sb * x + cb * z
-    by_beta_x, by_beta_z = -sb * x - cb * z, cb * x - sb * z
-    by_alpha = [0.0, -sa * y + ca * turned, -ca * y - sa * turned]
-    return np.array([by_alpha, [by_beta_x, sa * by_beta_z, ca * by_beta_z]]).T
+    """∂`tilted`/∂(α, β) (3, 2), by complex steps."""
+    return np.stack([tilted(gravity, tilt + 1e-30j * axis).imag / 1e-30 for axis in np.eye(2)], axis=-1)
 
 
 class RowModel:
@@ -272,10 +271,6 @@ class RowModel:
         self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
         self.linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
         self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
-
-    def extended(self, names: Sequence[str]) -> "RowModel":
-        """The model of further elements, too."""
-        return RowModel(self.regression, self.platform, self.elements, (*self.names, *names), self.friction)
 
     def instruments(self, values: FloatArray) -> Instruments:
         """The instruments; what of them is not estimated is right."""
@@ -387,9 +382,15 @@ def row_fit(
     """The fit at these values; derivatives of a fit nearby do."""
     force = model.force(values)
     if derivatives is None:
-        names = [model.names[k] for k in model.linear]
-        p, directions = kernel_parameters(model.platform, names)
-        p = p + directions @ (values[model.linear] - [value_of(model.platform, name) for name in names])
+        platform, names = model.platform, [model.names[k] for k in model.linear]
+        # the kernel has friction as a common value times six factors; that of single legs is 1 times six values
+        of_legs: dict[str, Any] = {}
+        for stem in PER_LEG:
+            if any(name.startswith(f"{stem}[") for name in names):
+                of_legs |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
+        nominal = [value_of(platform, name) for name in names]
+        p = parameter_vector(platform.with_parameters(of_legs))
+        p = p + parameter_columns(names) @ (values[model.linear] - nominal)
         derivatives = force_derivatives(model.regression.motion, p, model.smooth_force(values))
         if model.friction is not None:
             friction, law, legs = model.friction, values[model.bent], range(6)
