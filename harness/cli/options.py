@@ -35,9 +35,14 @@ class FmiVersion(StrEnum):
     fmi3 = "3.0"
 
 
-def option(explanation: str, metavar: str | None = None, *names: str, **more: Any) -> Any:
+def option(explanation: str, metavar: str | None = None, *names: str, default: Any = None, **more: Any) -> Any:
     """An option by its help and the word for its value; `names` where they differ from the parameter's."""
-    return typer.Option(*names, help=explanation, metavar=metavar, **more)
+    return typer.Option(default, *names, help=explanation, metavar=metavar, **more)
+
+
+def argument(explanation: str, metavar: str, *, default: Any = ..., **more: Any) -> Any:
+    """An argument by its help and the word for its value."""
+    return typer.Argument(default, help=explanation, metavar=metavar, **more)
 
 
 def choice(explanation: str, kind: Any, *names: str, **more: Any) -> Any:
@@ -85,10 +90,13 @@ def targets(begun: str) -> list[str]:
 PresetOption = Annotated[
     str | None,
     option(
-        "A platform that ships with the package; `gough-stewart presets` lists them.", "NAME", autocompletion=presets
+        "A platform that ships with the package; `gough-stewart presets` lists them.",
+        "NAME",
+        autocompletion=presets,
+        default=...,
     ),
 ]
-PlatformOption = Annotated[Path | None, option("Your own platform file, TOML.", "FILE", parser=path)]
+PlatformOption = Annotated[Path | None, option("Your own platform file, TOML.", "FILE", parser=path, default=...)]
 _EXPERIMENT: dict[str, Any] = {"metavar": "FILE.toml|NAME", "autocompletion": experiments}
 ExperimentArgument = Annotated[
     str,
@@ -103,42 +111,54 @@ PlainExperimentArgument = Annotated[
     str, typer.Argument(help="A TOML file, or the name of a shipped experiment.", **_EXPERIMENT)
 ]
 NoPythonOption = Annotated[
-    bool, option("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python")
+    bool,
+    option(
+        "Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python", default=...
+    ),
 ]
-FormerNameOption = Annotated[bool, option("The former name of --allow-unstable.", None, "--anyway", hidden=True)]
+FormerNameOption = Annotated[
+    bool, option("The former name of --allow-unstable.", None, "--anyway", hidden=True, default=...)
+]
 RotationOrderOption = Annotated[
     str,
     option(
-        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.",
-        "ORDER",
+        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.", "ORDER", default=...
     ),
 ]
 RotationAboutOption = Annotated[
-    RotationAbout, choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout)
+    RotationAbout, choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout, default=...)
 ]
 FrameOption = Annotated[
     str,
     option(
-        "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.", "FRAME"
+        "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.",
+        "FRAME",
+        default=...,
     ),
 ]
 PivotOption = Annotated[
     str,
-    option("The point whose position is written, in the axes of the platform [m].", "X,Y,Z"),
+    option("The point whose position is written, in the axes of the platform [m].", "X,Y,Z", default=...),
 ]
 LegLengthsOption = Annotated[
-    LegLengths, choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths)
+    LegLengths, choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths, default=...)
 ]
 ColumnOption = Annotated[
     list[str] | None,
-    option("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN"),
+    option("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN", default=...),
 ]
 SetOption = Annotated[
     list[str] | None,
-    option("Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set"),
+    option(
+        "Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set", default=...
+    ),
 ]
-SeedOption = Annotated[int, option("Seed of the random numbers; the same seed gives the same result.", "N", min=0)]
-FmiOption = Annotated[list[FmiVersion] | None, choice("Version of FMI; may be repeated. Default: both.", FmiVersion)]
+SeedOption = Annotated[
+    int, option("Seed of the random numbers; the same seed gives the same result.", "N", min=0, default=...)
+]
+FmiOption = Annotated[
+    list[FmiVersion] | None, choice("Version of FMI; may be repeated. Default: both.", FmiVersion, default=...)
+]
 TargetOption = Annotated[
     list[str] | None,
     option(
@@ -146,10 +166,13 @@ TargetOption = Annotated[
         "x86_64-darwin, aarch64-darwin; may be repeated.",
         "NAME",
         autocompletion=targets,
+        default=...,
     ),
 ]
 _FOLDER = "Folder for the files; created if needed."
-FolderOption = Annotated[Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
+FolderOption = Annotated[
+    Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder", default=...)
+]
 
 
 def out_option(default: str) -> Any:

@@ -1,7 +1,7 @@
 """A study is one declaration: a function with its options. What follows is the same for all, and done here.
 
     @study(numbers=("margins",), figures=("bode", "step"))
-    def margins_command(running: Running, experiment: ExperimentArgument, out: … = None) -> None:
+    def margins_command(running: Running, experiment: ExperimentArgument, out: Path | None = option(…)) -> None:
         '''What the help says.'''
         running.hold(folder, names_of_files)
         running.require(…, known_numbers)
@@ -25,7 +25,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -49,20 +49,17 @@ RECORDS = ("record.parquet", "record.csv")
 class ReportOptions:
     """The options that every study has."""
 
-    report: Annotated[bool, option("Also write report.html, a page for the browser.", None, "--report")] = False
-    figures: Annotated[bool, option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures")] = False
-    open_it: Annotated[bool, option("Open the page in the browser; implies --report.", None, "--open")] = False
-    as_json: Annotated[
-        bool, option("Write the report as data to the standard output, and nothing else there.", None, "--json")
-    ] = False
-    require: Annotated[
-        list[str] | None,
-        option(
-            "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be "
-            "repeated. Exit code 3 if it is not met, 4 if that is inconclusive.",
-            "CONDITION",
-        ),
-    ] = None
+    report: bool = option("Also write report.html, a page for the browser.", None, "--report", default=False)
+    figures: bool = option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures", default=False)
+    open_it: bool = option("Open the page in the browser; implies --report.", None, "--open", default=False)
+    as_json: bool = option(
+        "Write the report as data to the standard output, and nothing else there.", None, "--json", default=False
+    )
+    require: list[str] | None = option(
+        "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be repeated. Exit code 3 if it "
+        "is not met, 4 if that is inconclusive.",
+        "CONDITION",
+    )
 
 
 @dataclass

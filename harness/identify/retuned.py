@@ -15,7 +15,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import Number
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, FREQUENCY, NOTHING, NUMBER, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.terminal import tables_text
+from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.harness.results.run_report import run_numbers
@@ -50,7 +50,7 @@ class Compared:
 
     def __repr__(self) -> str:
         """The table, as text."""
-        return tables_text([self.table])
+        return text_of([self.table])
 
     @property
     def numbers(self) -> tuple[Number, ...]:

@@ -11,7 +11,7 @@ import gough_stewart as gs
 from gough_stewart import before_and_after, excite, load_preset
 from gough_stewart.harness.identify.excite import experiment_text, within_limits
 from gough_stewart.harness.motion.motion import Reference
-from gough_stewart.harness.report.terminal import tables_text
+from gough_stewart.harness.report.terminal import text_of
 from tests.support.information import with_changes
 from tests.support.lagrangian import Pose, forces_along
 from tests.support.uneven import UNEVEN
@@ -158,4 +158,4 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
         alpha = float(disk[0][k])
         assert float(disk[1][k]) == pytest.approx(20 * np.log10((2 + alpha) / (2 - alpha)), rel=1e-2)
         assert float(disk[2][k]) == pytest.approx(np.degrees(2 * np.arctan(alpha / 2)), rel=1e-2)
-    assert repr(found) == tables_text([table])
+    assert repr(found) == text_of([table])
