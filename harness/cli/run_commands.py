@@ -11,10 +11,10 @@ import typer
 
 from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
+from gough_stewart.harness.cli.console import Terminal, errors, progress_bar, warn
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
-from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, warn
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
