@@ -5,6 +5,7 @@ Commands import what they need inside their functions, so that --help and mistyp
 
 from collections.abc import Callable, Iterable
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -87,16 +88,15 @@ def targets(begun: str) -> list[str]:
     return [name for name in ("native", "all", *BY_NAME) if name.startswith(begun)]
 
 
+# Options of several commands state their defaults there.
+_shared, _shared_choice = partial(option, default=...), partial(choice, default=...)
 PresetOption = Annotated[
     str | None,
-    option(
-        "A platform that ships with the package; `gough-stewart presets` lists them.",
-        "NAME",
-        autocompletion=presets,
-        default=...,
+    _shared(
+        "A platform that ships with the package; `gough-stewart presets` lists them.", "NAME", autocompletion=presets
     ),
 ]
-PlatformOption = Annotated[Path | None, option("Your own platform file, TOML.", "FILE", parser=path, default=...)]
+PlatformOption = Annotated[Path | None, _shared("Your own platform file, TOML.", "FILE", parser=path)]
 _EXPERIMENT: dict[str, Any] = {"metavar": "FILE.toml|NAME", "autocompletion": experiments}
 ExperimentArgument = Annotated[
     str,
@@ -112,67 +112,52 @@ PlainExperimentArgument = Annotated[
 ]
 NoPythonOption = Annotated[
     bool,
-    option(
-        "Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python", default=...
-    ),
+    _shared("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python"),
 ]
-FormerNameOption = Annotated[
-    bool, option("The former name of --allow-unstable.", None, "--anyway", hidden=True, default=...)
-]
+FormerNameOption = Annotated[bool, _shared("The former name of --allow-unstable.", None, "--anyway", hidden=True)]
 RotationOrderOption = Annotated[
     str,
-    option(
-        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.", "ORDER", default=...
-    ),
+    _shared("Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.", "ORDER"),
 ]
 RotationAboutOption = Annotated[
-    RotationAbout, choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout, default=...)
+    RotationAbout, _shared_choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout)
 ]
 FrameOption = Annotated[
     str,
-    option(
-        "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.",
-        "FRAME",
-        default=...,
+    _shared(
+        "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.", "FRAME"
     ),
 ]
 PivotOption = Annotated[
     str,
-    option("The point whose position is written, in the axes of the platform [m].", "X,Y,Z", default=...),
+    _shared("The point whose position is written, in the axes of the platform [m].", "X,Y,Z"),
 ]
 LegLengthsOption = Annotated[
-    LegLengths, choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths, default=...)
+    LegLengths, _shared_choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths)
 ]
 ColumnOption = Annotated[
     list[str] | None,
-    option("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN", default=...),
+    _shared("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN"),
 ]
 SetOption = Annotated[
     list[str] | None,
-    option(
-        "Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set", default=...
-    ),
+    _shared("Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set"),
 ]
-SeedOption = Annotated[
-    int, option("Seed of the random numbers; the same seed gives the same result.", "N", min=0, default=...)
-]
+SeedOption = Annotated[int, _shared("Seed of the random numbers; the same seed gives the same result.", "N", min=0)]
 FmiOption = Annotated[
-    list[FmiVersion] | None, choice("Version of FMI; may be repeated. Default: both.", FmiVersion, default=...)
+    list[FmiVersion] | None, _shared_choice("Version of FMI; may be repeated. Default: both.", FmiVersion)
 ]
 TargetOption = Annotated[
     list[str] | None,
-    option(
+    _shared(
         "Target system: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
         "x86_64-darwin, aarch64-darwin; may be repeated.",
         "NAME",
         autocompletion=targets,
-        default=...,
     ),
 ]
 _FOLDER = "Folder for the files; created if needed."
-FolderOption = Annotated[
-    Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder", default=...)
-]
+FolderOption = Annotated[Path, _shared(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
 
 
 def out_option(default: str) -> Any:

@@ -138,8 +138,8 @@ class Running:
     ) -> None:
         """Refuse requirements of the command line on other numbers than these, before anything is computed.
 
-        Both are paths of numbers, or first words of paths; those `of_members` may be required of a share of them. Those
-        that are `absent` in this experiment, with the reason, are refused too.
+        `known` and `of_members` are paths of numbers, or their first words; those `of_members` may be required of a
+        share of them. Those that are `absent` in this experiment are refused with the reason.
         """
         self.of_members = of_members
         names = list(known)
