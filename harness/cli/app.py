@@ -10,7 +10,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from gough_stewart.harness.cli import design, logs, platforms, run, units
+from gough_stewart.harness.cli import logs, platforms
+from gough_stewart.harness.cli import loop_commands as loops
+from gough_stewart.harness.cli import run_commands as runs
+from gough_stewart.harness.cli import unit_commands as units
 from gough_stewart.harness.cli.exit_codes import ExitCode
 
 # Wrong usage of any kind; Typer carries a click of its own in some versions.
@@ -97,14 +100,11 @@ def _global(
 # By panel of the help, in its order.
 _COMMANDS: dict[str, list[Callable[..., None]]] = {
     "Platforms and experiments": [
-        platforms.presets_command,
-        platforms.experiments_command,
-        platforms.workspace_command,
+        *(platforms.presets_command, platforms.experiments_command, platforms.workspace_command),
     ],
-    "Runs": [run.live_command, run.run_command, run.serve_command, run.view_command],
+    "Runs": [runs.live_command, runs.run_command, runs.serve_command, runs.view_command],
     "Design": [
-        *(design.check_command, design.margins_command, design.frf_command, design.ensemble_command),
-        design.tune_command,
+        *(loops.check_command, loops.margins_command, loops.frf_command, loops.ensemble_command, loops.tune_command),
     ],
     "From logs": [logs.excite_command, logs.identify_command, logs.poses_command],
     "For other tools": [units.build_command, units.export_command],

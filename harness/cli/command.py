@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import typer
 
+from gough_stewart.harness.cli.console import Terminal, errors, warn
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.terminal import Terminal, errors, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
 

@@ -4,7 +4,7 @@ import shlex
 import warnings
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 
@@ -22,25 +22,24 @@ def excite_command(
     running: Running,
     preset: opt.PresetOption = None,
     platform: opt.PlatformOption = None,
-    estimate: Annotated[
-        str,
-        option(
-            "The parameters to identify.",
-            "NAME,…",
-            show_default="mass, com and inertia of the platform, friction of the legs",
-        ),
-    ] = "platform_mass,platform_com,platform_inertia,leg_viscous_friction,leg_coulomb_friction",
-    duration: Annotated[float, option("Duration of the motion [s].", "SECONDS")] = 20.0,
-    frequency: Annotated[float, option("Frequency of the first harmonic [Hz].", "HZ")] = 0.1,
-    harmonics: Annotated[int, option("Number of harmonics.", "N", min=1, max=100)] = 5,
-    fade: Annotated[float, option("Duration of the fade from rest and to rest [s].", "SECONDS")] = 1.0,
-    criterion: Annotated[
+    estimate: str = option(
+        "The parameters to identify.",
+        "NAME,…",
+        default="platform_mass,platform_com,platform_inertia,leg_viscous_friction,leg_coulomb_friction",
+        show_default="mass, com and inertia of the platform, friction of the legs",
+    ),
+    duration: float = option("Duration of the motion [s].", "SECONDS", default=20.0),
+    frequency: float = option("Frequency of the first harmonic [Hz].", "HZ", default=0.1),
+    harmonics: int = option("Number of harmonics.", "N", default=5, min=1, max=100),
+    fade: float = option("Duration of the fade from rest and to rest [s].", "SECONDS", default=1.0),
+    criterion: Criterion = choice(
+        "What to optimise: the determinant of the information, or the trace of its inverse.",
         Criterion,
-        choice("What to optimise: the determinant of the information, or the trace of its inverse.", Criterion),
-    ] = "determinant",
-    trials: Annotated[int, option("Number of motions from which the search starts.", "N", min=1)] = 2,
+        default="determinant",
+    ),
+    trials: int = option("Number of motions from which the search starts.", "N", default=2, min=1),
     seed: opt.SeedOption = 0,
-    out: Annotated[Path | None, opt.out_option("results/excite_NAME, after the platform")] = None,
+    out: Path | None = opt.out_option("results/excite_NAME, after the platform"),
 ) -> None:
     """Design a motion for the identification of parameters: a finite Fourier series within all limits.
 
@@ -85,26 +84,21 @@ def excite_command(
 @study(figures=("pose",))
 def poses_command(
     running: Running,
-    log: Annotated[
-        Path,
-        typer.Argument(help="A CSV or Parquet file, or the folder of a record.", metavar="LOG", parser=opt.path),
-    ],
+    log: Path = opt.argument("A CSV or Parquet file, or the folder of a record.", "LOG", parser=opt.path),
     preset: opt.PresetOption = None,
     platform: opt.PlatformOption = None,
     leg_lengths: opt.LegLengthsOption = "absolute",
     column: opt.ColumnOption = None,
-    rotation_order: Annotated[
-        str,
-        opt.option(
-            "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what is "
-            "written, quaternion.",
-            "ORDER",
-        ),
-    ] = "XYZ",
+    rotation_order: str = opt.option(
+        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ; or, of what"
+        " is written, quaternion.",
+        "ORDER",
+        default="XYZ",
+    ),
     rotation_about: opt.RotationAboutOption = "fixed",
     frame: opt.FrameOption = "z_up",
     pivot: opt.PivotOption = "0,0,0",
-    out: Annotated[Path | None, opt.out_option("results/poses_NAME, after the log")] = None,
+    out: Path | None = opt.out_option("results/poses_NAME, after the log"),
 ) -> None:
     """Compute the poses of a log of leg lengths, as from encoders, by forward kinematics.
 
@@ -147,73 +141,58 @@ PoseFrame = Literal["world", "own"]
 @study(figures=("parameters", "fit", "residuals"))
 def identify_command(
     running: Running,
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            help="A CSV or Parquet file, or the folder of a record; several of one machine are fitted at once.",
-            metavar="LOG",
-            parser=opt.path,
-        ),
-    ],
-    estimate: Annotated[str, option("Parameters to estimate, separated by commas; NAME[1..6] for each leg.", "NAME,…")],
+    logs: list[Path] = opt.argument(
+        "A CSV or Parquet file, or the folder of a record; several of one machine are fitted at once.",
+        "LOG",
+        parser=opt.path,
+    ),
+    estimate: str = option(
+        "Parameters to estimate, separated by commas; NAME[1..6] for each leg.", "NAME,…", default=...
+    ),
     preset: opt.PresetOption = None,
     platform: opt.PlatformOption = None,
-    method: Annotated[Method, choice("Method of estimation.", Method)] = "linear",
-    force_per_current: Annotated[
-        float | None, option("Force per current of each motor [N/A], for logs with motor_current[1..6].", "FACTOR")
-    ] = None,
-    holds_force: Annotated[
-        bool,
-        option(
-            "Forces are commands of a sampled controller: each acts from its row to the next. Without it, forces "
-            "are readings at the times of their rows. Records of `run` say so themselves.",
-            None,
-            "--holds-force",
-        ),
-    ] = False,
-    side: Annotated[
-        Side | None,
-        choice(
-            "Of elastic legs, where leg_length was measured. Records of `run` say so themselves; columns "
-            "motor_position[1..6] are the motors'.",
-            Side,
-            show_default="leg",
-        ),
-    ] = None,
-    validate: Annotated[
-        list[Path] | None,
-        option(
-            "A log of the same machine that validates the fit and is not fitted; may be repeated. Then all of the "
-            "other logs is fitted.",
-            "LOG",
-            parser=opt.path,
-        ),
-    ] = None,
-    validation: Annotated[
-        float | None,
-        option("Share of each log, at its end, that validates the fit and is not fitted.", "SHARE", show_default="0.2"),
-    ] = None,
-    pose_frame: Annotated[
-        PoseFrame | None,
-        choice("Frame of measured poses: world, or the tracker's own, at any unknown pose.", PoseFrame),
-    ] = None,
+    method: Method = choice("Method of estimation.", Method, default="linear"),
+    force_per_current: float | None = option(
+        "Force per current of each motor [N/A], for logs with motor_current[1..6].", "FACTOR"
+    ),
+    holds_force: bool = option(
+        "Forces are commands of a sampled controller: each acts from its row to the next. Without it, forces "
+        "are readings at the times of their rows. Records of `run` say so themselves.",
+        None,
+        "--holds-force",
+        default=False,
+    ),
+    side: Side | None = choice(
+        "Of elastic legs, where leg_length was measured. Records of `run` say so themselves; columns "
+        "motor_position[1..6] are the motors'.",
+        Side,
+        show_default="leg",
+    ),
+    validate: list[Path] | None = option(
+        "A log of the same machine that validates the fit and is not fitted; may be repeated. Then all of the"
+        " other logs is fitted.",
+        "LOG",
+        parser=opt.path,
+    ),
+    validation: float | None = option(
+        "Share of each log, at its end, that validates the fit and is not fitted.", "SHARE", show_default="0.2"
+    ),
+    pose_frame: PoseFrame | None = choice(
+        "Frame of measured poses: world, or the tracker's own, at any unknown pose.", PoseFrame
+    ),
     column: opt.ColumnOption = None,
     rotation_order: opt.RotationOrderOption = "XYZ",
     rotation_about: opt.RotationAboutOption = "fixed",
     frame: opt.FrameOption = "z_up",
     pivot: opt.PivotOption = "0,0,0",
-    experiment: Annotated[
-        str | None,
-        option(
-            "Run this experiment with the nominal platform and with the identified one, and compare errors and "
-            "margins.",
-            "FILE.toml|NAME",
-            autocompletion=opt.experiments,
-        ),
-    ] = None,
+    experiment: str | None = option(
+        "Run this experiment with the nominal platform and with the identified one, and compare errors and margins.",
+        "FILE.toml|NAME",
+        autocompletion=opt.experiments,
+    ),
     settings: opt.SetOption = None,
     no_python: opt.NoPythonOption = False,
-    out: Annotated[Path | None, opt.out_option("results/identify_NAME, after the log")] = None,
+    out: Path | None = opt.out_option("results/identify_NAME, after the log"),
 ) -> None:
     """Identify parameters of a platform from logs of time, leg lengths and forces, with their uncertainty.
 

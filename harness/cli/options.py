@@ -5,13 +5,14 @@ Commands import what they need inside their functions, so that --help and mistyp
 
 from collections.abc import Callable, Iterable
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
 from gough_stewart.harness.cli.command import wrong_use_if
-from gough_stewart.harness.cli.terminal import errors, warn
+from gough_stewart.harness.cli.console import errors, warn
 from gough_stewart.harness.errors import ExperimentError, UsageError
 from gough_stewart.model.errors import PlatformFileError
 
@@ -35,9 +36,14 @@ class FmiVersion(StrEnum):
     fmi3 = "3.0"
 
 
-def option(explanation: str, metavar: str | None = None, *names: str, **more: Any) -> Any:
+def option(explanation: str, metavar: str | None = None, *names: str, default: Any = None, **more: Any) -> Any:
     """An option by its help and the word for its value; `names` where they differ from the parameter's."""
-    return typer.Option(*names, help=explanation, metavar=metavar, **more)
+    return typer.Option(default, *names, help=explanation, metavar=metavar, **more)
+
+
+def argument(explanation: str, metavar: str, *, default: Any = ..., **more: Any) -> Any:
+    """An argument by its help and the word for its value."""
+    return typer.Argument(default, help=explanation, metavar=metavar, **more)
 
 
 def choice(explanation: str, kind: Any, *names: str, **more: Any) -> Any:
@@ -82,13 +88,15 @@ def targets(begun: str) -> list[str]:
     return [name for name in ("native", "all", *BY_NAME) if name.startswith(begun)]
 
 
+# Options of several commands state their defaults there.
+_shared, _shared_choice = partial(option, default=...), partial(choice, default=...)
 PresetOption = Annotated[
     str | None,
-    option(
+    _shared(
         "A platform that ships with the package; `gough-stewart presets` lists them.", "NAME", autocompletion=presets
     ),
 ]
-PlatformOption = Annotated[Path | None, option("Your own platform file, TOML.", "FILE", parser=path)]
+PlatformOption = Annotated[Path | None, _shared("Your own platform file, TOML.", "FILE", parser=path)]
 _EXPERIMENT: dict[str, Any] = {"metavar": "FILE.toml|NAME", "autocompletion": experiments}
 ExperimentArgument = Annotated[
     str,
@@ -103,45 +111,45 @@ PlainExperimentArgument = Annotated[
     str, typer.Argument(help="A TOML file, or the name of a shipped experiment.", **_EXPERIMENT)
 ]
 NoPythonOption = Annotated[
-    bool, option("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python")
+    bool,
+    _shared("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python"),
 ]
-FormerNameOption = Annotated[bool, option("The former name of --allow-unstable.", None, "--anyway", hidden=True)]
+FormerNameOption = Annotated[bool, _shared("The former name of --allow-unstable.", None, "--anyway", hidden=True)]
 RotationOrderOption = Annotated[
     str,
-    option(
-        "Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.",
-        "ORDER",
-    ),
+    _shared("Order of the rotations about x, y and z, such as ZYX; an axis may come twice, as in ZXZ.", "ORDER"),
 ]
 RotationAboutOption = Annotated[
-    RotationAbout, choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout)
+    RotationAbout, _shared_choice("Axes of the rotations: fixed, or moving with the platform.", RotationAbout)
 ]
 FrameOption = Annotated[
     str,
-    option(
+    _shared(
         "Frame of the poses: z_up; z_down, y to the right; or its axes in those of this project, as in y,x,-z.", "FRAME"
     ),
 ]
 PivotOption = Annotated[
     str,
-    option("The point whose position is written, in the axes of the platform [m].", "X,Y,Z"),
+    _shared("The point whose position is written, in the axes of the platform [m].", "X,Y,Z"),
 ]
 LegLengthsOption = Annotated[
-    LegLengths, choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths)
+    LegLengths, _shared_choice("What leg_length is: absolute lengths, or changes from those at home.", LegLengths)
 ]
 ColumnOption = Annotated[
     list[str] | None,
-    option("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN"),
+    _shared("A column by another name, as in 'leg_length[1]=S1 [mm]'; may be repeated.", "NAME=COLUMN"),
 ]
 SetOption = Annotated[
     list[str] | None,
-    option("Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set"),
+    _shared("Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set"),
 ]
-SeedOption = Annotated[int, option("Seed of the random numbers; the same seed gives the same result.", "N", min=0)]
-FmiOption = Annotated[list[FmiVersion] | None, choice("Version of FMI; may be repeated. Default: both.", FmiVersion)]
+SeedOption = Annotated[int, _shared("Seed of the random numbers; the same seed gives the same result.", "N", min=0)]
+FmiOption = Annotated[
+    list[FmiVersion] | None, _shared_choice("Version of FMI; may be repeated. Default: both.", FmiVersion)
+]
 TargetOption = Annotated[
     list[str] | None,
-    option(
+    _shared(
         "Target system: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
         "x86_64-darwin, aarch64-darwin; may be repeated.",
         "NAME",
@@ -149,7 +157,7 @@ TargetOption = Annotated[
     ),
 ]
 _FOLDER = "Folder for the files; created if needed."
-FolderOption = Annotated[Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
+FolderOption = Annotated[Path, _shared(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
 
 
 def out_option(default: str) -> Any:

@@ -2,23 +2,21 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import typer
 
 from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
+from gough_stewart.harness.cli.console import Terminal, errors
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
-from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import ExperimentError, MissedError, UsageError
 from gough_stewart.model.errors import PlatformFileError, WorkspaceError
 
 
 def presets_command(
-    name: Annotated[
-        str | None, typer.Argument(help="Print this preset's TOML file.", metavar="NAME", autocompletion=opt.presets)
-    ] = None,
+    name: str | None = opt.argument("Print this preset's TOML file.", "NAME", default=None, autocompletion=opt.presets),
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
@@ -50,10 +48,9 @@ def presets_command(
 
 
 def experiments_command(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Print this experiment's TOML file.", metavar="NAME", autocompletion=opt.experiments),
-    ] = None,
+    name: str | None = opt.argument(
+        "Print this experiment's TOML file.", "NAME", default=None, autocompletion=opt.experiments
+    ),
 ) -> None:
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
@@ -81,23 +78,18 @@ def workspace_command(
     running: Running,
     preset: opt.PresetOption = None,
     platform: opt.PlatformOption = None,
-    over: Annotated[
-        str | None,
-        option(
-            "Two coordinates to sweep, or three for a volume: x, y, z, roll, pitch, yaw; with a range, as in "
-            "x=-1:1, or without, to find it automatically. Default: x,y; roll,pitch if no leg_length_max is stated.",
-            "NAME[=LOW:HIGH],…",
-        ),
-    ] = None,
-    at: Annotated[
-        list[str] | None,
-        option(
-            "Fix another coordinate, such as z=2.9 or pitch=5deg; may be repeated. Default: its value at home.",
-            "NAME=VALUE",
-        ),
-    ] = None,
-    points: Annotated[int | None, option("Points per swept coordinate. Default: 101; 31 for a volume.", "N")] = None,
-    out: Annotated[Path | None, opt.out_option("results/workspace_NAME, after the platform")] = None,
+    over: str | None = option(
+        "Two coordinates to sweep, or three for a volume: x, y, z, roll, pitch, yaw; with a range, as in "
+        "x=-1:1, or without, to find it automatically. Default: x,y; roll,pitch if no leg_length_max is "
+        "stated.",
+        "NAME[=LOW:HIGH],…",
+    ),
+    at: list[str] | None = option(
+        "Fix another coordinate, such as z=2.9 or pitch=5deg; may be repeated. Default: its value at home.",
+        "NAME=VALUE",
+    ),
+    points: int | None = option("Points per swept coordinate. Default: 101; 31 for a volume.", "N"),
+    out: Path | None = opt.out_option("results/workspace_NAME, after the platform"),
 ) -> None:
     """Map the reachable poses of the platform, its conditioning and its strength.
 
@@ -179,15 +171,12 @@ Order = Literal["plus-first", "minus-first"]
 @study(numbers=("case", "agreement"))
 def reproduce_command(
     running: Running,
-    out: Annotated[Path | None, opt.out_option("results/reproduce_NAME, after the platform")] = None,
-    order: Annotated[
-        Order | None,
-        choice(
-            "Reading of the ± in the paper's appendix: legs 1, 3, 5 have the + joints (default) or the − "
-            "joints. Only with the preset liu2000.",
-            Order,
-        ),
-    ] = None,
+    out: Path | None = opt.out_option("results/reproduce_NAME, after the platform"),
+    order: Order | None = choice(
+        "Reading of the ± in the paper's appendix: legs 1, 3, 5 have the + joints (default) or the − joints. "
+        "Only with the preset liu2000.",
+        Order,
+    ),
     preset: opt.PresetOption = None,
     platform: opt.PlatformOption = None,
 ) -> None:

@@ -1,7 +1,7 @@
 """A study is one declaration: a function with its options. What follows is the same for all, and done here.
 
     @study(numbers=("margins",), figures=("bode", "step"))
-    def margins_command(running: Running, experiment: ExperimentArgument, out: … = None) -> None:
+    def margins_command(running: Running, experiment: ExperimentArgument, out: Path | None = option(…)) -> None:
         '''What the help says.'''
         running.hold(folder, names_of_files)
         running.require(…, known_numbers)
@@ -25,14 +25,14 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from gough_stewart.harness.cli.command import Command, clear_errors
+from gough_stewart.harness.cli.console import Terminal, diverted, errors, progress_bar, warn
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
-from gough_stewart.harness.cli.terminal import Terminal, diverted, errors, progress_bar, warn
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -49,20 +49,17 @@ RECORDS = ("record.parquet", "record.csv")
 class ReportOptions:
     """The options that every study has."""
 
-    report: Annotated[bool, option("Also write report.html, a page for the browser.", None, "--report")] = False
-    figures: Annotated[bool, option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures")] = False
-    open_it: Annotated[bool, option("Open the page in the browser; implies --report.", None, "--open")] = False
-    as_json: Annotated[
-        bool, option("Write the report as data to the standard output, and nothing else there.", None, "--json")
-    ] = False
-    require: Annotated[
-        list[str] | None,
-        option(
-            "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be "
-            "repeated. Exit code 3 if it is not met, 4 if that is inconclusive.",
-            "CONDITION",
-        ),
-    ] = None
+    report: bool = option("Also write report.html, a page for the browser.", None, "--report", default=False)
+    figures: bool = option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures", default=False)
+    open_it: bool = option("Open the page in the browser; implies --report.", None, "--open", default=False)
+    as_json: bool = option(
+        "Write the report as data to the standard output, and nothing else there.", None, "--json", default=False
+    )
+    require: list[str] | None = option(
+        "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be repeated. Exit code 3 if it "
+        "is not met, 4 if that is inconclusive.",
+        "CONDITION",
+    )
 
 
 @dataclass
@@ -141,8 +138,8 @@ class Running:
     ) -> None:
         """Refuse requirements of the command line on other numbers than these, before anything is computed.
 
-        Both are paths of numbers, or first words of paths; those `of_members` may be required of a share of them. Those
-        that are `absent` in this experiment, with the reason, are refused too.
+        `known` and `of_members` are paths of numbers, or their first words; those `of_members` may be required of a
+        share of them. Those that are `absent` in this experiment are refused with the reason.
         """
         self.of_members = of_members
         names = list(known)

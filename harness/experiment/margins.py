@@ -119,11 +119,11 @@ def absent_numbers(experiment: Experiment) -> dict[str, str]:
         why = "an open loop has no margins" if kind == "open_loop" else "an FMU has no transfer function"
         return dict.fromkeys(PATHS, f"{why}; choose an experiment with another controller")
     believed, machine = platforms_of(experiment)
-    some = [
+    missing = [
         *(["margins.believed"] if machine == believed else []),
         *([] if machine.leg_stiffness > 0 else ["structure"]),
     ]
-    return {path: _ONLY_SOME[name] for name in some for path in PATHS if path.startswith(name)}
+    return {path: _ONLY_SOME[name] for name in missing for path in PATHS if path.startswith(name)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,7 +16,7 @@ import numpy as np
 from markupsafe import Markup
 
 from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Scene, Series, Surface
-from gough_stewart.harness.report.document import Number, Part, Report, Section
+from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, bokeh_licence, document, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.palette import (
@@ -342,13 +342,6 @@ def _sort_value(cell: Cell) -> str:
     return Markup(f' data-value="{float(value)!r}"') if is_number else ""  # type: ignore[arg-type]
 
 
-def _split_unit(number: Number) -> tuple[str, str]:
-    if not number.quantity.unit or number.value is None:
-        return number.text, ""
-    value, _, unit = number.text.rpartition(" ")
-    return value, unit
-
-
 def _link(file: str, text: str) -> Markup:
     """A link to a file in the page's folder, whose name may have marks of URLs; only the text of a path out of it."""
     is_inside = not file.startswith("/") and ".." not in file.split("/")
@@ -366,6 +359,5 @@ TEMPLATES.filters |= {
     "titles": _titles,
     "sides": _sides,
     "sort_value": _sort_value,
-    "split_unit": _split_unit,
     "link": _link,
 }

@@ -228,11 +228,3 @@ def members_to_tell(
         middle = (low + high) // 2
         low, high = (low, middle) if tells(middle) else (middle, high)
     return high * block
-
-
-def _result(
-    wanted: Required, number: Number, status: Verdicts, value: float | None, bound: float, note: str
-) -> Requirement:
-    # the bound says how finely to tell
-    quantity, margin = number.quantity.telling(bound), wanted.margin(value, bound)
-    return Requirement(wanted.text, wanted.path, number.name, status, value, bound, quantity, margin, note)

@@ -3,8 +3,7 @@
 Charts, scenes and details are for the page. Without a terminal there are no colours, and the verdict is one line.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
 from io import StringIO
 from typing import TYPE_CHECKING
 
@@ -35,21 +34,15 @@ def show(report: Report, console: Console) -> None:
     console.print(Group(*_parts(report)))
 
 
-def text_of(report: Report, width: int = 100) -> str:
-    """The same as text without colours."""
-    return _captured(partial(show, report), width)
-
-
-def tables_text(tables: Sequence[Table], width: int = 100) -> str:
-    """Tables as text without colours."""
-    return _captured(lambda console: console.print(Group(*map(TerminalTable, tables))), width)
-
-
-def _captured(draw: Callable[[Console], None], width: int) -> str:
+def text_of(shown: Report | Sequence[Table], width: int = 100) -> str:
+    """A report, or tables, as text without colours."""
     console = Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
-    with console.capture() as shown:
-        draw(console)
-    return "\n".join(line.rstrip() for line in shown.get().splitlines())
+    with console.capture() as printed:
+        if isinstance(shown, Report):
+            show(shown, console)
+        else:
+            console.print(Group(*map(TerminalTable, shown)))
+    return "\n".join(line.rstrip() for line in printed.get().splitlines())
 
 
 def _parts(report: Report) -> Iterable["RenderableType"]:
@@ -110,8 +103,7 @@ class TerminalTable:
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
         heads = table.heads
-        texts = [row_texts(table, k) for k in range(shown)]
-        columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(heads)]
+        columns = [(head, *(row[k] for row in table.shown[:shown])) for k, head in enumerate(heads)]
         if table.title:
             yield Text(table.title, "bold")
         for part in stacked_columns(columns, options.max_width):
@@ -119,20 +111,16 @@ class TerminalTable:
             for k, width in part:
                 is_number = k > 0 and heads[k] != "" and is_at_right([row[k] for row in table.rows], columns[k][1:])
                 rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
-            for number, row in enumerate(texts):
-                rows.add_row(*(row[k] for k, _ in part), end_section=number in table.group_ends)
+            for number in range(shown):
+                cells = [Text(columns[k][number + 1]) for k, _ in part]
+                if unit := table.shared_unit(number):
+                    cells[0].stylize("dim", len(cells[0]) - len(unit))
+                rows.add_row(*cells, end_section=number in table.group_ends)
             yield rows
         if shown < len(table.rows):
             yield Text(f"… {len(table.rows) - shown} more on the page", "dim")
         if table.note:
             yield Text(table.note, "dim")
-
-
-def row_texts(table: Table, index: int) -> list[Text]:
-    """The cells of a row; a unit that all its numbers share stands beside its first cell."""
-    unit = table.shared_unit(index)
-    texts = [Text(text) for text in table.texts(index, units=not unit)]
-    return [Text.assemble(texts[0], " ", (unit, "dim")), *texts[1:]] if unit else texts
 
 
 def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[tuple[int, int]]]:

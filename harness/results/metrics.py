@@ -26,9 +26,9 @@ class Metrics(dict[str, Any]):
 
     def __str__(self) -> str:
         """The tables that `gough-stewart run` prints."""
-        from gough_stewart.harness.report.terminal import tables_text
+        from gough_stewart.harness.report.terminal import text_of
 
-        return "\n".join([*self._remarks(), tables_text(metrics_tables(self))])
+        return "\n".join([*self._remarks(), text_of(metrics_tables(self))])
 
     def _repr_html_(self) -> str:
         from gough_stewart.harness.report.page import table_to_html

@@ -102,19 +102,14 @@ def view(
 
 
 def _labels(records: Sequence[Shown]) -> list[str]:
-    """Names of files as on the command line; for other records their titles, numbered if they are equal."""
-    of_files = iter(names_of([Path(item) for item in records if not isinstance(item, Record)]))
+    """Names of folders, or paths if these are equal; for other records their titles, numbered if they are equal."""
+    paths = [Path(item) for item in records if not isinstance(item, Record)]
+    folders = [(path.absolute() if path.is_dir() else path.absolute().parent).name for path in paths]
+    of_files = iter(folders if len(set(folders)) == len(folders) else map(str, paths))
     names = [
         str(item.metadata.get("title", "record")) if isinstance(item, Record) else next(of_files) for item in records
     ]
     return [f"{name} ({k + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)]
-
-
-def names_of(paths: Sequence[Path]) -> list[str]:
-    """Names for the records of these files: the names of their folders if those differ, otherwise their paths."""
-    folders = [path.absolute() if path.is_dir() else path.absolute().parent for path in paths]
-    names = [folder.name for folder in folders]
-    return names if len(set(names)) == len(names) else [str(path) for path in paths]
 
 
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> bytes:
@@ -159,7 +154,14 @@ def comparison_report(records: Sequence[Record], runs: Sequence[DrawnRun], title
     names, measured = tuple(run.name for run in runs), [metrics(record) for record in records]
     first, others = run_charts(runs)
     fineness = min(fineness_of(run.machine) for run in runs)
-    settings = differing_settings(records)
+    # the keys of the runs' files, and the parameters of their machines
+    settings = differing(
+        {
+            **{name: record.metadata.get(name) for name in ("plant", "experiment")},
+            "machine": record.metadata["platform"],
+        }
+        for record in records
+    )
     sections = [
         Section("Motion", tuple(scenes(runs))),
         Section("Metrics side by side", (side_by_side(records, measured, names, fineness),)),
@@ -280,15 +282,6 @@ def has_same_task(records: Sequence[Record]) -> bool:
 
 
 # --- what differs ----------------------------------------------------------------------------------------------------
-
-
-def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
-    """The keys of the runs' files, and the parameters of their machines, that are not the same in all runs."""
-    names = ("plant", "experiment")
-    return differing(
-        {**{name: record.metadata.get(name) for name in names}, "machine": record.metadata["platform"]}
-        for record in records
-    )
 
 
 def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:

@@ -47,7 +47,7 @@ EVERY = [command for commands in COMMANDS.values() for command in commands]
 BY_DEMO = re.compile(
     r"gough-stewart (reproduce|run heave_step --plant fmu3)(?: --report)?(?: --figures)?(?: --out \S+)?$"
 )
-# Others that run elsewhere: the platform of one's own in tests/harness/cli/test_reproduce.py, whose name is harder
+# Others that run elsewhere: the platform of one's own in tests/harness/cli/test_commands.py, whose name is harder
 # there; the build by the README, all other pages find the FMUs in their folder.
 ONES_OWN = re.compile(r"gough-stewart reproduce --platform mine\.toml --out \S+$")
 BUILD = "gough-stewart build"

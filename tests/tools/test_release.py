@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from gough_stewart.harness.report.document import Report, Verdict
-from gough_stewart.harness.report.page import page_of
+from tests.support.reports import page_of, report
 from tools.release.__main__ import pythons
 from tools.release.licences import Licence, of_install, of_page, of_wheel
 
@@ -84,7 +83,7 @@ def test_files_of_the_wheel_are_the_projects_own_unless_they_say_otherwise() -> 
 
 def test_libraries_of_a_page_are_known_by_their_notices() -> None:
     """Expected: a notice in another form, or of another library, is not passed over."""
-    page = page_of(Report("nothing", Verdict("There is nothing", "told")))
+    page = page_of(report())
     assert all(each.is_known for each in of_page(page))
     text = b"<script>/*! numbro.js v3 | MIT license */ x /* a comment */ /** @license theirs 1.0 */</script>"
     assert list(of_page(text)) == [

@@ -6,10 +6,10 @@ Commands and their parameters come from the command line itself: one that is new
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatch
 from itertools import cycle, islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -22,25 +22,15 @@ PLANT, CONTROLLER, ENSEMBLE, OTHER = "plant FMU", "controller FMU", "ensemble", 
 
 # The first pattern that a file's path ends with says what it is.
 KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("record.parquet", (RECORD, LOG, POSES)),
-    ("record.csv", (RECORD, LOG, POSES)),
-    ("open_loop.csv", (POSES,)),
-    ("poses.csv", (POSES,)),
-    ("poses.parquet", (POSES,)),
-    ("excitation.toml", (EXPERIMENT,)),
-    ("tuned.toml", (EXPERIMENT,)),
-    ("*-fitted.toml", (EXPERIMENT,)),
-    ("printed/experiment.toml", (EXPERIMENT,)),
-    ("printed/preset.toml", (PLATFORM,)),
-    ("platform.toml", (PLATFORM,)),
+    *((f"record.{suffix}", (RECORD, LOG, POSES)) for suffix in ("parquet", "csv")),
+    *((name, (POSES,)) for name in ("open_loop.csv", "poses.csv", "poses.parquet")),
+    *((name, (EXPERIMENT,)) for name in ("excitation.toml", "tuned.toml", "*-fitted.toml", "printed/experiment.toml")),
+    *((name, (PLATFORM,)) for name in ("printed/preset.toml", "platform.toml")),
     ("gough_stewart_fmi[23].fmu", (PLANT,)),
     ("*_controller_fmi[23].fmu", (CONTROLLER,)),
     ("members.parquet", (ENSEMBLE,)),
-    *(
-        (name, (OTHER,))
-        for name in ("bands.parquet", "samples.parquet", "differences.parquet", "frf.parquet", "frf.csv")
-    ),
-    *((name, (OTHER,)) for name in ("candidates.csv", "workspace.csv", "needs.csv", "*.ssp", "*.c", "*.h")),
+    *((f"{name}.parquet", (OTHER,)) for name in ("bands", "samples", "differences", "frf")),
+    *((name, (OTHER,)) for name in ("frf.csv", "candidates.csv", "workspace.csv", "needs.csv", "*.ssp", "*.c", "*.h")),
     *((f"*.{suffix}", (OTHER,)) for suffix in ("png", "svg", "html", "json", "md")),
 )
 
@@ -112,57 +102,39 @@ PRODUCERS = (
 )
 
 
-@dataclass(frozen=True)
-class Use:
+class Use(NamedTuple):
     """A command line that takes files: `takes` names the kind of each parameter or key, in braces in the line."""
 
     line: str
-    takes: Mapping[str, str]
+    takes: dict[str, str]
     exits: tuple[int, ...] = (0,)
     # the right refusal of some of these files
     unless: tuple[str, ...] = ()
 
 
 OF_EXPERIMENT, OF_PLATFORM = {"experiment": EXPERIMENT}, {"platform": PLATFORM}
+# 3: written, with an alarm that the platform of another command is not that of the log
 CONSUMERS = (
     Use(f"run {{experiment}} {LOOP} --out used/run", OF_EXPERIMENT),
     Use(f"check {{experiment}} {LOOP} --out used/check", OF_EXPERIMENT, (0, 3)),
     Use("margins {experiment} --out used/margins", OF_EXPERIMENT),
     Use(f"tune {{experiment}} {LOOP} {TUNE} --out used/tune", OF_EXPERIMENT),
-    Use(
-        f"ensemble {{experiment}} --compare {{compare}} {LOOP} {MEMBERS} --out used/compared",
-        {"experiment": EXPERIMENT, "compare": EXPERIMENT},
-    ),
+    Use(f"ensemble {{experiment}} --compare {{compare}} {LOOP} {MEMBERS} --out used/compared",
+        {"experiment": EXPERIMENT, "compare": EXPERIMENT}),
     Use("export {experiment} --as c --out used/export", OF_EXPERIMENT),
     Use(f"live {{experiment}} {LOOP} --no-open --out used/live.html", OF_EXPERIMENT),
-    Use(
-        f"serve {{experiment}} {LOOP} --udp 0 --duration 0.1",
-        OF_EXPERIMENT,
-        unless=("follows no reference that a sender can take over",),
-    ),
+    Use(f"serve {{experiment}} {LOOP} --udp 0 --duration 0.1", OF_EXPERIMENT,
+        unless=("follows no reference that a sender can take over",)),
     Use("view {records} --out used/page.html", {"records": RECORD}),
-    Use(
-        "frf {record} --experiment {experiment} --out used/frf",
-        {"record": RECORD, "experiment": EXPERIMENT},
-        unless=("the record's run had no [injection]",),
-    ),
-    # 3: written, with an alarm that the platform of another command is not that of the log
-    Use(
-        f"identify {{logs}} --validate {{validate}} --platform {{platform}} {MASS} --out used/found",
-        {"logs": LOG, "validate": LOG, "platform": PLATFORM},
-        (0, 3),
-        unless=("the log contradicts this platform", "too short: after the filters"),
-    ),
-    Use(
-        f"identify out/excited {OWN_PLATFORM} {MASS} --experiment {{experiment}} {LOOP} --out used/found",
-        OF_EXPERIMENT,
-        (0, 3),
-    ),
-    Use(
-        "poses {log} --platform {platform} --out used/poses",
-        {"log": LOG, "platform": PLATFORM},
-        unless=("no pose of this platform has the leg lengths", "no pose near this guess"),
-    ),
+    Use("frf {record} --experiment {experiment} --out used/frf", {"record": RECORD, "experiment": EXPERIMENT},
+        unless=("the record's run had no [injection]",)),
+    Use(f"identify {{logs}} --validate {{validate}} --platform {{platform}} {MASS} --out used/found",
+        {"logs": LOG, "validate": LOG, "platform": PLATFORM}, (0, 3),
+        ("the log contradicts this platform", "too short: after the filters")),
+    Use(f"identify out/excited {OWN_PLATFORM} {MASS} --experiment {{experiment}} {LOOP} --out used/found",
+        OF_EXPERIMENT, (0, 3)),
+    Use("poses {log} --platform {platform} --out used/poses", {"log": LOG, "platform": PLATFORM},
+        unless=("no pose of this platform has the leg lengths", "no pose near this guess")),
     Use(f"excite --platform {{platform}} {EXCITE} --out used/excite", OF_PLATFORM),
     Use("build --platform {platform} --fmi 3.0 --out used/build", OF_PLATFORM),
     Use("workspace --platform {platform} --points 3 --out used/map", OF_PLATFORM),
@@ -174,7 +146,7 @@ CONSUMERS = (
     Use(f"{OWN_RUN} \"controller={{type='fmu',file='{{fmu.file}}'}}\"", {"fmu.file": CONTROLLER}),
     Use(f"{OWN_RUN} reference.file={{file.file}}", {"file.file": POSES}),
     Use(f"{OWN_RUN} \"reference={{type='path',timing=5,file='{{path.file}}'}}\"", {"path.file": POSES}),
-)
+)  # fmt: skip
 # Takes seconds, and its option is that of the others: once among the producers, with the file of another command.
 TAKEN_ABOVE = {("reproduce", "platform")}
 

@@ -6,9 +6,10 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,17 +22,19 @@ SHORT = ("--set", "loop.duration=0.02", "--set", "reference.at=0.01", "--set", "
 MAIN = "from gough_stewart.harness.cli.entry import main; main()"
 
 
-def started(code: str, *arguments: str, cwd: Path | None = None, **more: object) -> subprocess.CompletedProcess[str]:
+def started(
+    code: str, *arguments: str, cwd: Path | None = None, environment: Mapping[str, str] | None = None, **streams: Any
+) -> subprocess.CompletedProcess[str]:
     """Lines of Python in a process of its own, with arguments, and with Ctrl-C as a shell leaves it."""
-    environment: object = {**os.environ, "TERM": "dumb", **more.pop("environment", {})}  # type: ignore[dict-item]
+    options: dict[str, Any] = {"capture_output": True, **streams}
     done: subprocess.CompletedProcess[str] = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         text=True,
         check=False,
         cwd=cwd,
+        env={**os.environ, "TERM": "dumb", **(environment or {})},
         preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
-        env=environment,
-        **({"capture_output": True} | more),  # type: ignore[call-overload]
+        **options,
     )
     return done
 

@@ -3,14 +3,14 @@
 import json
 import logging
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from gough_stewart.harness.cli.options import option, out_option
+from gough_stewart.harness.cli.options import argument, option, out_option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import MissedError, RecordError, UsageError
 from gough_stewart.harness.report.chart import Axis, Chart, Series
@@ -50,12 +50,12 @@ def swing_report(length: float, path: np.ndarray) -> Report:
 @study(numbers=("swing",), figures=("deflection", "energy"))
 def pendulum_command(
     running: Running,
-    length: Annotated[float, typer.Argument(help="Length of the rod [m].")],
-    periods: Annotated[int, option("Number of periods.", "N", min=1)] = 2,
-    out: Annotated[Path, out_option("pendulum")] = Path("pendulum"),
+    length: float = argument("Length of the rod [m].", "LENGTH"),
+    periods: int = option("Number of periods.", "N", default=2, min=1),
+    out: Path | None = out_option("pendulum"),
 ) -> None:
     """Swing a pendulum."""
-    running.hold(out, ["swing.csv", "warm.csv"])
+    running.hold(out or Path("pendulum"), ["swing.csv", "warm.csv"])
     running.step("swinging")
     if length <= 0:
         raise RecordError("no rod")
@@ -90,11 +90,9 @@ ERRORS: list[tuple[BaseException, int, str]] = [
 
 @app.command("other")
 @study()
-def other_command(
-    running: Running, wrong: int = -1, size: int = 0, out: Annotated[Path, out_option("other")] = Path("pendulum")
-) -> None:
+def other_command(running: Running, wrong: int = -1, size: int = 0, out: Path | None = out_option("other")) -> None:
     """Another study."""
-    running.hold(out)
+    running.hold(out or Path("pendulum"))
     logging.getLogger("gough_stewart.model.process.files").info("removed %d leftovers", 3)
     if wrong >= 0:
         raise ERRORS[wrong][0]

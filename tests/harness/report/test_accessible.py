@@ -60,7 +60,7 @@ def test_axe_finds_nothing(opened: Open, kind: str) -> None:
     if width == 390:
         tables = "[...document.querySelectorAll('.table .sideways')].filter((each) => each.checkVisibility())"
         assert seen.page.evaluate(f"{tables}.every((each) => each.scrollWidth <= each.clientWidth)")
-        cells = "((row) => [...row.cells].slice(1).map((cell) => cell.dataset.head || cell.textContent))"
+        cells = "((row) => [...row.cells].slice(1).map((cell) => cell.dataset.head ?? cell.textContent))"
         heads, values = (
             seen.page.evaluate(f"[...document.querySelectorAll('.stacked')].map((t) => {cells}(t.{part}.rows[0]))")
             for part in ("tHead", "tBodies[0]")

@@ -11,12 +11,10 @@ from matplotlib.image import imread
 from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
-from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
-from gough_stewart.harness.report.document import Report, Section, Verdict
-from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.palette import THEMES, Role, colour_of_six
-from gough_stewart.harness.report.quantities import FREQUENCY, NUMBER
+from tests.support import reports
+from tests.support.axe import violations
 from tests.support.browser import Watched, open_report, until
+from tests.support.colour_vision import rgb_of
 from tests.support.records import waving_record
 
 PANEL = "GoughStewart.panels.find(each => each.chart.title === '{}')"
@@ -65,8 +63,8 @@ def drag(page: Page, box: dict[str, float], start: float, end: float) -> None:
     page.mouse.up()
 
 
-def page_of_charts(browser: Browser, path: Path, *charts: Chart) -> Page:
-    path.write_bytes(page_of(Report("r", Verdict("v", "told"), (Section("a", charts),))))
+def page_of_charts(browser: Browser, path: Path, *charts: dict[str, Any]) -> Page:
+    path.write_bytes(reports.page_of(reports.report(*charts)))
     page = open_report(browser, path).page
     until(page, "GoughStewart.ready.all === true")
     return page
@@ -249,24 +247,43 @@ def test_colour_tells_runs_and_dashes_tell_axes(three: Page) -> None:
     assert x["y"] == pytest.approx([1.0] * len(x["y"]), abs=1e-3)
 
 
-def test_no_two_lines_of_a_chart_look_the_same(browser: Browser, three: Page, tmp_path: Path) -> None:
-    """Expected: of three runs, and of fourteen signals and three references, every pair of colour and dashes once."""
+def test_no_two_lines_look_the_same_and_short_logarithmic_axes_have_round_ticks(
+    browser: Browser, three: Page, tmp_path: Path
+) -> None:
+    """Expected: of three runs, and of fourteen signals and three references, every pair of colour and dashes once.
+
+    From 2 to 100 Hz round numbers of one digit, at most seven; over more decades powers of ten.
+    """
     time = np.linspace(0, 1, 5)
-    counts: dict[Role, int] = {"actual": 14, "reference": 3, "neutral": 2, "good": 2}
+    counts = {"actual": 14, "reference": 3, "neutral": 2, "good": 2}
     roles = [role for role, number in counts.items() for _ in range(number)]
-    series = tuple(Series(f"s{k}", NUMBER, time * (k + 1.3), role) for k, role in enumerate(roles))
-    many = page_of_charts(browser, tmp_path / "many.html", Chart("m", time_axis(time), series))
+    lines_of = [reports.series(f"s{k}", time * (k + 1.3), role, "number") for k, role in enumerate(roles)]
+    logarithmic = [
+        reports.chart(
+            name,
+            {"name": name, "quantity": "frequency", "values": ends, "scale": "log"},
+            reports.series("L", [1.0, 1.0], quantity="number"),
+        )
+        for name, ends in (("short", [2.0, 100.0]), ("long", [0.01, 1000.0]))
+    ]
+    many = page_of_charts(browser, tmp_path / "many.html", reports.chart("m", time, *lines_of), *logarithmic)
     until(three, "GoughStewart.ready.all === true")
     for page in (many, three):
         for title in page.evaluate("GoughStewart.panels.filter(p => p.figure?.isFunction).map(p => p.chart.title)"):
             shown = [line for line in lines(page, title) if line["visible"]]
             looks = {(line["colour"], tuple(line["dash"]), line["offset"]) for line in shown}
             assert len(looks) == len(shown), title
+    short, long = many.evaluate(
+        "GoughStewart.panels.slice(1).map((p) => p.figure.figure.xaxes[0].ticker.ticks).map((all) => all && [...all])"
+    )
+    assert 3 <= len(short) <= 7
+    assert (short[0] >= 2, short[-1] <= 100, long) == (True, True, None)
+    assert {str(tick / 10 ** np.floor(np.log10(tick))) for tick in short} <= {"1.0", "2.0", "3.0", "5.0", "7.0"}
     many.close()
 
 
 @pytest.mark.parametrize("width", [390, 1440])
-def test_nothing_is_wider_than_the_page_and_titles_stand_clear(fresh: Page, width: int) -> None:
+def test_nothing_is_wider_than_the_page_titles_stand_clear_and_axe_finds_nothing(fresh: Page, width: int) -> None:
     """Expected: no two boxes of a chart's title, legend and plot share a point; a page as wide as its screen."""
     fresh.set_viewport_size({"width": width, "height": 844})
     until(fresh, "GoughStewart.ready.all")
@@ -280,6 +297,7 @@ def test_nothing_is_wider_than_the_page_and_titles_stand_clear(fresh: Page, widt
       return parts.map(part => part.getBoundingClientRect()).map(box => [box.left, box.right, box.top, box.bottom]);
     })""")
     wide = fresh.evaluate("document.documentElement.scrollWidth")
+    assert width == 390 or violations(fresh) == []
     fresh.evaluate("document.querySelectorAll('details:not(.stage-options)').forEach(each => { each.open = false; })")
     fresh.set_viewport_size({"width": 1000, "height": 640})
     assert wide == width
@@ -307,28 +325,6 @@ def test_the_first_screen_has_verdict_numbers_and_picture(fresh: Page, width: in
     assert chart["y"] >= picture["y"] + picture["height"]
 
 
-def test_fingers_scroll_the_page_over_a_chart_and_a_tap_goes_to_its_time(browser: Browser, report: Path) -> None:
-    """Expected: a swipe up by 150 pixels scrolls down, time and range stay; a tap at 60 % of 0.5 s is 0.3 s."""
-    context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
-    page = context.new_page()
-    page.goto(report.as_uri() + "#t=0.0")
-    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
-    box, before = box_of(page, ERROR), page.evaluate("scrollY")
-    session = context.new_cdp_session(page)
-    for k in range(11):
-        points = [{"x": box["x"] + 150, "y": box["y"] + 80 - 15 * k}]
-        session.send("Input.dispatchTouchEvent", {"type": "touchMove" if k else "touchStart", "touchPoints": points})
-        page.wait_for_timeout(16)
-    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    until(page, f"scrollY > {before + 80}")
-    page.wait_for_timeout(200)
-    assert page.evaluate("[GoughStewart.player.time, GoughStewart.state.region]") == [0, None]
-    box = box_of(page, ERROR)
-    page.touchscreen.tap(box["x"] + 0.6 * box["width"], box["y"] + 40)
-    until(page, "Math.abs(GoughStewart.player.time - 0.3) < 0.005")
-    context.close()
-
-
 def test_paper_is_light_whole_and_without_controls(browser: Browser, report: Path) -> None:
     """Expected: a drawing of each chart that is open, as wide as the paper, with dark letters; legends; no control."""
     page = browser.new_page(color_scheme="dark", viewport={"width": 1440, "height": 900})
@@ -352,8 +348,8 @@ def test_paper_is_light_whole_and_without_controls(browser: Browser, report: Pat
     assert coloured
     assert all(int(each.split("(")[1].split(",")[0]) < 120 for each in coloured)
     light, dark = (
-        {f"rgb({', '.join(str(int(colour_of_six(k, theme)[i : i + 2], 16)) for i in (1, 3, 5))})" for k in range(6)}
-        for theme in THEMES[:2]
+        {f"rgb({', '.join(f'{255 * part:.0f}' for part in rgb_of(colour))})" for colour in palette}
+        for palette in page.evaluate("['light', 'dark'].map((name) => GoughStewart.page.palette[name].six)")
     )
     assert light <= set(strokes)
     assert not (dark - light) & set(strokes)
@@ -400,7 +396,7 @@ def test_a_chart_is_saved_as_a_picture(fresh: Page, tmp_path: Path) -> None:
         picture = imread(tmp_path / "saved.png")[..., :3]
         assert picture.shape[:2] == pytest.approx((size["height"], size["width"]), abs=1)
         for leg in range(6):
-            colour = np.array([int(colour_of_six(leg)[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+            colour = rgb_of(fresh.evaluate(f"GoughStewart.page.palette.light.six[{leg}]"))
             assert (np.abs(picture - colour).max(axis=2) < 0.02).sum() > 20, f"leg {leg + 1}"
 
 
@@ -485,19 +481,3 @@ def test_each_chart_has_a_name_that_says_what_it_shows(fresh: Page, record: gs.R
     limits = f"force at its limit, {force} of the time; leg speed beyond its limit, {speed} of the time"
     expected = f"Chart of actuator force over time [s]: {legs}; values from {low} to {high} N; {limits}."
     assert of_panel(fresh, FORCE, ".plot.getAttribute('aria-label')") == expected
-
-
-def test_short_logarithmic_axes_have_round_ticks(browser: Browser, tmp_path: Path) -> None:
-    """Expected: from 2 to 100 Hz round numbers of one digit, at most seven; over more decades powers of ten."""
-    charts = [
-        Chart(title, Axis(title, FREQUENCY, np.array(ends), scale="log"), (Series("L", NUMBER, np.ones(2)),))
-        for title, ends in (("short", [2.0, 100.0]), ("long", [0.01, 1000.0]))
-    ]
-    page = page_of_charts(browser, tmp_path / "ticks.html", *charts)
-    short, long = page.evaluate(
-        "GoughStewart.panels.map((p) => p.figure.figure.xaxes[0].ticker.ticks).map((all) => all && [...all])"
-    )
-    assert 3 <= len(short) <= 7
-    assert (short[0] >= 2, short[-1] <= 100, long) == (True, True, None)
-    assert {str(tick / 10 ** np.floor(np.log10(tick))) for tick in short} <= {"1.0", "2.0", "3.0", "5.0", "7.0"}
-    page.close()

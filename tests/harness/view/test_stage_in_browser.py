@@ -12,8 +12,7 @@ from playwright.sync_api import Browser, Page
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.report.palette import colour_of_six
-from tests.support.browser import Watched, open_report, until, watched
+from tests.support.browser import Watched, open_report, until
 from tests.support.colour_vision import rgb_of
 from tests.support.records import Floats, waving_record
 from tests.support.stage import at, drawn, pixels, seek, seen, stage
@@ -58,6 +57,22 @@ def test_the_page_plays_by_itself_in_silence(browser: Browser, report: Path) -> 
     page.wait_for_timeout(200)
     assert page.evaluate("GoughStewart.player.time") == stopped
     assert (found.errors, found.requests) == ([], [report.as_uri()])
+    # the policy: a script that is not the page's own does not run, a form does not leave
+    page.evaluate(
+        "document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.foreign = true'}))"
+    )
+    page.evaluate(
+        "() => { const form = document.createElement('form');"
+        " Object.assign(form, {action: 'http://127.0.0.1:9/', method: 'post'});"
+        " document.body.append(form); form.submit(); }"
+    )
+    for _ in range(200):
+        if len(found.errors) >= 2:
+            break
+        page.wait_for_timeout(20)
+    assert page.evaluate("window.foreign === undefined")
+    assert ["Content Security Policy" in error for error in found.errors] == [True, True]
+    assert [address for address in found.requests if not address.startswith("file:")] == []
     page.close()
 
 
@@ -254,7 +269,7 @@ def test_runs_lie_over_each_other_in_their_colours_and_can_be_hidden(
     page = opened(record, other)
     scrub(page, 0.45)
     for run, (each, row) in enumerate(((record, 450), (other, 250))):
-        shown, colour = drawn(page, run), rgb_of(colour_of_six(run))
+        shown, colour = drawn(page, run), rgb_of(page.evaluate(f"GoughStewart.page.palette.light.six[{run}]"))
         assert shown["position"] == pytest.approx(each["position"][row], abs=1e-9)
         for part in (*(leg["colour"] for leg in shown["legs"]), shown["pathColour"]):
             assert part == pytest.approx(colour, abs=1e-6)
@@ -275,36 +290,54 @@ def test_runs_lie_over_each_other_in_their_colours_and_can_be_hidden(
     assert with_machines.mean() < 0.8 * at(pixels(page), place).mean()
 
 
-def test_a_finger_scrolls_the_page_up_and_down_and_turns_the_view_sideways(browser: Browser, report: Path) -> None:
+def test_fingers_scroll_the_page_turn_the_view_and_tap_times(browser: Browser, report: Path) -> None:
+    """Expected: sideways over the view it turns, up it scrolls, as over a chart, whose time and range stay.
+
+    A tap on a chart at 60 % of 0.5 s is 0.3 s.
+    """
     context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
     page = context.new_page()
     page.goto(report.as_uri() + "#t=0")
-    until(page, "GoughStewart.ready.picture")
+    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
     page.click(".stage-options > summary")
     assert (page.is_visible(".by-touch"), page.is_hidden(".by-mouse")) == (True, True)
     page.evaluate("scrollTo(0, 0)")
     box = page.locator("#view").bounding_box()
     assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     fingers = context.new_cdp_session(page)
 
-    def swipe(dx: float, dy: float) -> None:
+    def swipe(x: float, y: float, dx: float, dy: float) -> None:
         for k in range(11):
             points = [{"x": x + k / 10 * dx, "y": y + k / 10 * dy}]
-            fingers.send(
-                "Input.dispatchTouchEvent", {"type": "touchMove" if k else "touchStart", "touchPoints": points}
-            )
-            page.wait_for_timeout(20)
+            kind = "touchMove" if k else "touchStart"
+            fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+            page.wait_for_timeout(16)
         fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
     home = stage(page)["camera"]
-    swipe(120, 0)
+    swipe(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, 120, 0)
     turned = stage(page)["camera"]
     assert np.linalg.norm(np.subtract(turned, home)) > 0.1 * np.linalg.norm(home)
     assert page.evaluate("scrollY") == 0
-    swipe(0, -120)
+    swipe(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, 0, -120)
     until(page, "scrollY > 50")
     assert stage(page)["camera"] == pytest.approx(turned)
+    plot = page.locator("figure.chart .plot").first
+    plot.scroll_into_view_if_needed()
+    page.wait_for_timeout(200)
+    box, before = plot.bounding_box(), page.evaluate("scrollY")
+    assert box is not None
+    swipe(box["x"] + 150, box["y"] + box["height"] / 2, 0, -150)
+    until(page, f"scrollY > {before + 80}")
+    page.wait_for_timeout(200)
+    assert page.evaluate("[GoughStewart.player.time, GoughStewart.state.region]") == [0, None]
+    place = page.evaluate(
+        """(() => { const [{ plot, figure }] = GoughStewart.panels, place = figure.place();
+        const box = plot.getBoundingClientRect();
+        return [box.left + place.left + 0.6 * place.width, box.top + place.top + 40]; })()"""
+    )
+    page.touchscreen.tap(*place)
+    until(page, "Math.abs(GoughStewart.player.time - 0.3) < 0.005")
     context.close()
 
 
@@ -330,28 +363,6 @@ def test_the_dark_stage_prints_light(browser: Browser, report: Path) -> None:
     page.keyboard.press("Space")
     until(page, "GoughStewart.state.time > 0")
     page.close()
-
-
-def test_the_policy_stops_other_scripts_and_forms(browser: Browser, report: Path) -> None:
-    """Expected: a script that is not the page's own does not run, a form does not leave; both are complained of."""
-    found = watched(browser)
-    found.page.goto(report.as_uri())
-    found.page.evaluate(
-        "document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.foreign = true'}))"
-    )
-    found.page.evaluate(
-        "() => { const form = document.createElement('form');"
-        " Object.assign(form, {action: 'http://127.0.0.1:9/', method: 'post'});"
-        " document.body.append(form); form.submit(); }"
-    )
-    for _ in range(200):
-        if len(found.errors) >= 2:
-            break
-        found.page.wait_for_timeout(20)
-    assert found.page.evaluate("window.foreign === undefined")
-    assert ["Content Security Policy" in error for error in found.errors] == [True, True]
-    assert [address for address in found.requests if not address.startswith("file:")] == []
-    found.page.close()
 
 
 def test_without_webgl_curves_and_tables_are_still_there(browser: Browser, report: Path) -> None:

@@ -3,15 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
 from gough_stewart.harness.cli import options as opt
+from gough_stewart.harness.cli.console import Terminal, errors, warn
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
-from gough_stewart.harness.cli.terminal import Terminal, errors, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 
 if TYPE_CHECKING:
@@ -24,20 +24,17 @@ Fit = Literal["time", "amplitude"]
 def check_command(
     running: Running,
     experiment: opt.PlainExperimentArgument,
-    out: Annotated[Path | None, opt.out_option("results/check_NAME, after the experiment")] = None,
+    out: Path | None = opt.out_option("results/check_NAME, after the experiment"),
     settings: opt.SetOption = None,
-    fit: Annotated[
-        Fit | None,
-        choice(
-            "Also slow the motion down (time) or reduce it (amplitude) until it is within all limits, less the "
-            "margin of a path, write it to NAME-fitted.toml beside the experiment, and check it.",
-            Fit,
-        ),
-    ] = None,
-    payload: Annotated[str | None, option("A point mass that the platform carries, such as 300kg.", "MASS")] = None,
-    payload_height: Annotated[
-        str, option("Its height above the platform's origin, in the platform's axes.", "LENGTH")
-    ] = "0 m",
+    fit: Fit | None = choice(
+        "Also slow the motion down (time) or reduce it (amplitude) until it is within all limits, less the "
+        "margin of a path, write it to NAME-fitted.toml beside the experiment, and check it.",
+        Fit,
+    ),
+    payload: str | None = option("A point mass that the platform carries, such as 300kg.", "MASS"),
+    payload_height: str = option(
+        "Its height above the platform's origin, in the platform's axes.", "LENGTH", default="0 m"
+    ),
 ) -> None:
     """Check whether the platform can follow the motion of an experiment, without running it.
 
@@ -91,7 +88,7 @@ def check_command(
 def margins_command(
     running: Running,
     experiment: opt.ExperimentArgument,
-    out: Annotated[Path | None, opt.out_option("results/margins_NAME, after the experiment")] = None,
+    out: Path | None = opt.out_option("results/margins_NAME, after the experiment"),
     settings: opt.SetOption = None,
     no_python: opt.NoPythonOption = False,
 ) -> None:
@@ -123,27 +120,18 @@ def margins_command(
 @study(numbers=("S", "T", "L", "agreement", "coherence"), figures=("bode",))
 def frf_command(
     running: Running,
-    record: Annotated[
-        Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=opt.path)
-    ],
-    experiment: Annotated[
-        str | None,
-        option(
-            "The experiment of the run, if its controller is a Python file: that file is executed for the linear "
-            "model. A record alone never executes code.",
-            "FILE.toml|NAME",
-            autocompletion=opt.experiments,
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        option(
-            "Folder for the files; created if needed. Default: the record's folder; with --report or --figures, "
-            "frf in it.",
-            "DIR",
-            parser=opt.path,
-        ),
-    ] = None,
+    record: Path = opt.argument("A record from `run`, or its folder.", "RECORD", parser=opt.path),
+    experiment: str | None = option(
+        "The experiment of the run, if its controller is a Python file: that file is executed for the linear "
+        "model. A record alone never executes code.",
+        "FILE.toml|NAME",
+        autocompletion=opt.experiments,
+    ),
+    out: Path | None = option(
+        "Folder for the files; created if needed. Default: the record's folder; with --report or --figures, frf in it.",
+        "DIR",
+        parser=opt.path,
+    ),
 ) -> None:
     """Estimate the frequency responses S, T and L of the leg or mode excited in a run, beside the linear model.
 
@@ -172,30 +160,23 @@ def frf_command(
 def ensemble_command(
     running: Running,
     experiment: opt.ExperimentArgument,
-    members: Annotated[int | None, option("Number of members. Default: from the experiment.", "N", min=1)] = None,
-    seed: Annotated[int | None, option("Seed of samples and noise. Default: from the experiment.", "N", min=0)] = None,
-    out: Annotated[Path | None, opt.out_option("results/ensemble_NAME, after the experiment")] = None,
-    resume: Annotated[
-        bool, option("Continue an interrupted run in the folder from its finished chunks.", None, "--resume")
-    ] = False,
-    workers: Annotated[
-        int | None,
-        option("Number of processes on this machine. Default: one thread or process per core.", "N", min=1),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        option(
-            "Compute on the workers of this dask.distributed scheduler instead, such as tcp://HOST:8786.", "ADDRESS"
-        ),
-    ] = None,
-    compare: Annotated[
-        str | None,
-        option(
-            "Also run this experiment with the same members, and show the differences: it minus the first one. "
-            "--set changes only the first.",
-            "FILE.toml|NAME",
-        ),
-    ] = None,
+    members: int | None = option("Number of members. Default: from the experiment.", "N", min=1),
+    seed: int | None = option("Seed of samples and noise. Default: from the experiment.", "N", min=0),
+    out: Path | None = opt.out_option("results/ensemble_NAME, after the experiment"),
+    resume: bool = option(
+        "Continue an interrupted run in the folder from its finished chunks.", None, "--resume", default=False
+    ),
+    workers: int | None = option(
+        "Number of processes on this machine. Default: one thread or process per core.", "N", min=1
+    ),
+    scheduler: str | None = option(
+        "Compute on the workers of this dask.distributed scheduler instead, such as tcp://HOST:8786.", "ADDRESS"
+    ),
+    compare: str | None = option(
+        "Also run this experiment with the same members, and show the differences: it minus the first one. "
+        "--set changes only the first.",
+        "FILE.toml|NAME",
+    ),
     settings: opt.SetOption = None,
     no_python: opt.NoPythonOption = False,
 ) -> None:
@@ -293,33 +274,24 @@ def ensemble_command(
 def tune_command(
     running: Running,
     experiment: opt.ExperimentArgument,
-    vary: Annotated[
-        list[str],
-        option(
-            "A key and its bounds, such as controller.bandwidth=1..6Hz; add ,log for a logarithmic scale. "
-            "May be repeated.",
-            "KEY=LOW..HIGH",
-        ),
-    ],
-    minimise: Annotated[str, option("The metric to minimise, such as tracking.position.norm_rms.", "METRIC")],
-    subject_to: Annotated[
-        list[str] | None,
-        option("A condition, such as 'margins.disk > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.", "CONDITION"),
-    ] = None,
-    over_ensemble: Annotated[
-        str | None,
-        option("Minimise this quantile over the members of the [ensemble], such as quantile=0.95.", "quantile=Q"),
-    ] = None,
-    members: Annotated[
-        int | None, option("Number of members that evaluate a candidate. Default: at most 64.", "N", min=1)
-    ] = None,
-    fresh: Annotated[
-        int | None, option("Number of members, not used in the search, that evaluate the result.", "N", min=1)
-    ] = None,
-    generations: Annotated[int, option("Number of generations.", "N", min=1)] = 25,
-    population: Annotated[int | None, option("Candidates per generation. Default: 16 per key.", "N", min=5)] = None,
+    vary: list[str] = option(
+        "A key and its bounds, such as controller.bandwidth=1..6Hz; add ,log for a logarithmic scale. May be repeated.",
+        "KEY=LOW..HIGH",
+        default=...,
+    ),
+    minimise: str = option("The metric to minimise, such as tracking.position.norm_rms.", "METRIC", default=...),
+    subject_to: list[str] | None = option(
+        "A condition, such as 'margins.disk > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.", "CONDITION"
+    ),
+    over_ensemble: str | None = option(
+        "Minimise this quantile over the members of the [ensemble], such as quantile=0.95.", "quantile=Q"
+    ),
+    members: int | None = option("Number of members that evaluate a candidate. Default: at most 64.", "N", min=1),
+    fresh: int | None = option("Number of members, not used in the search, that evaluate the result.", "N", min=1),
+    generations: int = option("Number of generations.", "N", default=25, min=1),
+    population: int | None = option("Candidates per generation. Default: 16 per key.", "N", min=5),
     seed: opt.SeedOption = 0,
-    out: Annotated[Path | None, opt.out_option("results/tune_NAME, after the experiment")] = None,
+    out: Path | None = opt.out_option("results/tune_NAME, after the experiment"),
     settings: opt.SetOption = None,
     no_python: opt.NoPythonOption = False,
 ) -> None:

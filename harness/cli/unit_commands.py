@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -26,18 +26,16 @@ def build_command(
     preset: opt.PresetOption = None,
     platform: opt.PlatformOption = None,
     out: opt.FolderOption = Path(),
-    forms: Annotated[
-        str, option("What to write: fmu, mjcf (a model for MuJoCo), or both with a comma.", "FORMS", "--as")
-    ] = "fmu",
-    check: Annotated[
-        bool,
-        option(
-            "Also check the units here: FMPy's validation, and their reference results in Co-Simulation and Model "
-            "Exchange.",
-            None,
-            "--check",
-        ),
-    ] = False,
+    forms: str = option(
+        "What to write: fmu, mjcf (a model for MuJoCo), or both with a comma.", "FORMS", "--as", default="fmu"
+    ),
+    check: bool = option(
+        "Also check the units here: FMPy's validation, and their reference results in Co-Simulation and Model"
+        " Exchange.",
+        None,
+        "--check",
+        default=False,
+    ),
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
@@ -109,47 +107,39 @@ ReferenceFrom = Literal["inside", "inputs"]
 def export_command(
     running: Running,
     experiment: opt.ExperimentArgument,
-    forms: Annotated[
-        str, option("What to write: fmu, c, ssp, page, or several with commas between them.", "FORMS", "--as")
-    ] = "fmu",
+    forms: str = option(
+        "What to write: fmu, c, ssp, page, or several with commas between them.", "FORMS", "--as", default="fmu"
+    ),
     fmi: opt.FmiOption = None,
-    ssp_fmi: Annotated[
+    ssp_fmi: opt.FmiVersion = choice(
+        "FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.",
         opt.FmiVersion,
-        choice(
-            "FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.", opt.FmiVersion
-        ),
-    ] = opt.FmiVersion.fmi2,
-    ssp: Annotated[SspVersion, choice("Version of SSP.", SspVersion)] = "1.0",
+        default=opt.FmiVersion.fmi2,
+    ),
+    ssp: SspVersion = choice("Version of SSP.", SspVersion, default="1.0"),
     target: opt.TargetOption = None,
-    reference: Annotated[
+    reference: ReferenceFrom = choice(
+        "Put the experiment's reference inside the controller, or make references its inputs.",
         ReferenceFrom,
-        choice("Put the experiment's reference inside the controller, or make references its inputs.", ReferenceFrom),
-    ] = "inside",
-    safe_force: Annotated[
+        default="inside",
+    ),
+    safe_force: SafeForce = choice(
+        "Forces while a measurement is NaN or out of its range: the feedforward, or zero.",
         SafeForce,
-        choice("Forces while a measurement is NaN or out of its range: the feedforward, or zero.", SafeForce),
-    ] = "feedforward",
-    frozen: Annotated[
-        str | None,
-        option(
-            "Take a measurement for frozen that is the same for N samples while its reference moves by more than "
-            "a length, such as `50,1 mm`.",
-            "N,LENGTH",
-        ),
-    ] = None,
-    allow_unstable: Annotated[
-        bool,
-        option("Export a loop that is unstable in one of the forms; they say so.", None, "--allow-unstable"),
-    ] = False,
+        default="feedforward",
+    ),
+    frozen: str | None = option(
+        "Take a measurement for frozen that is the same for N samples while its reference moves by more than "
+        "a length, such as `50,1 mm`.",
+        "N,LENGTH",
+    ),
+    allow_unstable: bool = option(
+        "Export a loop that is unstable in one of the forms; they say so.", None, "--allow-unstable", default=False
+    ),
     anyway: opt.FormerNameOption = False,
-    parts: Annotated[
-        str | None,
-        option(
-            "What the controller includes: drives, sensors, manual, or several with commas between them.",
-            "PARTS",
-            "--with",
-        ),
-    ] = None,
+    parts: str | None = option(
+        "What the controller includes: drives, sensors, manual, or several with commas between them.", "PARTS", "--with"
+    ),
     settings: opt.SetOption = None,
     out: opt.FolderOption = Path(),
     no_python: opt.NoPythonOption = False,

@@ -5,16 +5,16 @@ import shlex
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
+from gough_stewart.harness.cli.console import Terminal, errors, progress_bar, warn
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
-from gough_stewart.harness.cli.terminal import Terminal, errors, progress_bar, warn
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
@@ -26,41 +26,29 @@ if TYPE_CHECKING:
 def run_command(
     running: Running,
     experiment: opt.ExperimentArgument,
-    plant: Annotated[
-        PlantKind | None, choice("Simulator of the platform. Default: from the experiment.", PlantKind)
-    ] = None,
-    fmu: Annotated[
-        Path | None,
-        option(
-            "The FMU for the plant fmu2 or fmu3; built if omitted. Its code is executed in a process of its own.",
-            "FILE",
-            parser=opt.path,
-        ),
-    ] = None,
-    controller: Annotated[
-        str | None,
-        option(
-            "The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed in a process "
-            "of its own. Needs a loop.delay of at least 1.",
-            "fmu2|fmu3|FILE.fmu",
-        ),
-    ] = None,
-    allow_unstable: Annotated[
-        bool,
-        option(
-            "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", None, "--allow-unstable"
-        ),
-    ] = False,
+    plant: PlantKind | None = choice("Simulator of the platform. Default: from the experiment.", PlantKind),
+    fmu: Path | None = option(
+        "The FMU for the plant fmu2 or fmu3; built if omitted. Its code is executed in a process of its own.",
+        "FILE",
+        parser=opt.path,
+    ),
+    controller: str | None = option(
+        "The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed in a process of"
+        " its own. Needs a loop.delay of at least 1.",
+        "fmu2|fmu3|FILE.fmu",
+    ),
+    allow_unstable: bool = option(
+        "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.",
+        None,
+        "--allow-unstable",
+        default=False,
+    ),
     anyway: opt.FormerNameOption = False,
-    member: Annotated[
-        int | None,
-        option(
-            "Run this member of the experiment's ensemble, with the same results as there; with --plant, in that "
-            "plant.",
-            "K",
-        ),
-    ] = None,
-    out: Annotated[Path | None, opt.out_option("results/run_NAME, after the experiment")] = None,
+    member: int | None = option(
+        "Run this member of the experiment's ensemble, with the same results as there; with --plant, in that plant.",
+        "K",
+    ),
+    out: Path | None = opt.out_option("results/run_NAME, after the experiment"),
     settings: opt.SetOption = None,
     no_python: opt.NoPythonOption = False,
 ) -> None:
@@ -172,10 +160,8 @@ def _unit_of(
 def live_command(
     experiment: opt.PlainExperimentArgument,
     settings: opt.SetOption = None,
-    out: Annotated[
-        Path | None, option("The page to write. Default: NAME_live.html.", "FILE.html", parser=opt.path)
-    ] = None,
-    no_open: Annotated[bool, option("Do not open it in the browser.", None, "--no-open")] = False,
+    out: Path | None = option("The page to write. Default: NAME_live.html.", "FILE.html", parser=opt.path),
+    no_open: bool = option("Do not open it in the browser.", None, "--no-open", default=False),
 ) -> None:
     """Play with the loop of an experiment in the browser: it runs there, from the same compiled code as everywhere.
 
@@ -206,14 +192,14 @@ def live_command(
 
 def serve_command(
     experiment: opt.PlainExperimentArgument,
-    udp: Annotated[int, option("The port to listen on; 0 is any that is free.", "PORT", "--udp", min=0, max=65535)],
+    udp: int = option("The port to listen on; 0 is any that is free.", "PORT", "--udp", default=..., min=0, max=65535),
     settings: opt.SetOption = None,
-    host: Annotated[str, option("The address to listen on; 0.0.0.0 opens it to the network.", "HOST")] = "127.0.0.1",
-    rate: Annotated[float, option("Rows a second, at most 250.", "HZ")] = 100.0,
-    binary: Annotated[bool, option("Fixed binary rows instead of JSON.", None, "--binary")] = False,
-    silence: Annotated[float, option("A sender that is silent for this long is lost.", "SECONDS")] = 1.0,
-    stop: Annotated[bool, option("End when the sender is lost; else its pose holds.", None, "--stop")] = False,
-    duration: Annotated[float, option("End after this time. Default: at Ctrl-C.", "SECONDS", min=0)] = math.inf,
+    host: str = option("The address to listen on; 0.0.0.0 opens it to the network.", "HOST", default="127.0.0.1"),
+    rate: float = option("Rows a second, at most 250.", "HZ", default=100.0),
+    binary: bool = option("Fixed binary rows instead of JSON.", None, "--binary", default=False),
+    silence: float = option("A sender that is silent for this long is lost.", "SECONDS", default=1.0),
+    stop: bool = option("End when the sender is lost; else its pose holds.", None, "--stop", default=False),
+    duration: float = option("End after this time. Default: at Ctrl-C.", "SECONDS", default=math.inf, min=0),
 ) -> None:
     """Run the loop of an experiment in real time, for games, displays and motion software: poses out and in, over UDP.
 
@@ -250,17 +236,13 @@ def serve_command(
 
 
 def view_command(
-    records: Annotated[
-        list[Path],
-        typer.Argument(
-            help="The folder of any command, or a report.json; of runs also several, or their record.parquet or "
-            "record.csv.",
-            metavar="FOLDER",
-            parser=opt.path,
-        ),
-    ],
-    out: Annotated[Path, option("The page to write.", "FILE.html", parser=opt.path)] = Path("report.html"),
-    open_it: Annotated[bool, option("Open the page in the browser.", None, "--open")] = False,
+    records: list[Path] = opt.argument(
+        "The folder of any command, or a report.json; of runs also several, or their record.parquet or record.csv.",
+        "FOLDER",
+        parser=opt.path,
+    ),
+    out: Path = option("The page to write.", "FILE.html", default=Path("report.html"), parser=opt.path),
+    open_it: bool = option("Open the page in the browser.", None, "--open", default=False),
 ) -> None:
     """Show in a browser what a command found: verdict, numbers, charts; of runs also the platform in 3-D motion.
 
