@@ -5,8 +5,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from gough_stewart import identify, load_preset, sweep
-from gough_stewart.harness.ensemble.ensemble_report import ensemble_report
-from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.plants.unit_report import unit_report
 from gough_stewart.harness.report.page import page_of
@@ -16,7 +14,6 @@ from tests.support.ensembles import ensemble_of
 from tests.support.machine_logs import NOMINAL, Course, machine_log
 from tests.support.records import waving_record
 
-_PEAK = "tracking.position.norm_peak"
 _UNITS = ("gough_stewart_fmi2.fmu", "gough_stewart_fmi3.fmu")
 
 
@@ -25,7 +22,7 @@ def _ensemble() -> bytes:
     outcome[17], cause[17] = "diverged", "the platform is 1.2 m from its reference; the bound is 0.05 m"
     members = ensemble_of(np.random.default_rng(2).normal(size=(300, 4)), outcome, cause)
     pages = {17: "worst/member-17/report.html", 5: ""}
-    return page_of(ensemble_report(members, _PEAK, sensitivity(members, _PEAK), pages))
+    return page_of(members.report(worst=pages))
 
 
 def _identification() -> bytes:
