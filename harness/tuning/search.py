@@ -27,11 +27,6 @@ class Condition:
     metric: str  # its full name
     bound: float  # in the unit of the metric
 
-    @property
-    def text(self) -> str:
-        """As it was written."""
-        return self.requirement.text
-
     def holds(self, value: float) -> bool:
         """Whether a value meets it; false for NaN."""
         return bool(self.requirement.holds(np.array(value), self.bound))
@@ -73,7 +68,7 @@ class Goal:
     def broken(self, evaluation: Evaluation) -> list[str]:
         """The conditions that do not hold, as they were written."""
         pairs = zip(self.conditions, evaluation.conditions, strict=True)
-        return [condition.text for condition, value in pairs if not condition.holds(value)]
+        return [condition.requirement.text for condition, value in pairs if not condition.holds(value)]
 
     def evaluation(self, point: Point, numbers: FloatArray, completed: "np.ndarray[tuple[int], np.dtype[np.bool_]]",
                    reason: str, further: Iterable[str]) -> Evaluation:  # fmt: skip
@@ -131,7 +126,9 @@ class Search:
             closest = min(filter(np.isfinite, values), key=condition.violation, default=None)
             quantity = metric_of(condition.metric).quantity
             reached = "" if closest is None else f", the nearest reached {exactly(quantity, closest, 4)}"
-            counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
+            counts[
+                f"'{condition.requirement.text}' was not met by {count} of {len(self.tried)} candidates{reached}"
+            ] = count
         return max(counts, key=lambda text: counts[text])
 
 

@@ -276,7 +276,7 @@ def tuning_files(tuning: Tuning, name: Path | str | None, folder: Path, settings
 
     numbers = {
         "metric": goal.metric,
-        "subject_to": [condition.text for condition in goal.conditions],
+        "subject_to": [condition.requirement.text for condition in goal.conditions],
         "quantile": goal.quantile if tuning.members > 1 else None,
         "values": tuning.values,
         "units": {axis.key: axis.unit for axis in search.axes},

@@ -246,29 +246,23 @@ def _verdict(workspace: Workspace) -> Verdict:
         rows, shown = rows_reached(reached, axis), _coordinate(workspace, name)
         low, high = (shown.text(float(values[rows[k]]), 3) for k in (0, -1))
         ends.append(f"{name} {low} to {high}{' or more' if rows[0] == 0 or rows[-1] == len(values) - 1 else ''}")
-    parts = [f"reaches {listed(ends)}", f"{percent(share)} of the grid{_size_text(workspace)}", most]
-    return Verdict(sentence(parts), "told" if share < 1 else "good", numbers)
-
-
-def _size_text(workspace: Workspace) -> str:
-    """The size of the reachable region if the coordinates are lengths: ", an area of 1.2 m²".
-
-    In the largest of m, cm and mm in which an area is at least 0.1, or a volume at least 0.01.
-    """
+    part = f"{percent(share)} of the grid"
     n = len(workspace.swept)
-    if any(COORDINATES[name] != "m" for name in workspace.swept):
-        return ""
-    # each pose represents a cell; those at the ends of the grid, a part of one
-    size: FloatArray = workspace.qualities.reachable.astype(float)
-    for values in reversed([*workspace.swept.values()]):
-        size = np.asarray(np.trapezoid(size, values, axis=-1))
-    unit, factor = next(
-        (unit, factor)
-        for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3))
-        if size * factor**n >= 10.0 ** (1 - n) or unit == "mm"
-    )
-    kind, power = {2: ("an area", "²"), 3: ("a volume", "³")}[n]
-    return f", {kind} of {number_text(float(size) * factor**n)} {unit}{power}"
+    if all(COORDINATES[name] == "m" for name in workspace.swept):
+        # each pose represents a cell; those at the ends of the grid, a part of one
+        size: FloatArray = reached.astype(float)
+        for values in reversed([*workspace.swept.values()]):
+            size = np.asarray(np.trapezoid(size, values, axis=-1))
+        # in the largest unit in which an area is at least 0.1, or a volume at least 0.01
+        unit, factor = next(
+            (unit, factor)
+            for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3))
+            if size * factor**n >= 10.0 ** (1 - n) or unit == "mm"
+        )
+        kind, power = {2: ("an area", "²"), 3: ("a volume", "³")}[n]
+        part += f", {kind} of {number_text(float(size) * factor**n)} {unit}{power}"
+    parts = [f"reaches {listed(ends)}", part, most]
+    return Verdict(sentence(parts), "told" if share < 1 else "good", numbers)
 
 
 def _numbers(workspace: Workspace) -> tuple[Number, ...]:
