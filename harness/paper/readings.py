@@ -92,8 +92,14 @@ def other_readings(minus_first: bool = False, progress: Callable[[], None] | Non
                 case = replace(decided, platform=with_pairs_swapped(platform) if minus_first else platform)
             end = run_kernel(case, _RTOL).states[-1]
             change = np.abs(end - final)
-            sizes = {"position_change": float(change[:3].max()), "orientation_change": float(change[3:6].max())}
-            rows.append(replace(row, **sizes, height=float(end[2])))
+            rows.append(
+                replace(
+                    row,
+                    position_change=float(change[:3].max()),
+                    orientation_change=float(change[3:6].max()),
+                    height=float(end[2]),
+                )
+            )
         except PlatformError as error:
             rows.append(replace(row, remark=f"impossible: {error}"))
         if progress is not None:
