@@ -252,7 +252,8 @@ def ensemble_command(
         running.present(report, [MEMBERS, BANDS, SAMPLES, METADATA, *worst])
         results = [result]
     else:
-        names = comparing.names_of(experiment, str(compare))
+        stems = Path(experiment).stem, Path(str(compare)).stem
+        names = stems if stems[0] != stems[1] else ("A", "B")
         compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
         running.command.written.append(folder)
         running.step("worst members and reports", total=None)

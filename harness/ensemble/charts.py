@@ -53,14 +53,37 @@ def ensemble_charts(ensemble: MemberTable, by: str, known: Sensitivity | None) -
     signals.sort(key=lambda name: not name.startswith("error."))
     inputs = [known.inputs[k] for k in known.order] if known is not None else list(ensemble.varied)
     shown = [name for name in inputs if name in ensemble.varied and np.isfinite(ensemble.values(name)).any()]
+    metric, y = metric_of(by), np.where(ensemble.is_complete, ensemble.values(by), np.nan)
+    series = Series("members", metric.quantity, y, "actual", members=ensemble.numbers("member"))
+    dependence = [
+        Chart(
+            f"{metric.text} by {name}",
+            Axis(name, quantity_of_input(name), ensemble.values(name)),
+            (series,),
+            "points",
+            y=Axis(metric.text, metric.quantity),
+            group="dependence",
+            detail=k >= _MOST_FIRST,
+        )
+        for k, name in enumerate(shown[:_MOST_BARS])
+    ]
+    bars = []
+    if known is not None:
+        order, is_sobol = known.order[:_MOST_BARS], known.total is not None
+        roles: tuple[tuple[str, Role], ...] = (("alone" if is_sobol else "β", "actual"), ("in total", "neutral"))
+        effects = tuple(
+            Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
+            for (name, role), (values, half) in zip(roles, known.effects, strict=False)
+        )
+        measure = "share of the variance" if is_sobol else "standardised regression coefficient β"
+        labels = Axis("input", labels=tuple(known.inputs[k] for k in order))
+        title = f"what makes the {metric_of(known.metric).text} vary"
+        bars = [Chart(title, labels, effects, "bars", y=Axis(measure), note=known.remark, group="sensitivity")]
     charts = {
         "Distribution": [_histogram(ensemble, name) for name in names if len(ensemble.counted(name)) > 1],
         "Over time": [_band(ensemble, name) for name in signals],
-        "Dependence": [
-            replace(_dependence(ensemble, by, name), detail=k >= _MOST_FIRST)
-            for k, name in enumerate(shown[:_MOST_BARS])
-        ],
-        "Sensitivity": [] if known is None else [_bars(known)],
+        "Dependence": dependence,
+        "Sensitivity": bars,
     }
     return [Section(title, tuple(parts)) for title, parts in charts.items() if parts]
 
@@ -126,23 +149,3 @@ def with_samples(report: Report, frame: polars.DataFrame) -> Report:
 
     sections = tuple(replace(section, parts=tuple(map(filled, section.parts))) for section in report.sections)
     return replace(report, sections=sections)
-
-
-def _dependence(ensemble: MemberTable, by: str, name: str) -> Chart:
-    metric, y = metric_of(by), np.where(ensemble.is_complete, ensemble.values(by), np.nan)
-    series = Series("members", metric.quantity, y, "actual", members=ensemble.numbers("member"))
-    axes = Axis(name, quantity_of_input(name), ensemble.values(name)), Axis(metric.text, metric.quantity)
-    return Chart(f"{metric.text} by {name}", axes[0], (series,), "points", y=axes[1], group="dependence")
-
-
-def _bars(known: Sensitivity) -> Chart:
-    order, is_sobol = known.order[:_MOST_BARS], known.total is not None
-    roles: tuple[tuple[str, Role], ...] = (("alone" if is_sobol else "β", "actual"), ("in total", "neutral"))
-    series = tuple(
-        Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
-        for (name, role), (values, half) in zip(roles, known.effects, strict=False)
-    )
-    measure = "share of the variance" if is_sobol else "standardised regression coefficient β"
-    title = f"what makes the {metric_of(known.metric).text} vary"
-    return Chart(title, Axis("input", labels=tuple(known.inputs[k] for k in order)), series, "bars", y=Axis(measure),
-                 note=known.remark, group="sensitivity")  # fmt: skip

@@ -23,7 +23,7 @@ from gough_stewart.harness.errors import (
     UnstableLoopError,
 )
 from gough_stewart.harness.experiment.members import EnsemblePlan, Members
-from gough_stewart.harness.experiment.preparation import Batch, Prepared, PreparedMembers, one_or_each
+from gough_stewart.harness.experiment.preparation import Batch, Prepared, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.folds import Fold, KeptRows, State
@@ -48,30 +48,22 @@ MOST_ROWS = 2048
 # Members that a thread looks at in one go.
 _TOGETHER = 64
 FOLDER = "chunks"
-
-
-class ChunkBytes(NamedTuple):
-    """A chunk as bytes, on its way from a worker to its files."""
-
-    rows: bytes  # Parquet
-    bands: bytes  # npz, also with the features, and a checksum of the rows
-    features: str
+_ENDINGS = {
+    "outcome": polars.String,
+    "ended": polars.Float64,
+    "cause": polars.String,
+    "oscillation": polars.String,
+    "oscillation.amplitude": polars.Float64,
+    "oscillation.frequency": polars.Float64,
+}
 
 
 class Chunk(NamedTuple):
-    """The results kept of some members."""
+    """The results kept of some members, as bytes on their way from a worker to files; the same for the same members."""
 
-    rows: polars.DataFrame  # one per member; see `member_table`
-    bands: BandSamples
+    rows: bytes  # Parquet, a row for each member; see `member_table`
+    bands: bytes  # npz, also with the features, and a checksum of the rows
     features: str  # processor features of the machine code
-
-    def to_bytes(self) -> ChunkBytes:
-        """The same chunk always gives the same bytes."""
-        rows, bands = BytesIO(), BytesIO()
-        self.rows.write_parquet(rows, statistics=False)
-        arrays: dict[str, Any] = {**self.bands._asdict(), "columns": np.array(self.bands.columns, dtype=str)}
-        np.savez(bands, **arrays, features=np.array(self.features), checksum=np.array(crc32(rows.getvalue())))
-        return ChunkBytes(rows.getvalue(), bands.getvalue(), self.features)
 
 
 class LegErrors(KeptRows):
@@ -104,21 +96,40 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     draws = members.draws(first, last)
     prepared = members.prepared_with(draws.values, range(first, last))
     batch = prepared.batch
+    outcomes, motions, features = list[Outcome](), list[Oscillation | None](), ""
     if not len(batch):
-        columns, nothing = results_of_nobody(members, first)
-        return Chunk(_rows(first, draws.columns, prepared, (), (), columns), nothing, "")
-    signals = DEFAULT if members.choice.signals is None else members.choice.signals
-    bands, errors = Bands(signals, batch.timing, len(batch), first), LegErrors(batch.timing)
-    run = reduced(batch, members.stepping, threads, [bands, errors])
-    check_memory(batch, run, lambda first_one: reduced(first_one, members.stepping, threads))
-    columns, outcomes = run.columns, list(run.outcomes)
-    if members.choice.margins:
-        judged = margins_of([batch.member(k) for k in range(len(batch))])
-        for k, cause in enumerate(judged.pop("cause")):
-            outcomes[k] = outcomes[k]._replace(cause=outcomes[k].cause or cause)
-        columns |= judged
-    motions = oscillations(batch, outcomes, errors, threads)
-    return Chunk(_rows(first, draws.columns, prepared, outcomes, motions, columns), bands.samples(), run.features)
+        columns, samples = results_of_nobody(members, first)
+    else:
+        signals = DEFAULT if members.choice.signals is None else members.choice.signals
+        bands, errors = Bands(signals, batch.timing, len(batch), first), LegErrors(batch.timing)
+        run = reduced(batch, members.stepping, threads, [bands, errors])
+        check_memory(batch, run, lambda first_one: reduced(first_one, members.stepping, threads))
+        columns, outcomes, samples, features = run.columns, list(run.outcomes), bands.samples(), run.features
+        if members.choice.margins:
+            judged = margins_of([batch.member(k) for k in range(len(batch))])
+            for k, cause in enumerate(judged.pop("cause")):
+                outcomes[k] = outcomes[k]._replace(cause=outcomes[k].cause or cause)
+            columns |= judged
+        motions = oscillations(batch, outcomes, errors, threads)
+
+    # one row per member, in order of their numbers; outcomes, motions and metrics are of those that ran
+    n, ran = len(prepared.errors) + len(prepared.numbers), prepared.numbers
+    endings: list[tuple[Any, ...]] = [("impossible", None, prepared.reasons.get(k), None, None, None) for k in range(n)]
+    for k, outcome, motion in zip(ran[: len(outcomes)].tolist(), outcomes, motions, strict=True):
+        kind = motion and ("growing" if motion.is_growing else "oscillating")
+        size = (motion.amplitude, motion.frequency) if motion is not None else (None, None)
+        endings[k] = (outcome.status, outcome.time, outcome.cause, kind, *size)
+    table: dict[str, Any] = {"member": polars.Series(range(first, first + n), dtype=polars.Int64)}
+    table |= {f"varied.{name}": polars.Series(values) for name, values in draws.columns.items()}
+    table |= polars.DataFrame(endings, _ENDINGS, orient="row").to_dict()
+    for name, values in columns.items():
+        table[name] = np.full(n, np.nan)
+        table[name][ran] = values
+    rows, arrays = BytesIO(), BytesIO()
+    polars.DataFrame(table, nan_to_null=True).write_parquet(rows, statistics=False)
+    of_bands: dict[str, Any] = {**samples._asdict(), "columns": np.array(samples.columns, dtype=str)}
+    np.savez(arrays, **of_bands, features=np.array(features), checksum=np.array(crc32(rows.getvalue())))
+    return Chunk(rows.getvalue(), arrays.getvalue(), features)
 
 
 class Reduced(NamedTuple):
@@ -229,40 +240,6 @@ def check_names(plan: EnsemblePlan) -> None:
         raise ExperimentError(plan.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
 
 
-_ENDINGS = {
-    "outcome": polars.String,
-    "ended": polars.Float64,
-    "cause": polars.String,
-    "oscillation": polars.String,
-    "oscillation.amplitude": polars.Float64,
-    "oscillation.frequency": polars.Float64,
-}
-
-
-def _rows(
-    first: int,
-    varied: dict[str, Any],
-    prepared: PreparedMembers,
-    outcomes: Sequence[Outcome],
-    motions: Sequence[Oscillation | None],
-    metrics: dict[str, FloatArray],
-) -> polars.DataFrame:
-    """One row per member, in order of their numbers; outcomes, motions and metrics are of those that ran."""
-    n = len(prepared.errors) + len(prepared.numbers)
-    endings: list[tuple[Any, ...]] = [("impossible", None, prepared.reasons.get(k), None, None, None) for k in range(n)]
-    for k, outcome, motion in zip(prepared.numbers[: len(outcomes)].tolist(), outcomes, motions, strict=True):
-        kind = motion and ("growing" if motion.is_growing else "oscillating")
-        size = (motion.amplitude, motion.frequency) if motion is not None else (None, None)
-        endings[k] = (outcome.status, outcome.time, outcome.cause, kind, *size)
-    columns: dict[str, Any] = {"member": polars.Series(range(first, first + n), dtype=polars.Int64)}
-    columns |= {f"varied.{name}": polars.Series(values) for name, values in varied.items()}
-    columns |= polars.DataFrame(endings, _ENDINGS, orient="row").to_dict()
-    for name, values in metrics.items():
-        columns[name] = np.full(n, np.nan)
-        columns[name][prepared.numbers] = values
-    return polars.DataFrame(columns, nan_to_null=True)
-
-
 def oscillations(
     batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors, threads: int = 1
 ) -> list[Oscillation | None]:
@@ -320,38 +297,22 @@ class ChunkFiles:
         """The table of its members."""
         return self.folder / f"{first:08d}.parquet"
 
-    def write(self, first: int, content: ChunkBytes) -> None:
+    def write(self, first: int, content: Chunk) -> None:
         """Write a chunk completely or not at all; after an `OSError`, partial files are ignored."""
         self.folder.mkdir(parents=True, exist_ok=True)
         write_whole(self.rows(first), content.rows)
         write_whole(self.rows(first).with_suffix(".npz"), content.bands)
 
-    def _arrays(self, first: int) -> dict[str, Any]:
+    def bands(self, first: int) -> dict[str, Any]:
+        """The fields of its samples over time, the features of its machine code, and the checksum of its rows."""
         with np.load(BytesIO(self.rows(first).with_suffix(".npz").read_bytes())) as arrays:
-            return {name: arrays[name] for name in arrays}
+            return {**arrays, "columns": tuple(arrays["columns"].tolist())}
 
     def features(self, first: int) -> str | None:
         """The processor features of the chunk's machine code; None if the chunk is missing or incomplete."""
         try:
-            arrays = self._arrays(first)  # of which numpy checks the checksums
+            arrays = self.bands(first)  # of which numpy checks the checksums
             is_complete = crc32(self.rows(first).read_bytes()) == int(arrays["checksum"])
             return str(arrays["features"]) if is_complete else None
         except (OSError, ValueError, KeyError, EOFError, BadZipFile):
             return None
-
-    def bands(self, first: int) -> BandSamples:
-        """Its samples over time."""
-        arrays = self._arrays(first)
-        arrays["columns"] = tuple(arrays["columns"].tolist())
-        return BandSamples(**{name: arrays[name] for name in BandSamples._fields})
-
-    def count(self) -> int:
-        """The number of chunks."""
-        return len(list(self.folder.glob("*.npz")))
-
-    def remove(self) -> None:
-        """Remove all chunks."""
-        for path in sorted(self.folder.glob("*")):
-            path.unlink()
-        if self.folder.is_dir():
-            self.folder.rmdir()

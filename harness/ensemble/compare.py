@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from gough_stewart.harness.ensemble.charts import ensemble_charts
 from gough_stewart.harness.ensemble.ensemble import ensemble
 from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_numbers
-from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
+from gough_stewart.harness.ensemble.sensitivity import sensitivity_of
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import write_to
@@ -73,59 +73,36 @@ def run_compared(
     for name, experiment in zip(names, (first, second.model_copy(update={"ensemble": choice})), strict=True):
         say(name)
         ensembles.append(ensemble(experiment, out=folder / name, **options))
-    comparison = compare(ensembles[0], ensembles[1], names)
-    write_files(folder, {DIFFERENCES: lambda path: write_to(path, comparison.differences.write_parquet)})
-    return comparison
+    a, b = ensembles
+    for key in [key for key in a.varied if key in b.varied]:
+        x, y = a.values(key), b.values(key)
+        differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
+        if differ.any():
+            k = int(differ.argmax())
+            raise RecordError(
+                f"{key} of member {a.members['member'][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
+                "expected the same [ensemble] in both, with the same seed"
+            )
 
-
-def names_of(first: str, second: str) -> tuple[str, str]:
-    """Names of two experiments: their files' names if they differ, A and B otherwise."""
-    stems = Path(first).stem, Path(second).stem
-    return stems if stems[0] != stems[1] else ("A", "B")
+    # differences, member by member, and their statistics
+    in_both = a.is_complete & b.is_complete
+    metrics = [metric for metric in a.metrics if metric in b.metrics]
+    gaps = a.members.select("member", "ended", polars.col(r"^varied\..*$")).with_columns(
+        polars.Series("outcome", np.where(in_both, "completed", "not in both")),
+        polars.lit(None, polars.String).alias("cause"),
+        *(polars.Series(metric, b.values(metric) - a.values(metric), nan_to_null=True) for metric in metrics),
+    )
+    rows = [{"metric": metric, **_difference(a, b, metric, in_both)} for metric in metrics]
+    differences = polars.DataFrame([row for row in rows if row["pairs"]], infer_schema_length=None)
+    write_files(folder, {DIFFERENCES: lambda path: write_to(path, differences.write_parquet)})
+    of_gaps = Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": f"{names[1]} − {names[0]}"})
+    return Comparison(a, b, names, of_gaps, differences)
 
 
 def known_numbers(metrics: Iterable[Metric] = METRICS) -> list[Number]:
     """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
     prefixes = ("", "first.", "difference.")
     return [Number(f"{prefix}{m.path}", m.text, None, m.quantity) for prefix in prefixes for m in metrics]
-
-
-def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
-    """Compare two ensembles of the same members (common random numbers), using members that completed in both.
-
-    `RecordError` if their members are not the same: another number of them, or other drawn values.
-    """
-    joined = a.members.select("member").join(b.members, on="member", maintain_order="left")
-    if not a.members.height == b.members.height == joined.height:
-        raise RecordError(
-            f"{a.members.height} and {b.members.height} members, {joined.height} of them in both; expected the same "
-            "members in both, for instance by the same --members and --seed"
-        )
-    b = replace(b, members=joined)
-    for name in [name for name in a.varied if name in b.varied]:
-        x, y = a.values(name), b.values(name)
-        differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
-        if differ.any():
-            k = int(differ.argmax())
-            raise RecordError(
-                f"{name} of member {a.members['member'][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
-                "expected the same [ensemble] in both, with the same seed"
-            )
-    in_both = a.is_complete & b.is_complete
-    metrics = [name for name in a.metrics if name in b.metrics]
-    gaps = a.members.select("member", "ended", polars.col(r"^varied\..*$")).with_columns(
-        polars.Series("outcome", np.where(in_both, "completed", "not in both")),
-        polars.lit(None, polars.String).alias("cause"),
-        *(polars.Series(name, b.values(name) - a.values(name), nan_to_null=True) for name in metrics),
-    )
-    rows = [{"metric": name, **_difference(a, b, name, in_both)} for name in metrics]
-    return Comparison(
-        a,
-        b,
-        names,
-        Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": f"{names[1]} − {names[0]}"}),
-        polars.DataFrame([row for row in rows if row["pairs"]], infer_schema_length=None),
-    )
 
 
 def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) -> dict[str, float | int | None]:
@@ -162,7 +139,7 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
     }
 
 
-def comparison_tables(result: Comparison, names: Sequence[str]) -> list[Table]:
+def _tables(result: Comparison, names: Sequence[str]) -> list[Table]:
     """Numbers of completed members, then the differences of these metrics with their confidence."""
     a, b = result.a.is_complete, result.b.is_complete
     counts = [[int(np.count_nonzero(in_a & in_b)) for in_b in (b, ~b)] for in_a in (a, ~a)]
@@ -199,14 +176,14 @@ def _named(first: str, second: str) -> str:
 def comparison_report(result: Comparison, *, charts: bool = True) -> Report:
     """How the second experiment differs from the first, member by member, in one metric and then in all."""
     (first, second), gaps, by = result.names, result.gaps, result.a.worst_by
-    sections = [Section("Differences", tuple(comparison_tables(result, result.a.usual_metrics)))]
+    sections = [Section("Differences", tuple(_tables(result, result.a.usual_metrics)))]
     named, members = f"{second} − {first}", count(result.a.members.height, "member")
     settings = differing({"experiment": run.metadata.get("experiment")} for run in (result.a, result.b))
     if charts:
-        for section in ensemble_charts(gaps, by, sensitivity_if_known(gaps, by)):
+        for section in ensemble_charts(gaps, by, sensitivity_of(gaps, by)):
             parts = (replace(p, title=f"{p.title}: {named}") for p in section.parts if isinstance(p, Chart))
             sections.append(Section(section.title, tuple(parts)))
-        all_metrics = comparison_tables(result, result.a.metrics)[1:]
+        all_metrics = _tables(result, result.a.metrics)[1:]
         sections.append(Section("All metrics", tuple(all_metrics), detail=True))
     ensembles = {"": result.b, "first.": result.a, "difference.": gaps}
     report = Report(

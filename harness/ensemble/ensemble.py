@@ -2,6 +2,7 @@
 
 import errno
 import json
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
@@ -33,7 +34,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import scan_parquet, write_to
 from gough_stewart.harness.report.quantities import fineness_of
 from gough_stewart.harness.report.versions import versions
-from gough_stewart.harness.results.bands import MOST_KEPT, bands_frame, joined_samples, samples_frame
+from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, bands_frame, joined_samples, samples_frame
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
@@ -165,7 +166,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
             say("tables")
             result = _assembled(plan, files, ranges, sorted(set(filter(None, features.values()))), folder)
         except BaseException as error:
-            n = files.count()
+            n = len(list(files.folder.glob("*.npz")))
             are_kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
             if n:
                 error.add_note(f"{are_kept}; continue with --resume")
@@ -175,7 +176,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
                     "continue with --resume"
                 ) from error
             raise
-        files.remove()
+        shutil.rmtree(files.folder, ignore_errors=True)
         (folder / PLAN).unlink(missing_ok=True)
         return result
 
@@ -197,7 +198,7 @@ def _planned(
             continue
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
-    if not resume and begun is not None and files.count():
+    if not resume and begun is not None and any(files.folder.glob("*.npz")):
         raise EnsembleError(
             f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
             f"{folder / FOLDER}, or choose another --out"
@@ -241,7 +242,8 @@ def _assembled(
     options: dict[str, Any] = {"row_group_size": _ROWS_A_GROUP, "maintain_order": True, "statistics": False}
     write_whole(folder / MEMBERS, lambda path: write_to(path, lambda place: rows.sink_parquet(place, **options)))
     members = scan_parquet(folder / MEMBERS)
-    joined = joined_samples(files.bands(first) for first, _ in ranges)
+    samples = (files.bands(first) for first, _ in ranges)
+    joined = joined_samples(BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in samples)
     ran = members.filter(polars.col("outcome") != "impossible").select("member").head(MOST_KEPT).collect()
     for name, frame in (
         (BANDS, bands_frame(joined)),

@@ -1,6 +1,7 @@
 """What an ensemble found, as a report: how many machines do it and how well, what fails, what makes them differ."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import polars
 
 from gough_stewart.harness.ensemble.charts import ensemble_charts, quantity_of_input
 from gough_stewart.harness.ensemble.member_table import BANDS, FINAL, MEMBERS, METADATA, PEAK, SAMPLES, MemberTable
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_if_known
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_of
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
@@ -46,6 +47,10 @@ _CONFIDENCE = {
 }
 # Causes and inputs that tables show at first, inputs that matter alike by name, inputs that are columns.
 _MOST_CAUSES, _MOST_INPUTS, _MOST_NAMED, _MOST_COLUMNS = 8, 8, 3, 5
+# A number in the text of a cause, which differs between members.
+_NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(\.\d+)?([eE][-+]?\d+)?")
+# So many times the tolerance is no matter of single steps.
+_FAR_BEYOND = 10.0
 _TWO, _FOUR = Quantity("", "", digits=2), replace(SHARE, digits=4)
 
 
@@ -69,8 +74,34 @@ class Ensemble(MemberTable):
             Verdict, all metrics as numbers with a value for each member, tables, and with `charts` bands and
             distributions.
         """
-        by = self.worst_by
-        return ensemble_report(self, by, sensitivity_if_known(self, by), worst, charts=charts)
+        by, metadata, pages = self.worst_by, self.metadata, worst if isinstance(worst, Mapping) else {}
+        known = sensitivity_of(self, by)
+        tables = [_quantile_table(self, self.usual_metrics)]
+        if not self.is_complete.all():
+            tables.append(_failure_table(self, pages))
+        if known is not None:
+            tables.append(_sensitivity_table(known))
+        if worst:
+            inputs = self.varied if known is None else [known.inputs[k] for k in known.order]
+            numeric = [name for name in inputs if name in self.varied]
+            tables.append(_worst_table(self, list(worst), by, pages, numeric))
+        sections = [Section("Members", tuple(tables))]
+        if charts:
+            sections += ensemble_charts(self, by, known)
+            all_metrics = [name for name in self.metrics if len(self.counted(name))]
+            sections.append(Section("All metrics", (_quantile_table(self, all_metrics),), detail=True))
+        seed = f", seed {metadata['seed']}" if "seed" in metadata else ""
+        report = Report(
+            self.title,
+            _verdict(self, by, known),
+            tuple(sections),
+            study="ensemble",
+            lead=f"{count(self.members.height, 'member')} {_DRAWN[metadata.get('sampling', 'random')]}{seed}",
+            numbers=ensemble_numbers(self),
+            settings=settings_of(metadata.get("settings") or {}),
+            notes=_notes(self),
+        )
+        return fine(report, self.fineness)
 
     def __repr__(self) -> str:
         """Title and report as in the terminal."""
@@ -119,57 +150,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
-def ensemble_report(
-    ensemble: MemberTable,
-    by: str,
-    known: Sensitivity | None = None,
-    worst: Sequence[int] | Mapping[int, str] = (),
-    *,
-    charts: bool = True,
-) -> Report:
-    """The report of an ensemble.
-
-    Parameters
-    ----------
-    by
-        The metric of the verdict, which also comes first in charts.
-    known
-        What makes that metric vary.
-    worst
-        Members to list; of a mapping with the address of each one's own page, "" for none.
-    charts
-        Also bands over time, histograms and dependence.
-    """
-    metadata, pages = ensemble.metadata, worst if isinstance(worst, Mapping) else {}
-    tables = [quantile_table(ensemble, ensemble.usual_metrics)]
-    if ensemble.failures:
-        tables.append(failure_table(ensemble, pages=pages))
-    if known is not None:
-        tables.append(sensitivity_table(known))
-    if worst:
-        inputs = ensemble.varied if known is None else [known.inputs[k] for k in known.order]
-        numeric = [name for name in inputs if name in ensemble.varied]
-        tables.append(worst_table(ensemble, list(worst), by, pages, numeric))
-    sections = [Section("Members", tuple(tables))]
-    if charts:
-        sections += ensemble_charts(ensemble, by, known)
-        all_metrics = [name for name in ensemble.metrics if len(ensemble.counted(name))]
-        sections.append(Section("All metrics", (quantile_table(ensemble, all_metrics),), detail=True))
-    seed = f", seed {metadata['seed']}" if "seed" in metadata else ""
-    report = Report(
-        ensemble.title,
-        ensemble_verdict(ensemble, by, known),
-        tuple(sections),
-        study="ensemble",
-        lead=f"{count(ensemble.members.height, 'member')} {_DRAWN[metadata.get('sampling', 'random')]}{seed}",
-        numbers=ensemble_numbers(ensemble),
-        settings=settings_of(metadata.get("settings") or {}),
-        notes=_notes(ensemble),
-    )
-    return fine(report, ensemble.fineness)
-
-
-def ensemble_verdict(ensemble: MemberTable, by: str, known: Sensitivity | None = None) -> Verdict:
+def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdict:
     """How many machines complete their runs, how well most of them do, and what makes them differ."""
     n, sound = ensemble.members.height, int(np.count_nonzero(ensemble.works))
     low, high = share_interval(sound / ensemble.block, n / ensemble.block)
@@ -252,7 +233,7 @@ def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
                   small_is_worse=is_lower, block=block)  # fmt: skip
 
 
-def quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:
+def _quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:
     """A row for each metric: its quantiles, and of how many members they are."""
     members, left_out = ensemble.members, int(np.count_nonzero(~ensemble.is_complete))
     rows: list[tuple[Cell, ...]] = []
@@ -288,18 +269,32 @@ def quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:
     return Table(f"{count(members.height, 'member')}: {ended}", columns, tuple(rows), note=" ".join(remarks))
 
 
-def failure_table(ensemble: MemberTable, most: int = _MOST_CAUSES, pages: Mapping[int, str] | None = None) -> Table:
-    """Members that did not complete, by cause; the first of each stands for it, with its page if there is one."""
-    causes = ensemble.failures
-    columns = tuple(map(Column, ("member", "outcome", "cause", "members with it")))
-    rows = tuple((cause.members[0], cause.outcome, cause.cause, len(cause.members)) for cause in causes)
-    links = tuple((pages or {}).get(cause.members[0], "") for cause in causes)
-    note = "The first member of each cause. `gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
-    shown = links if any(links) else ()
-    return Table("Not completed", columns, rows, sortable=True, first_shown=most, note=note, links=shown)
+def _failure_table(ensemble: MemberTable, pages: Mapping[int, str]) -> Table:
+    """Members that did not complete, by outcome and cause, most frequent first.
+
+    Causes that differ only in numbers count as one; its first member stands for it, with its page if there is one.
+    """
+    failures: dict[tuple[str, str], list[tuple[int, str]]] = {}
+    failed = ensemble.members.filter(polars.col("outcome") != "completed")
+    for member, outcome, cause in failed.select("member", "outcome", "cause").iter_rows():
+        failures.setdefault((outcome, _NUMBER.sub("#", cause or "")), []).append((member, cause or ""))
+    rows = sorted(
+        ((*alike[0], outcome, len(alike)) for (outcome, _), alike in failures.items()), key=lambda row: -row[3]
+    )
+    links = tuple(pages.get(member, "") for member, *_ in rows)
+    return Table(
+        "Not completed",
+        tuple(map(Column, ("member", "outcome", "cause", "members with it"))),
+        tuple((member, outcome, cause, number) for member, cause, outcome, number in rows),
+        sortable=True,
+        first_shown=_MOST_CAUSES,
+        note="The first member of each cause. "
+        "`gough-stewart run EXPERIMENT --member N --open` shows member N as a run.",
+        links=links if any(links) else (),
+    )
 
 
-def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
+def _sensitivity_table(known: Sensitivity) -> Table:
     """The inputs with their effect on a metric, the most influential first."""
     half = Column("±", _TWO, "half of the 95 % confidence interval")
     columns: tuple[Column, ...] = (Column("input"), Column("β", _TWO, "standardised regression coefficient"), half)
@@ -311,19 +306,17 @@ def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
         (known.inputs[k], *(float(values[k]) for effect in known.effects for values in effect)) for k in known.order
     ]
     title = f"What makes the {metric_of(known.metric).text} vary"
-    return Table(title, columns, tuple(rows), first_shown=most, note=f"{known.remark[:1].upper()}{known.remark[1:]}.")
+    return Table(
+        title, columns, tuple(rows), first_shown=_MOST_INPUTS, note=f"{known.remark[:1].upper()}{known.remark[1:]}."
+    )
 
 
-def worst_table(
-    ensemble: MemberTable,
-    worst: Sequence[int],
-    by: str,
-    pages: Mapping[int, str] | None = None,
-    inputs: Sequence[str] | None = None,
+def _worst_table(
+    ensemble: MemberTable, worst: Sequence[int], by: str, pages: Mapping[int, str], inputs: Sequence[str]
 ) -> Table:
     """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
-    metric, all_inputs = metric_of(by), ensemble.varied if inputs is None else inputs
-    shown = all_inputs[:_MOST_COLUMNS]
+    metric = metric_of(by)
+    shown = inputs[:_MOST_COLUMNS]
     columns = (
         Column("member"),
         Column("outcome"),
@@ -335,7 +328,7 @@ def worst_table(
     rows: list[tuple[Cell, ...]] = [
         (m, str(outcomes[row_of[m]]), *(float(values[row_of[m]]) for values in numbers)) for m in worst
     ]
-    more = len(all_inputs) - len(shown)
+    more = len(inputs) - len(shown)
     return Table(
         f"Worst members by {metric.text}",
         columns,
@@ -351,9 +344,20 @@ def _notes(ensemble: MemberTable) -> tuple[Note, ...]:
     """Warnings, and what confidence intervals are of."""
     metadata, n = ensemble.metadata, ensemble.members.height
     warnings = [f"{text}; of factors, write {{ factor = … }}" for text in metadata.get("outside", ())]
-    warnings += [ensemble.oscillation_warning, ensemble.judgement_warning]
+    warnings.append(ensemble.oscillation_warning)
+    unjudged = ensemble.members.filter((polars.col("outcome") == "completed") & polars.col("cause").is_not_null())
+    if unjudged.height:
+        first = f"the first is member {unjudged['member'][0]}, {unjudged['cause'][0]}"
+        warnings.append(f"{unjudged.height} of {n} members completed but could not be judged; {first}")
     if metadata.get("substeps") is not None and "tolerance" in metadata:
-        warnings.append(ensemble.integration_warning(float(metadata["tolerance"])))
+        errors, tolerance = ensemble.numbers("integration_error"), float(metadata["tolerance"])
+        if beyond := int(np.count_nonzero(errors > _FAR_BEYOND * tolerance)):
+            worst = int(ensemble.members["member"][int(np.nanargmax(errors))])
+            warnings.append(
+                f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {worst}), and more than "
+                f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {n} members; shorten "
+                "plant.fixed_step_size, or leave it out"
+            )
     combinations = metadata.get("combinations", 1)
     if n % combinations:
         remark = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"

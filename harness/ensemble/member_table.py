@@ -15,9 +15,8 @@
   undefined.
 """
 
-import re
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import polars
@@ -50,18 +49,6 @@ _USUAL = (
     *("margins.stable", "margins.disk"),
 )
 _USUAL_OF_STEPS = ("overshoot_percent", "rise_time", "settling_time")
-# A number in the text of a cause, which differs between members.
-_NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(\.\d+)?([eE][-+]?\d+)?")
-# So many times the tolerance is no matter of single steps.
-_FAR_BEYOND = 10.0
-
-
-class Failure(NamedTuple):
-    """Members that did not complete for the same cause."""
-
-    outcome: str
-    cause: str  # of the first one
-    members: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -191,20 +178,6 @@ class MemberTable:
         return [int(member) for member in self.members["member"].to_numpy()[order[:number]]]
 
     @property
-    def failures(self) -> tuple[Failure, ...]:
-        """Members that did not complete, by outcome and cause, most frequent first.
-
-        Causes that differ only in numbers count as one.
-        """
-        failures: dict[tuple[str, str], Failure] = {}
-        failed = self.members.filter(polars.col("outcome") != "completed")
-        for member, outcome, cause in failed.select("member", "outcome", "cause").iter_rows():
-            key = (outcome, _NUMBER.sub("#", cause or ""))
-            alike = failures.get(key, Failure(outcome, cause or "", ()))
-            failures[key] = alike._replace(members=(*alike.members, member))
-        return tuple(sorted(failures.values(), key=lambda failure: -len(failure.members)))
-
-    @property
     def oscillating(self) -> dict[str, list[int]]:
         """Members that completed while their loops oscillated or grew without input; the largest amplitude first."""
         if "oscillation" not in self.members.columns:  # a result of an older version
@@ -230,25 +203,3 @@ class MemberTable:
                     f"largest amplitude, {exactly(LENGTH, amplitude, 3)}{rate}"
                 )
         return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""
-
-    @property
-    def judgement_warning(self) -> str:
-        """A warning if margins of members that completed cannot be computed, with the first cause; "" if not."""
-        without = self.members.filter((polars.col("outcome") == "completed") & polars.col("cause").is_not_null())
-        if not without.height:
-            return ""
-        how_many = f"{without.height} of {self.members.height} members completed but could not be judged"
-        return f"{how_many}; the first is member {without['member'][0]}, {without['cause'][0]}"
-
-    def integration_warning(self, tolerance: float) -> str:
-        """A warning if fixed steps give some members an error far beyond the tolerance; "" if not."""
-        errors = self.numbers("integration_error")
-        beyond = int(np.count_nonzero(errors > _FAR_BEYOND * tolerance))
-        if not beyond:
-            return ""
-        worst = int(self.members["member"][int(np.nanargmax(errors))])
-        return (
-            f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {worst}), and more than "
-            f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {len(errors)} members; shorten "
-            "plant.fixed_step_size, or leave it out"
-        )

@@ -7,9 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.member_table import SHORT, MemberTable
-from gough_stewart.harness.errors import RecordError
-from gough_stewart.model.interface import nearest
+from gough_stewart.harness.ensemble.member_table import MemberTable
 from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["sobol", "regression", "ranks"]
@@ -100,52 +98,40 @@ class Sensitivity:
         return "; ".join(parts)
 
 
-def sensitivity(ensemble: MemberTable, metric: str) -> Sensitivity:
-    """For one metric: Sobol' indices if the members are Saltelli's design, else regression.
+def sensitivity_of(ensemble: MemberTable, metric: str) -> Sensitivity | None:
+    """For one metric: Sobol' indices if the members are Saltelli's design, else regression; with confidence intervals.
 
-    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
-    table 2, total by (f). Confidence intervals come from resampled members. `RecordError` if the metric is unknown,
-    nothing varies, or too few members have a value.
+    None if too few members have a value, no number varies, or all values are the same.
     """
-    if SHORT.get(metric, metric) not in ensemble.metrics:
-        raise RecordError(f"no metric '{metric}'{nearest(metric, ensemble.metrics)}")
     merit = np.where(ensemble.is_complete, ensemble.values(metric), np.nan)
     if ensemble.block > 1:
         return _sobol(metric, merit, ensemble.metadata["groups"])
     return _regression(ensemble, metric, merit)
 
 
-def sensitivity_if_known(ensemble: MemberTable, metric: str) -> Sensitivity | None:
-    """The shares of the inputs in a metric's variance; None if too few members have run, or no number varies."""
-    try:
-        return sensitivity(ensemble, metric)
-    except RecordError:
-        return None
+def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity | None:
+    """Indices of a design of points, of which those count whose members have all completed.
 
-
-def group_name(columns: Sequence[str]) -> str:
-    """The name of columns that vary together: `base_points` for `base_points[1,1]`, `base_points[1,2]` and so on."""
-    if len(columns) == 1:
-        return columns[0]
-    return " & ".join(dict.fromkeys(column.partition("[")[0] for column in columns))
-
-
-def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity:
+    Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
+    table 2, total by (f).
+    """
     block = len(groups) + 2
     points = merit[: len(merit) // block * block].reshape(-1, block)
-    # a point counts only if all its members completed
     points = points[np.isfinite(points).all(axis=1)]
-    if len(points) < 2:
-        raise RecordError(f"{metric}: {len(points)} points of Saltelli's design are complete; expected at least 2")
-    if np.ptp(points) == 0:
-        raise RecordError(f"{metric}: is the same for all members; expected one that varies")
+    if len(points) < 2 or np.ptp(points) == 0:
+        return None
     # the estimators are biased if the mean is far from 0
     points = (points - points.mean()) / points.std()
     S1, ST = _indices(points)
     resamples = np.random.default_rng(1).integers(len(points), size=(len(points), _RESAMPLES))
     again = np.array([_indices(points[rows]) for rows in resamples.T])
     S1_conf, ST_conf = _SCORE * np.std(again, axis=0, ddof=1)
-    names, used, left_out = tuple(map(group_name, groups)), points.size, len(merit) - points.size
+    # columns that vary together have one name: `base_points` for `base_points[1,1]`, `base_points[1,2]` and so on
+    names = tuple(
+        columns[0] if len(columns) == 1 else " & ".join(dict.fromkeys(name.partition("[")[0] for name in columns))
+        for columns in groups
+    )
+    used, left_out = points.size, len(merit) - points.size
     return Sensitivity(
         metric, "sobol", names, S1, S1_conf, ST, ST_conf, None, used, left_out, alike=_alike(ST, again[:, 1])
     )
@@ -175,18 +161,14 @@ def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
     return tuple(k for k in following if not gap[k] > _BEYOND_DOUBT * spread[k])
 
 
-def _regression(ensemble: MemberTable, metric: str, merit: FloatArray) -> Sensitivity:
-    # strings and constants have no coefficient
+def _regression(ensemble: MemberTable, metric: str, merit: FloatArray) -> Sensitivity | None:
+    """Coefficients of the inputs that are numbers and differ; strings and constants have none."""
     usable = np.isfinite(merit)
     y, columns = merit[usable], {name: ensemble.values(name)[usable] for name in ensemble.varied}
     numeric = {name: x for name, x in columns.items() if len(x) and np.isfinite(x).all() and np.ptp(x) > 0}
     n, p = len(y), len(numeric)
-    if not numeric:
-        raise RecordError(f"{metric}: no number varies; expected an [ensemble] with distributions")
-    if n < p + 3:
-        raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
-    if np.ptp(y) == 0:
-        raise RecordError(f"{metric}: is the same for all members; expected one that varies")
+    if not numeric or n < p + 3 or np.ptp(y) == 0:
+        return None
 
     # a straight line through the values, or through ranks where that explains more
     X = np.stack(list(numeric.values()), axis=1)

@@ -19,7 +19,7 @@ import numpy as np
 import gough_stewart
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.makers import name_of
-from gough_stewart.harness.ensemble.chunk import ChunkBytes, chunk
+from gough_stewart.harness.ensemble.chunk import Chunk, chunk
 from gough_stewart.harness.errors import ControllerError, EnsembleError
 from gough_stewart.harness.experiment.members import EnsemblePlan, GivenController, plan_from
 from gough_stewart.harness.experiment.schema import Experiment
@@ -27,7 +27,7 @@ from gough_stewart.harness.plants.isolated import Isolated
 
 # The first member, and the one after the last.
 Range = tuple[int, int]
-Chunks = Generator[tuple[Range, ChunkBytes], None, None]
+Chunks = Generator[tuple[Range, Chunk], None, None]
 # So many chunks for each process take longer than one needs to import its modules.
 _CHUNKS_A_PROCESS = 4
 # How often a chunk is tried if its process dies.
@@ -61,9 +61,9 @@ def processes_for(chunks: int, number: int, experiment: Experiment, controller: 
 class Worker:
     """The object in each worker process."""
 
-    def chunk(self, plan: str, first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
+    def chunk(self, plan: str, first: int, last: int, controller: bytes | None = None) -> Chunk:
         """A chunk of a plan, which comes as its text, with its controller from Python as `packed` made it."""
-        return chunk(unpacked(plan, controller), first, last).to_bytes()
+        return chunk(unpacked(plan, controller), first, last)
 
     def close(self) -> None:
         """Nothing to release."""
@@ -87,7 +87,7 @@ def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Wor
             yield from started.chunks(plan, ranges)
         return
     for part in ranges:
-        yield part, chunk(plan, *part, workers).to_bytes()
+        yield part, chunk(plan, *part, workers)
 
 
 class Workers:
@@ -122,15 +122,15 @@ class Workers:
             taken_back = next((future for future in reversed(waiting) if future.cancel()), None)
             if taken_back is not None:
                 part = waiting.pop(taken_back)
-                yield part, chunk(plan, *part).to_bytes()
+                yield part, chunk(plan, *part)
             for future in wait(waiting, _WAIT if taken_back is None else 0, FIRST_COMPLETED).done:
                 yield waiting.pop(future), future.result()
 
-    def _chunk(self, plan: str, controller: bytes | None, members: Range) -> ChunkBytes:
+    def _chunk(self, plan: str, controller: bytes | None, members: Range) -> Chunk:
         """A chunk from this thread's process, which is restarted if it dies."""
         for tries in range(1, _TRIES + 1):
             try:
-                content: ChunkBytes = self._worker().call("chunk", plan, *members, controller)
+                content: Chunk = self._worker().call("chunk", plan, *members, controller)
             except _DiedError as error:
                 worker: Isolated | None = vars(self._of_thread).pop("worker", None)
                 if worker is not None:
@@ -191,7 +191,7 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
             raise EnsembleError(
                 f"the scheduler at {address} has no workers; start some: dask worker {address}"
             ) from None
-        for worker, versions in client.run(_versions_there).items():
+        for worker, versions in client.run(exact_versions).items():
             _check(exact_versions(), versions, worker)
         text, ours, waiting, controller = plan.text, exact_versions(), list(reversed(ranges)), packed(plan)
         under_way: dict[Any, Range] = {}
@@ -218,23 +218,14 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
                 ready.add(submit())
 
 
-def chunk_there(text: str, ours: dict[str, str], first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
+def chunk_there(text: str, ours: dict[str, str], first: int, last: int, controller: bytes | None = None) -> Chunk:
     """On a worker: compute a chunk of a plan's text; workers that join later are checked here."""
     _check(ours, exact_versions(), "a worker")
-    return Worker().chunk(text, first, last, controller)
+    return chunk(unpacked(text, controller), first, last)
 
 
-def _versions_there() -> dict[str, str] | None:
-    """On a worker: its versions; None if the project is not there."""
-    try:
-        return exact_versions()
-    except ImportError:
-        return None
-
-
-def _check(ours: dict[str, str], theirs: dict[str, str] | None, worker: str) -> None:
-    differs = "gough-stewart is not installed there" if theirs is None else difference(ours, theirs)
-    if differs:
+def _check(ours: dict[str, str], theirs: dict[str, str], worker: str) -> None:
+    if differs := difference(ours, theirs):
         raise EnsembleError(f"{worker} differs from this machine: {differs}; install the same versions there")
 
 

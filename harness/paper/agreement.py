@@ -23,7 +23,7 @@ class Agreement:
     what: str
     measured: float
     bound: float
-    unit: str
+    unit: str = "relative"
 
     @property
     def holds(self) -> bool:
@@ -43,59 +43,50 @@ def agreement(
 
     `stepping` took many communication steps, `leap` one; `units` are the states of FMUs by importer.
     """
-    pose = kernel.states[-1, :6]
-    poses = {
-        "Kane's DAE (RK45, rtol 1e-10) against kernel (DOP853, 1e-12)": (kane_run.platform.to_vector(), 1e-8),
-        "stepping model (tolerance 1e-8, a step a row) against kernel": (stepping, 1e-6),
-        "stepping model (tolerance 1e-8, one step) against kernel": (leap, 1e-6),
-    }
-    unit_bound = 1e-7 if case.is_published else 1e-6
-    unit_poses = {f"{name} (tolerance 1e-8) against kernel": (states, unit_bound) for name, states in units.items()}
-
-    def final_poses(states: Mapping[str, tuple[FloatArray, float]]) -> list[Agreement]:
-        return [
-            Agreement(f"final pose: {name}", float(np.abs(values[-1, :6] - pose).max()), bound, "m, rad")
-            for name, (values, bound) in states.items()
-        ]
-
-    forces = _relative(kane_run.joint_force, kernel["joint_force"])
-    return [
-        *instantaneous(case, kernel),
-        *final_poses(poses),
-        Agreement("joint forces along the run: multipliers of Kane's DAE against task space", forces, 1e-6, "relative"),
-        Agreement(
-            "energy minus work of the forces, largest over the run", energy_error(case, kernel), 1e-9, "relative"
-        ),
-        *final_poses(unit_poses),
-    ]
-
-
-def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Agreement]:
-    """Platform accelerations and joint forces at the states of a run, by four formulations."""
+    # accelerations and joint forces at the states of the run, by four formulations
     platform, state = case.platform, State.from_vector(kernel.states)
     n = len(kernel.time)
     inputs = Inputs(*(np.broadcast_to(part, (n, *part.shape)) for part in case.inputs))
-    by_kernel = np.concatenate([kernel["acceleration"], kernel["angular_acceleration"]], axis=-1)
-
     task, _ = plant_equations(IDEAL, platform, kernel.states, inputs)
-    R = matrix_from_orientation(state.orientation)
     configuration, y = kane.consistent_start(platform, state)
     by_kane = kane.solve(platform, configuration, y, inputs.actuator_force)
+    R = matrix_from_orientation(state.orientation)
     by_newton = newton_euler.solve(platform, state.position, R, state.velocity, state.angular_velocity, *inputs)
     accelerations = {
         "task space (NumPy)": task[:, 6:],
         "Kane": by_kane.platform_acceleration,
         "Newton–Euler": np.concatenate([by_newton.linear, by_newton.angular], axis=-1),
     }
+    by_kernel = np.concatenate([kernel["acceleration"], kernel["angular_acceleration"]], axis=-1)
     rows = [
-        Agreement(f"platform acceleration: {name} against kernel", _relative(a, by_kernel), 1e-10, "relative")
-        for name, a in accelerations.items()
+        Agreement(f"platform acceleration: {name} against kernel", _relative(values, by_kernel), 1e-10)
+        for name, values in accelerations.items()
     ]
-    forces = _relative(by_newton.joint_force, kernel["joint_force"])
-    return [*rows, Agreement("joint forces: Newton–Euler against kernel", forces, 1e-10, "relative")]
+    forces = kernel["joint_force"]
+    rows.append(Agreement("joint forces: Newton–Euler against kernel", _relative(by_newton.joint_force, forces), 1e-10))
+
+    # final poses, forces along the run, energy
+    unit_bound = 1e-7 if case.is_published else 1e-6
+    poses = {
+        "Kane's DAE (RK45, rtol 1e-10) against kernel (DOP853, 1e-12)": (kane_run.platform.to_vector(), 1e-8),
+        "stepping model (tolerance 1e-8, a step a row) against kernel": (stepping, 1e-6),
+        "stepping model (tolerance 1e-8, one step) against kernel": (leap, 1e-6),
+        **{f"{name} (tolerance 1e-8) against kernel": (states, unit_bound) for name, states in units.items()},
+    }
+    pose = kernel.states[-1, :6]
+    ends = [
+        Agreement(f"final pose: {name}", float(np.abs(states[-1, :6] - pose).max()), bound, "m, rad")
+        for name, (states, bound) in poses.items()
+    ]
+    along = _relative(kane_run.joint_force, forces)
+    others = [
+        Agreement("joint forces along the run: multipliers of Kane's DAE against task space", along, 1e-6),
+        Agreement("energy minus work of the forces, largest over the run", _energy_error(case, kernel), 1e-9),
+    ]
+    return [*rows, *ends[:3], *others, *ends[3:]]
 
 
-def energy_error(case: OpenLoopCase, run: Trajectory) -> float:
+def _energy_error(case: OpenLoopCase, run: Trajectory) -> float:
     """Largest |E(t) − E(0) − W(t)| over the larger of max |W| and max T.
 
     W = Σ F_i (L_i(t) − L_i(0)) less the work lost in friction, T the kinetic energy.

@@ -13,10 +13,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
-from gough_stewart.harness.paper import figures, readings
+from gough_stewart.harness.paper import readings
 from gough_stewart.harness.paper.agreement import Agreement, agreement
 from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper.open_loop_figures import drift_figure, open_loop_figures
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.versions import versions
@@ -137,9 +138,9 @@ def reproduce(
     if not isinstance(case, OpenLoopCase):
         case = case_of(load_preset(PAPER_PRESET) if case is None else case)
     console = console or Console(quiet=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    shown = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     # without a terminal, its end would be an empty line
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as progress:
 
         def over_time(description: str) -> TimeProgress:
             task = progress.add_task(description, total=case.duration)
@@ -155,7 +156,15 @@ def reproduce(
         kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
         kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
         steps = number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS)
-        units, unit_runs = _units(case, counted("FMUs", steps))
+        advance, units, unit_runs = counted("FMUs", steps), dict[str, bytes](), dict[str, FloatArray]()
+        with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
+            for version, path in zip(
+                VERSIONS, build(folder, platform=case.platform, progress=lambda _step: advance()), strict=True
+            ):
+                units[path.name] = path.read_bytes()
+                for fmi_type, words in _FMI_TYPES.items():
+                    unit_runs[f"FMU, FMI {version} {words}"] = run_fmu(path, case, fmi_type)
+                    advance()
         advance = counted("drift", len(_DRIFT_RUNS))
         drift = {}
         for label, (rtol, baumgarte) in _DRIFT_RUNS.items():
@@ -167,36 +176,36 @@ def reproduce(
             others = readings.other_readings(case.minus_first, advance)
             weight = readings.weight_of_the_published_forces()
         advance = counted("figures", 2)
-        pictures = figures.open_loop_figures(case, kernel)
+        pictures = open_loop_figures(case, kernel)
         advance()
-        pictures["drift.png"] = figures.drift_figure(drift)
+        pictures["drift.png"] = drift_figure(drift)
         advance()
         progress.add_task("comparisons and report", total=None)
         content = _content(
             case, kernel, agreement(case, kernel, kane, stepping, leap, unit_runs), others, weight, drift
         )
+        # every output and local over time; the record also has the inputs
+        columns = ["time", *interface.RESULT_COLUMNS]
+        table = polars.DataFrame(np.column_stack([kernel.time, kernel.results]), schema=columns)
         files = {
-            "open_loop.csv": table_of(kernel).write_csv().encode(),
+            "open_loop.csv": table.write_csv().encode(),
             **pictures,
             "comparison.json": (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode(),
             **units,
         }
-        record = record_of_case(case, kernel)
+        inputs = np.tile(case.inputs.to_vector(), (len(kernel.time), 1))
+        metadata = {
+            "title": case.title,
+            "plant": "task-space kernel under DOP853",
+            "outcome": {"status": "completed", "time": case.duration, "cause": None},
+            "duration": case.duration,
+            "platform": plain(case.platform),
+            "versions": versions(),
+        }
+        record = Record(table.hstack(polars.DataFrame(inputs, schema=_INPUT_COLUMNS)), metadata)
         if page:
             files[PAGE] = page_of(case_report(content, record))
     return Reproduction(content, files, record)
-
-
-def _units(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
-    """The native FMUs of the case's platform as files, and their results of the case."""
-    runs = {}
-    with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-        paths = build(folder, platform=case.platform, progress=lambda _step: done())
-        for version, path in zip(VERSIONS, paths, strict=True):
-            for fmi_type, words in _FMI_TYPES.items():
-                runs[f"FMU, FMI {version} {words}"] = run_fmu(path, case, fmi_type)
-                done()
-        return {path.name: path.read_bytes() for path in paths}, runs
 
 
 def _content(
@@ -240,23 +249,3 @@ def _content(
         "published_forces": weight,
         "versions": versions(),
     }
-
-
-def table_of(run: Trajectory) -> polars.DataFrame:
-    """An open-loop trajectory: `time`, then every output and local."""
-    names = ["time", *interface.RESULT_COLUMNS]
-    return polars.DataFrame(np.column_stack([run.time, run.results]), schema=names)
-
-
-def record_of_case(case: OpenLoopCase, run: Trajectory) -> Record:
-    """Outputs, locals and inputs over time; there are no references, measurements or limits."""
-    inputs = np.tile(case.inputs.to_vector(), (len(run.time), 1))
-    metadata = {
-        "title": case.title,
-        "plant": "task-space kernel under DOP853",
-        "outcome": {"status": "completed", "time": case.duration, "cause": None},
-        "duration": case.duration,
-        "platform": plain(case.platform),
-        "versions": versions(),
-    }
-    return Record(table_of(run).hstack(polars.DataFrame(inputs, schema=_INPUT_COLUMNS)), metadata)

@@ -16,7 +16,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.choice import EnsembleChoice
-from gough_stewart.harness.tuning.goal import Evaluation, Goal, Point
+from gough_stewart.harness.tuning.search import Evaluation, Goal, Point
 from gough_stewart.harness.tuning.space import SearchAxis
 from gough_stewart.model.errors import GoughStewartError
 
@@ -30,7 +30,13 @@ class Candidates:
     """
 
     def __init__(self, experiment: Experiment, members: int, seed: int | None = None, controller: Any = None) -> None:
-        self.members = members_for(experiment, members, seed, controller)
+        # without `[ensemble]` members differ only in noise and jitter
+        choice = experiment.ensemble or EnsembleChoice.built().model_validate({})
+        # search and test may need other numbers of members than the design allows
+        sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
+        update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}
+        chosen = experiment.model_copy(update={"ensemble": choice.model_copy(update=update)})
+        self.members = Members(chosen, controller)
         self._draws = self.members.draws(0, self.members.count).values
         self.integration_error = 0.0
         impossible = self._prepared([({}, k) for k in range(self.members.count)]).errors
@@ -117,14 +123,3 @@ class Candidates:
         return self.members.prepared_with(
             [{**self._draws[k], **values} for values, k in members], [k for _, k in members]
         )
-
-
-def members_for(experiment: Experiment, members: int, seed: int | None, controller: Any = None) -> Members:
-    """A number of members of an experiment; without `[ensemble]` they differ only in noise and jitter."""
-    choice = experiment.ensemble
-    if choice is None:
-        choice = EnsembleChoice.built().model_validate({})
-    # search and test may need other numbers of members than the design allows
-    sampling = "random" if choice.sampling in ("saltelli", "latin_hypercube") else choice.sampling
-    update = {"members": members, "sampling": sampling, "seed": choice.seed if seed is None else seed}
-    return Members(experiment.model_copy(update={"ensemble": choice.model_copy(update=update)}), controller)

@@ -1,24 +1,94 @@
-"""The search: differential evolution with one batch per generation; the original values are in the first one."""
+"""A search: the metric to minimise, conditions such as `margins.disk > 0.5`, and the candidates that were tried."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, differential_evolution
-from scipy.stats import qmc
 
+from gough_stewart.harness.ensemble.member_table import SHORT
+from gough_stewart.harness.errors import RequirementError, SearchError
+from gough_stewart.harness.report.requirements import Required, required
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of
-from gough_stewart.harness.tuning.candidates import Candidates, RunsProgress
-from gough_stewart.harness.tuning.goal import Evaluation, Goal, Point
 from gough_stewart.harness.tuning.space import SearchAxis
-from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray
 
-# Every candidate that meets the conditions is better than any that does not.
-_INFEASIBLE = 1e30
-_TOLERANCE = 1e-3
+Point = tuple[float | int, ...]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A metric with an upper or lower bound."""
+
+    requirement: Required
+    metric: str  # its full name
+    bound: float  # in the unit of the metric
+
+    def holds(self, value: float) -> bool:
+        """Whether a value meets it; false for NaN."""
+        return bool(self.requirement.holds(np.array(value), self.bound))
+
+    def violation(self, value: float) -> float:
+        """The violation by a value, as a share of the bound; 0 if the condition holds."""
+        if self.holds(value):
+            return 0.0
+        gap = abs(value - self.bound) / max(abs(self.bound), 1e-9)
+        # a strict bound is not met by equality
+        return float(min(max(gap, 1e-12), 1e6)) if np.isfinite(gap) else 1e6
+
+
+class Evaluation(NamedTuple):
+    """The evaluation of a candidate."""
+
+    point: Point
+    value: float  # of the metric; infinite if too many members failed
+    conditions: tuple[float, ...]  # the metric of each
+    failed: int  # number of members that did not complete
+    reason: str  # cause of the first failure
+    metrics: Mapping[str, FloatArray] = {}  # further metrics of its members (members,), NaN of those that failed
+
+
+@dataclass(frozen=True)
+class Goal:
+    """The objective of the search."""
+
+    metric: str  # to be minimised
+    conditions: tuple[Condition, ...]
+    quantile: float  # over the members, of the metric and of metrics with an upper bound
+
+    def violation(self, evaluation: Evaluation) -> float:
+        """The violation of all conditions, 0 if they hold; failed members count as the worst."""
+        pairs = zip(self.conditions, evaluation.conditions, strict=True)
+        total = sum(condition.violation(value) for condition, value in pairs)
+        return total + (0.0 if np.isfinite(evaluation.value) else 1e6 * (1 + evaluation.failed))
+
+    def broken(self, evaluation: Evaluation) -> list[str]:
+        """The conditions that do not hold, as they were written."""
+        pairs = zip(self.conditions, evaluation.conditions, strict=True)
+        return [condition.requirement.text for condition, value in pairs if not condition.holds(value)]
+
+    def evaluation(self, point: Point, numbers: FloatArray, completed: "np.ndarray[tuple[int], np.dtype[np.bool_]]",
+                   reason: str, further: Iterable[str]) -> Evaluation:  # fmt: skip
+        """Quantiles over the members; a member that failed, or has no value, counts as the worst.
+
+        `numbers` (members, k) are the metric, that of each condition, and `further` ones, kept for each member.
+        """
+
+        def quantile(column: int, is_upper: bool) -> float:
+            worst = np.inf if is_upper else -np.inf
+            values = np.sort(np.where(completed & np.isfinite(numbers[:, column]), numbers[:, column], worst))
+            # the value that this share of the members reaches, without interpolation, which could involve infinity
+            rank = math.ceil(self.quantile * len(values) - 1e-9)
+            return float(values[rank - 1] if is_upper else values[-rank])
+
+        conditions = tuple(
+            quantile(k, condition.requirement.is_upper) for k, condition in enumerate(self.conditions, 1)
+        )
+        metrics = dict(zip(further, numbers.T[1 + len(conditions) :], strict=True))
+        return Evaluation(point, quantile(0, True), conditions, int((~completed).sum()), reason, metrics)
 
 
 @dataclass
@@ -56,74 +126,40 @@ class Search:
             closest = min(filter(np.isfinite, values), key=condition.violation, default=None)
             quantity = metric_of(condition.metric).quantity
             reached = "" if closest is None else f", the nearest reached {exactly(quantity, closest, 4)}"
-            counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
+            counts[
+                f"'{condition.requirement.text}' was not met by {count} of {len(self.tried)} candidates{reached}"
+            ] = count
         return max(counts, key=lambda text: counts[text])
 
 
-def search(
-    candidates: Candidates,
-    axes: tuple[SearchAxis, ...],
-    goal: Goal,
-    *,
-    population: int,
-    generations: int,
-    seed: int,
-    progress: RunsProgress | None = None,
-    status: Callable[[Search], None] | None = None,
-) -> Search:
-    """Search for the best candidate; Ctrl-C ends the search and keeps what was tried.
+def condition_of(text: str, known: Iterable[str]) -> Condition:
+    """Parse a condition on one of the known metrics; nothing is executed.
 
-    Conditions act through the ranking of candidates (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311): one that
-    meets them is better than any that does not, and of two that do not, the one with the smaller violation. Since
-    differential evolution only compares candidates, this suffices; SciPy's own constraints would be evaluated
-    separately, although metric and conditions come from the same runs.
+    `SearchError` if it is none, of an unknown metric, in a unit of another kind, or on a share of members, which is
+    that of the search.
     """
-    history = Search(axes, goal)
-
-    def energies(x: FloatArray, /) -> Any:
-        points = [tuple(axis.value(float(u)) for axis, u in zip(axes, row, strict=True)) for row in np.atleast_2d(x.T)]
-        evaluations = candidates.evaluate(axes, points, goal, progress)
-        number = history.generation[-1] + 1 if history.generation else 0
-        history.tried += evaluations
-        history.generation += [number] * len(evaluations)
-        if status is not None:
-            status(history)
-        violations = [goal.violation(evaluation) for evaluation in evaluations]
-        return np.array(
-            [
-                _INFEASIBLE * (1 + v) if v else evaluation.value
-                for v, evaluation in zip(violations, evaluations, strict=True)
-            ]
-        )
-
-    # evenly spread candidates, and the original values
-    first: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
-    original = point_of_experiment(axes)
-    if original is not None and all(axis.is_within for axis in axes):
-        first[0] = [axis.share(value) for axis, value in zip(axes, original, strict=True)]
-    options: dict[str, Any] = {"polish": False, "vectorized": True, "updating": "deferred", "tol": _TOLERANCE}
     try:
-        result = differential_evolution(
-            energies,
-            Bounds(np.zeros(len(axes)), np.ones(len(axes))),
-            init=first,
-            maxiter=generations - 1,
-            rng=np.random.default_rng(seed),
-            **options,
+        requirement = required(text)
+        metric = check_metric(requirement.path, known, f"--subject-to '{text}'")
+        bound = requirement.bound_of(metric_of(metric).quantity)
+    except RequirementError as error:
+        raise SearchError(f"--subject-to: {error}") from None
+    if requirement.share is not None:
+        raise SearchError(
+            f"--subject-to '{text}' is on a share of members; expected a condition without one: it is that of "
+            "--over-ensemble for all conditions"
         )
-        after = f"after {generations} generation{'s' * (generations > 1)}"
-        history.ending = "the candidates have converged" if result.success else after
-    except KeyboardInterrupt:
-        history.ending, history.is_interrupted = "interrupted by the user", True
-    except RuntimeError as error:
-        # SciPy takes a ValueError of the candidates, which many errors here are, for one of its own call
-        if isinstance(error.__cause__, GoughStewartError):
-            raise error.__cause__ from None
-        raise
-    return history
+    return Condition(requirement, metric, bound)
 
 
-def point_of_experiment(axes: tuple[SearchAxis, ...]) -> Point | None:
-    """The values of the experiment as it is, also outside the bounds; None if it leaves one out."""
-    values = tuple(axis.now for axis in axes if axis.now is not None)
-    return values if len(values) == len(axes) else None
+def check_metric(name: str, known: Iterable[str], where: str) -> str:
+    """The full name of a metric; `SearchError` if it is unknown, with the nearest name."""
+    full, margins = SHORT.get(name, name), tuple(SHORT.values())
+    is_margin = full.startswith("margins.")
+    names = [*(() if is_margin else known), *margins]
+    if full in names:
+        return full
+    hint = nearest(name, [*names, *SHORT])
+    for short, margin in SHORT.items():  # a search may use the older names, but is told those of today
+        hint = hint.replace(f"'{short}'", f"'{margin}'")
+    raise SearchError(f"{where}: no {'margin' if is_margin else 'metric'} '{name}'{hint}")

@@ -71,12 +71,12 @@ def axes_of(texts: Sequence[str], members: Members) -> tuple[SearchAxis, ...]:
     """
     if not texts:
         raise SearchError("nothing to vary; expected --vary KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
-    axes = tuple(_axis(text, members) for text in texts)
-    paths = [axis.place.path for axis in axes]
-    for axis in axes:
-        if paths.count(axis.place.path) > 1:
-            raise SearchError(f"--vary {axis.key}: is repeated; expected every key once")
-    return axes
+    axes = list[SearchAxis]()
+    for text in texts:
+        axes.append(_axis(text, members))
+        if axes[-1].place.path in (axis.place.path for axis in axes[:-1]):
+            raise SearchError(f"--vary {axes[-1].key}: is repeated; expected every key once")
+    return tuple(axes)
 
 
 def _axis(text: str, members: Members) -> SearchAxis:

@@ -4,24 +4,32 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.optimize import Bounds, differential_evolution
+from scipy.stats import qmc
+
 from gough_stewart.harness.errors import NoCandidateError, SearchError, TuningError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import too_late
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.tuning.candidates import Candidates, RunsProgress
-from gough_stewart.harness.tuning.goal import Goal, check_metric, condition_of
-from gough_stewart.harness.tuning.search import Search, point_of_experiment, search
+from gough_stewart.harness.tuning.search import Goal, Search, check_metric, condition_of
 from gough_stewart.harness.tuning.space import axes_of
 from gough_stewart.harness.tuning.tuning import Tuning
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.vectors import FloatArray
 
 # Members that evaluate a candidate, if the experiment has more, and fresh members that the search does not use.
 MEMBERS, FRESH = 64, 500
 GENERATIONS, POPULATION = 25, 16
 QUANTILE = 0.95
+# Every candidate that meets the conditions is better than any that does not.
+_INFEASIBLE = 1e30
+_TOLERANCE = 1e-3
 
 
-def tune(
+def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
     experiment: Experiment | Path | str,
     vary: Sequence[str],
     minimise: str,
@@ -118,9 +126,48 @@ def tune(
     known = candidates.metrics()
     conditions = tuple(condition_of(text, known) for text in subject_to)
     goal = Goal(check_metric(minimise, known, "--minimise"), conditions, quantile)
-    history = search(
-        candidates, axes, goal, population=size, generations=generations, seed=seed, progress=progress, status=status
-    )
+
+    # evenly spread candidates, and the original values if they are within the bounds
+    axis_values = tuple(axis.now for axis in axes if axis.now is not None)
+    original = axis_values if len(axis_values) == len(axes) else None
+    first: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(size)
+    if original is not None and all(axis.is_within for axis in axes):
+        first[0] = [axis.share(value) for axis, value in zip(axes, original, strict=True)]
+    history = Search(axes, goal)
+
+    def energies(x: FloatArray, /) -> Any:
+        """Of a generation (axes, candidates): every candidate that meets the conditions is better than any other.
+
+        Of two that do not, it is the one with the smaller violation (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000)
+        311). Since differential evolution only compares candidates, this suffices; SciPy's own constraints would be
+        evaluated separately, although metric and conditions come from the same runs.
+        """
+        points = [tuple(axis.value(float(u)) for axis, u in zip(axes, row, strict=True)) for row in np.atleast_2d(x.T)]
+        evaluations = candidates.evaluate(axes, points, goal, progress)
+        number = history.generation[-1] + 1 if history.generation else 0
+        history.tried += evaluations
+        history.generation += [number] * len(evaluations)
+        if status is not None:
+            status(history)
+        violations = [goal.violation(evaluation) for evaluation in evaluations]
+        pairs = zip(violations, evaluations, strict=True)
+        return np.array([_INFEASIBLE * (1 + v) if v else evaluation.value for v, evaluation in pairs])
+
+    options: dict[str, Any] = {"polish": False, "vectorized": True, "updating": "deferred", "tol": _TOLERANCE}
+    bounds, rng = Bounds(np.zeros(len(axes)), np.ones(len(axes))), np.random.default_rng(seed)
+    try:
+        result = differential_evolution(energies, bounds, init=first, maxiter=generations - 1, rng=rng, **options)
+        after = f"after {generations} generation{'s' * (generations > 1)}"
+        history.ending = "the candidates have converged" if result.success else after
+    except KeyboardInterrupt:  # what was tried is kept
+        history.ending, history.is_interrupted = "interrupted by the user", True
+    except RuntimeError as error:
+        # SciPy takes a ValueError of the candidates, which many errors here are, for one of its own call
+        if isinstance(error.__cause__, GoughStewartError):
+            raise error.__cause__ from None
+        raise
+
+    # the best, and the original experiment, on the same members and on fresh ones
     best = history.best
     if best is None and history.is_interrupted:
         raise KeyboardInterrupt  # there is nothing to keep
@@ -130,9 +177,7 @@ def tune(
     if candidates.is_random and not history.is_interrupted:
         count = fresh or min(stated or FRESH, FRESH)
         judges.append(Candidates(chosen, count, candidates.members.seed + 1, controller))
-    original = point_of_experiment(axes)
     points = [best.point, *([] if original is None else [original])]
-    # the result and the original experiment, on the same members
     judged = [judge.evaluate(axes, points, goal, further=(*known, "margins.disk")) for judge in judges]
     (seen, *before), (unseen, *before_unseen) = judged[0], judged[1] if judges[1:] else [None]
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}

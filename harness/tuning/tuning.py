@@ -23,8 +23,7 @@ from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import counted, exactly, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
-from gough_stewart.harness.tuning.goal import Evaluation
-from gough_stewart.harness.tuning.search import Search
+from gough_stewart.harness.tuning.search import Evaluation, Search
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.units import PLAIN
 
@@ -277,7 +276,7 @@ def tuning_files(tuning: Tuning, name: Path | str | None, folder: Path, settings
 
     numbers = {
         "metric": goal.metric,
-        "subject_to": [condition.text for condition in goal.conditions],
+        "subject_to": [condition.requirement.text for condition in goal.conditions],
         "quantile": goal.quantile if tuning.members > 1 else None,
         "values": tuning.values,
         "units": {axis.key: axis.unit for axis in search.axes},

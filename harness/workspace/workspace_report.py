@@ -145,11 +145,6 @@ class _Result:
         """Whether less is better."""
         return self.name == "condition_number"
 
-    @property
-    def ends_at_border(self) -> bool:
-        """Whether it is 0 at the border of the reachable region."""
-        return self.name in ("leg_length_margin", "joint_angle_margin")
-
 
 def _results(workspace: Workspace) -> Iterator[_Result]:
     """The results at the poses; those that need a limit which the platform does not state are left out."""
@@ -195,8 +190,25 @@ def workspace_report(workspace: Workspace, *, surface: bool = True) -> Report:
         Of a volume, also the surface around it, which takes seconds.
     """
     platform, maps = workspace.platform, list[Part](_maps(workspace))
-    if surface and len(workspace.shape) == 3:
-        maps = [*_surface(workspace), *maps]
+    around = surface_of(workspace) if surface and len(workspace.shape) == 3 else None
+    if around is not None:
+        condition = next(_results(workspace))
+        maps.insert(
+            0,
+            Surface(
+                "the volume that can be reached",
+                tuple(workspace.swept),
+                tuple(_coordinate(workspace, name).quantity() for name in workspace.swept),
+                np.array([values[0] for values in workspace.swept.values()]),
+                np.array([values[-1] for values in workspace.swept.values()]),
+                around.vertices,
+                around.triangles.astype(float),
+                10**around.colour,
+                condition.title,
+                condition.shown.quantity(),
+                "log",
+            ),
+        )
     tables = [table for table in (_swept(workspace), _limits(workspace), _extremes(workspace)) if table.rows]
     source = (Note(f"{platform.name}: {platform.source}"),) if platform.source else ()
     swept, fixed = [], []
@@ -234,29 +246,23 @@ def _verdict(workspace: Workspace) -> Verdict:
         rows, shown = rows_reached(reached, axis), _coordinate(workspace, name)
         low, high = (shown.text(float(values[rows[k]]), 3) for k in (0, -1))
         ends.append(f"{name} {low} to {high}{' or more' if rows[0] == 0 or rows[-1] == len(values) - 1 else ''}")
-    parts = [f"reaches {listed(ends)}", f"{percent(share)} of the grid{_size_text(workspace)}", most]
-    return Verdict(sentence(parts), "told" if share < 1 else "good", numbers)
-
-
-def _size_text(workspace: Workspace) -> str:
-    """The size of the reachable region if the coordinates are lengths: ", an area of 1.2 m²".
-
-    In the largest of m, cm and mm in which an area is at least 0.1, or a volume at least 0.01.
-    """
+    part = f"{percent(share)} of the grid"
     n = len(workspace.swept)
-    if any(COORDINATES[name] != "m" for name in workspace.swept):
-        return ""
-    # each pose represents a cell; those at the ends of the grid, a part of one
-    size: FloatArray = workspace.qualities.reachable.astype(float)
-    for values in reversed([*workspace.swept.values()]):
-        size = np.asarray(np.trapezoid(size, values, axis=-1))
-    unit, factor = next(
-        (unit, factor)
-        for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3))
-        if size * factor**n >= 10.0 ** (1 - n) or unit == "mm"
-    )
-    kind, power = {2: ("an area", "²"), 3: ("a volume", "³")}[n]
-    return f", {kind} of {number_text(float(size) * factor**n)} {unit}{power}"
+    if all(COORDINATES[name] == "m" for name in workspace.swept):
+        # each pose represents a cell; those at the ends of the grid, a part of one
+        size: FloatArray = reached.astype(float)
+        for values in reversed([*workspace.swept.values()]):
+            size = np.asarray(np.trapezoid(size, values, axis=-1))
+        # in the largest unit in which an area is at least 0.1, or a volume at least 0.01
+        unit, factor = next(
+            (unit, factor)
+            for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3))
+            if size * factor**n >= 10.0 ** (1 - n) or unit == "mm"
+        )
+        kind, power = {2: ("an area", "²"), 3: ("a volume", "³")}[n]
+        part += f", {kind} of {number_text(float(size) * factor**n)} {unit}{power}"
+    parts = [f"reaches {listed(ends)}", part, most]
+    return Verdict(sentence(parts), "told" if share < 1 else "good", numbers)
 
 
 def _numbers(workspace: Workspace) -> tuple[Number, ...]:
@@ -318,29 +324,6 @@ def _maps(workspace: Workspace) -> list[Chart]:
     return charts
 
 
-def _surface(workspace: Workspace) -> list[Surface]:
-    """The surface around the volume, with the condition number there; nothing around nothing."""
-    surface = surface_of(workspace)
-    if surface is None:
-        return []
-    condition = next(_results(workspace))
-    return [
-        Surface(
-            "the volume that can be reached",
-            tuple(workspace.swept),
-            tuple(_coordinate(workspace, name).quantity() for name in workspace.swept),
-            np.array([values[0] for values in workspace.swept.values()]),
-            np.array([values[-1] for values in workspace.swept.values()]),
-            surface.vertices,
-            surface.triangles.astype(float),
-            10**surface.colour,
-            condition.title,
-            condition.shown.quantity(),
-            "log",
-        )
-    ]
-
-
 # --- tables -----------------------------------------------------------------------------------------------------
 
 
@@ -387,8 +370,8 @@ def _extremes(workspace: Workspace) -> Table:
     ends = []
     for result in _results(workspace) if reached.any() else ():
         known, sign = reached & ~np.isnan(result.values), -1 if result.is_best_low else 1
-        # margins are 0 at the border
-        for word, side in (("best", sign), ("worst", -sign))[: 1 if result.ends_at_border else 2]:
+        ends_at_border = result.name in ("leg_length_margin", "joint_angle_margin")  # where it is 0
+        for word, side in (("best", sign), ("worst", -sign))[: 1 if ends_at_border else 2]:
             k = int(first_of_largest(np.where(known, side * result.values, -np.inf).ravel()))
             at = np.unravel_index(k, workspace.shape)
             places = [_without_rounding(values[i]) for i, values in zip(at, workspace.swept.values(), strict=True)]
@@ -419,8 +402,17 @@ def _notices(workspace: Workspace) -> list[str]:
             for k, (name, values) in zip(at, workspace.swept.items(), strict=True)
         ]
         nearest = f"{', '.join(places)}: {_cause(workspace, poses[at][:3], poses[at][3:])}"
+        # home is within the limits of every platform
+        home, remedy = workspace.home, "but lies between two poses of this grid: use more points or smaller ranges"
+        fixed_elsewhere = [name for name, value in workspace.fixed.items() if abs(value - home[name]) > _SAME]
+        left_out = [n for n, v in workspace.swept.items() if not v[0] - _SAME <= home[n] <= v[-1] + _SAME]
+        if names := fixed_elsewhere or left_out:
+            places = [f"{name} at {_coordinate(workspace, name).text(home[name])}" for name in names]
+            advice = "fix coordinates nearer to it" if fixed_elsewhere else "sweep a range about it, or omit the range"
+            remedy = f"with {', '.join(places)}: {advice}"
         notices.append(
-            f"No pose of this grid can be reached. The one nearest to the limits is {nearest}. {_remedy(workspace)}"
+            f"No pose of this grid can be reached. The one nearest to the limits is {nearest}. "
+            f"Home can be reached, {remedy}."
         )
     return notices
 
@@ -443,18 +435,3 @@ def _cause(workspace: Workspace, position: FloatArray, orientation: FloatArray) 
         joint = "base" if limit == Limit.BASE_JOINT else "platform"
         return f"the {joint} joint of leg {k + 1} is {size} from its direction at home; {name} is {stated}"
     return f"leg {k + 1} is {size} long; {name} is {stated}"
-
-
-def _remedy(workspace: Workspace) -> str:
-    """The change that leads back to home, which is within the limits of every platform."""
-    home, swept = workspace.home, workspace.swept
-    fixed_elsewhere = [name for name, value in workspace.fixed.items() if abs(value - home[name]) > _SAME]
-    left_out = [name for name, v in swept.items() if not v[0] - _SAME <= home[name] <= v[-1] + _SAME]
-    for names, advice in (
-        (fixed_elsewhere, "fix coordinates nearer to it"),
-        (left_out, "sweep a range about it, or omit the range"),
-    ):
-        if names:
-            places = ", ".join(f"{name} at {_coordinate(workspace, name).text(home[name])}" for name in names)
-            return f"Home can be reached, with {places}: {advice}."
-    return "Home can be reached, but lies between two poses of this grid: use more points or smaller ranges."

@@ -42,7 +42,8 @@ def shown(found: Ensemble) -> tuple[str, tuple[str, ...], FloatArray]:
         np.array([[row[1:] for row in table.rows]], dtype=float).reshape(len(table.rows), -1, 2).transpose(1, 2, 0)
     )
     for series, (values, half) in zip(chart.series, numbers, strict=True):
-        np.testing.assert_allclose([series.values, series.low, series.high], [values, values - half, values + half])
+        drawn = np.array([series.values, series.low, series.high], dtype=float)
+        np.testing.assert_allclose(drawn, [values, values - half, values + half])
     return table.note, chart.x.labels, numbers
 
 

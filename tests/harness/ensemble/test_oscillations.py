@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars
 import pytest
 
@@ -11,7 +10,7 @@ import gough_stewart as gs
 from tests.support.commands import invoke
 
 # With a delay of 60 samples an eigenvalue is outside of the unit circle, with 1 none.
-MIXED = {
+MIXED: dict[str, Any] = {
     "loop.duration": 1.4,
     "controller.bandwidth": 4.0,
     "ensemble": {
@@ -73,59 +72,51 @@ def test_a_loop_is_without_input_from_the_last_that_acts_on_it(acting: dict[str,
         assert members["oscillation.amplitude"][k] == pytest.approx(own["amplitude"], rel=1e-9)
 
 
-def test_a_change_to_what_a_machine_has_already_does_not_act() -> None:
-    """Expected: from 0.6 s for the machine that gets heavier there, from the step at 0.2 s for the one that is."""
-    varied = {"ensemble": {"members": 2, "platform_mass": {"grid": [1400, 1450]}}}
-    settings = {**HUNTING, **varied, "change": [{"at": 0.6, "parameters": {"platform_mass": 1450}}]}
-    members = gs.ensemble("heave_step", settings, workers=1).members
-    for k, mass in enumerate(members["varied.platform_mass"]):
-        own = gs.metrics(gs.run("heave_step", settings, member=k))["outcome"]["oscillation"]
-        assert own["since"] == pytest.approx(0.6 if mass < 1425 else 0.2)
-        assert members["oscillation.amplitude"][k] == pytest.approx(own["amplitude"], rel=1e-9)
+def closing(sample: Any) -> Any:
+    """A law that closes an open loop, with gains too large for 35 samples of delay."""
+    error = sample.reference["leg_length"] - sample.measured["leg_length"]
+    return 1e6 * error - 2e4 * sample.measured["leg_velocity"]
 
 
-def test_a_controller_that_closes_an_open_loop_is_judged() -> None:
-    """Expected: 35 samples of delay are too many for its gains: the run says so, and the ensemble of it."""
-
-    def law(sample: Any) -> Any:
-        error = sample.reference["leg_length"] - sample.measured["leg_length"]
-        return 1e6 * error - 2e4 * sample.measured["leg_velocity"]
-
-    loop = {"loop.duration": 1.6, "loop.delay": 35, "controller": {"type": "open_loop", "feedforward": "gravity"}}
-    settings = {**loop, "ensemble": {"members": 1, "platform_mass": {"normal": "1 kg"}}}
-    assert gs.metrics(gs.run("heave_step", settings, controller=law))["outcome"]["oscillation"]["is_growing"]
-    assert gs.ensemble("heave_step", settings, controller=law, workers=1).members["oscillation"].item() == "growing"
-
-
-def test_what_a_fault_does_the_loop_does_not_do_by_itself() -> None:
-    """Expected: nothing said of a sound loop, with a leg without force up to the end and until shortly before it."""
-    for fault in ({"at": 1.5, "cut": [1]}, {"at": 1.6, "cut": [1], "duration": 0.35}):
-        settings = {"fault": [fault], "ensemble": {"members": 1, "platform_mass": {"normal": 1e-6}}}
-        record = gs.run("heave_step", settings)
-        assert np.abs(record["error.leg_length"][-1]).max() > 0.05
-        assert record["flag.force_cut"].sum(axis=0).tolist() == [501 if "duration" not in fault else 350, 0, 0, 0, 0, 0]
-        assert gs.metrics(record)["outcome"]["oscillation"] is None
-        assert gs.ensemble("heave_step", settings, workers=1).members["oscillation"].to_list() == [None]
-
-
-def test_members_that_an_injection_keeps_moving_do_not_oscillate_by_themselves() -> None:
-    """Expected: nothing said of errors at the end of a run, of 0.1 mm and more, while a sweep still causes them."""
-    injection = {"type": "chirp", "leg": 4, "amplitude": 2000.0, "band": [5.0, 9.0]}
-    settings = {**MIXED, "loop.duration": 1.0, "reference.at": 0.01, "injection": injection}
-    found = gs.ensemble("heave_step", {**settings, "ensemble.loop.delay": {"choice": [0, 1]}}, members=2, workers=1)
-    assert found.members["oscillation"].to_list() == [None, None]
-    at_end = found.bands.filter((polars.col("signal") == "error.position.norm") & (polars.col("time") > 0.8))
-    assert float(at_end["highest"].to_numpy().max()) > 1e-4
+ONE = {"ensemble": {"members": 1, "platform_mass": {"normal": 1e-6}}}
+OPEN = {"loop.duration": 1.6, "loop.delay": 35, "controller": {"type": "open_loop", "feedforward": "gravity"}}
+CHIRP = {"type": "chirp", "leg": 4, "amplitude": 2000.0, "band": [5.0, 9.0]}
+JUDGED: dict[str, tuple[dict[str, Any], Any, list[bool]]] = {
+    # the one that gets heavier at 0.6 s acts then, the other has the mass already
+    "a change to what a machine has": (
+        {**HUNTING, "change": [{"at": 0.6, "parameters": {"platform_mass": 1450}}],
+         "ensemble": {"members": 2, "platform_mass": {"grid": [1400, 1450]}}}, None, [True, True]),
+    # what follows 0.04 s before the end is too short to tell
+    "changes at other times": (
+        {**HUNTING, "change": [{"at": 0.3, "factors": {"platform_mass": 1.001}}],
+         "ensemble": {"members": 2, "change": {"1": {"at": {"grid": ["1.56 s", "0.3 s"]}}}}}, None, [False, True]),
+    "a controller from Python": ({**OPEN, **ONE}, closing, [True]),
+    "a leg that is cut up to the end": ({"fault": [{"at": 1.5, "cut": [1]}], **ONE}, None, [False]),
+    "and until shortly before it": ({"fault": [{"at": 1.6, "cut": [1], "duration": 0.35}], **ONE}, None, [False]),
+    "an injection that still acts": (
+        {**MIXED, "loop.duration": 1.0, "reference.at": 0.01, "injection": CHIRP,
+         "ensemble": {**MIXED["ensemble"], "members": 2, "loop.delay": {"choice": [0, 1]}}}, None, [False, False]),
+    # of a member that otherwise oscillates by 11 mm, and of a sound one
+    "steps of encoders": ({**MIXED, "sensors": {"quantisation": {"leg_length": 2e-3}}}, None, [False, False]),
+    "noise": ({**MIXED, "sensors": {"noise": {"leg_length": 2e-3}}}, None, [False, False]),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("sensors", [{"quantisation": {"leg_length": 2e-3}}, {"noise": {"leg_length": 2e-3}}])
-def test_what_each_kind_of_sensor_error_explains_is_no_oscillation(sensors: dict[str, Any]) -> None:
-    """Expected: nothing said, as of its own run, of a member that otherwise oscillates by 11 mm, and of a sound one."""
-    found = gs.ensemble("heave_step", {**MIXED, "sensors": sensors}, members=2, workers=1)
-    assert found.members["varied.loop.delay"].to_list() == [1, 22]
-    assert found.members["oscillation"].to_list() == [None, None]
-    record = gs.run("heave_step", {**MIXED, "sensors": sensors}, member=1)
-    assert gs.metrics(record)["outcome"]["oscillation"] is None
+@pytest.mark.parametrize("case", JUDGED)
+def test_what_acts_or_is_measured_wrongly_is_no_oscillation_without_input(case: str) -> None:
+    """Expected: which members oscillate, by the settings; and of each the words and sizes of its own run."""
+    settings, controller, oscillates = JUDGED[case]
+    found = gs.ensemble("heave_step", settings, controller=controller, members=len(oscillates), workers=1).members
+    assert [kind is not None for kind in found["oscillation"]] == oscillates
+    for k, kind in enumerate(found["oscillation"]):
+        own = gs.metrics(gs.run("heave_step", settings, controller=controller, member=k))["outcome"]["oscillation"]
+        assert (own is None) == (kind is None)
+        if own is not None:
+            assert kind == ("growing" if own["is_growing"] else "oscillating")
+            assert found["oscillation.amplitude"][k] == pytest.approx(own["amplitude"], rel=1e-9)
+    if case.startswith("a change to"):
+        ends = [gs.metrics(gs.run("heave_step", settings, member=k))["outcome"]["oscillation"]["since"] for k in (0, 1)]
+        assert ends == pytest.approx([0.6 if mass < 1425 else 0.2 for mass in found["varied.platform_mass"]])
 
 
 def test_the_command_counts_them_and_names_the_largest(tmp_path: Path) -> None:
@@ -160,17 +151,3 @@ def test_an_ensemble_of_which_all_grow_misses_its_purpose(tmp_path: Path) -> Non
     assert done.exit_code == 3, done.output
     assert "no member completed its run with a loop that does not grow: the loops of 2 of 2 members grow" in said
     assert polars.read_parquet(tmp_path / "out" / "members.parquet")["oscillation"].to_list() == ["growing"] * 2
-
-
-def test_members_with_other_times_of_changes_are_judged_apart() -> None:
-    """Expected: of two members of a loop that oscillates, the one without a change for long is said to.
-
-    The other changes 0.04 s before the end: what follows is too short to tell, and it is the first of its reference.
-    """
-    change = [{"at": 0.3, "factors": {"platform_mass": 1.001}}]
-    varied = {"members": 2, "change": {"1": {"at": {"grid": ["1.56 s", "0.3 s"]}}}}
-    settings = {**HUNTING, "change": change, "ensemble": varied}
-    late, early = gs.ensemble("heave_step", settings, workers=1).members["oscillation"].to_list()
-    own = [gs.metrics(gs.run("heave_step", settings, member=k))["outcome"]["oscillation"] for k in (0, 1)]
-    assert (late, own[0]) == (None, None)
-    assert early == ("growing" if own[1]["is_growing"] else "oscillating")

@@ -138,7 +138,7 @@ def test_marked_members_have_a_band_their_median_and_their_worst_as_lines(page: 
     assert ensemble.samples is not None
     parts = [ensemble.samples.filter(polars.col("member") == member) for member in chosen]
     values = 1e3 * np.array([part["error.position.norm"].cast(float).fill_null(np.nan).to_numpy() for part in parts])
-    step = 1e3 * float(ensemble.samples["error.position.norm"].max()) / 1000  # type: ignore[arg-type, operator]
+    step = 1e3 * float(ensemble.samples["error.position.norm"].max()) / 1000  # type: ignore[arg-type]
     assert found["x"] == pytest.approx(parts[0]["time"].to_numpy())
     for name, expected in (("low", np.nanmin(values, 0)), ("mid", np.nanmedian(values, 0)),
                            ("high", np.nanmax(values, 0))):  # fmt: skip

@@ -99,15 +99,8 @@ def test_parameters_are_searched_and_written(file: Path, tmp_path: Path) -> None
     assert b"# by hand" in (out / "tuned.toml").read_bytes()
 
 
-def test_parameters_of_a_class_in_python_are_searched_too(file: Path) -> None:
-    """Expected: the search of the same class in a file; without a controller the table is not enough."""
+def test_a_controller_that_no_file_names_has_to_be_given() -> None:
     own = {"type": "python", "feedforward": "computed_torque", "parameters": {"kp": 7e4}}
-    rest: dict[str, Any] = {"quantile": 1.0, "members": 2, "fresh": 1, "generations": 1, "population": 5}
-    found = gs.tune(EXPERIMENT, [f"{KP}=5e4..9e4"], RMS, {**SHORT, "controller": own}, controller=Pid, **rest)
-    expected = gs.tune(file, [f"{KP}=5e4..9e4"], RMS, SHORT, **rest)
-    assert found.values == expected.values
-    assert found.seen.value == expected.seen.value
-    assert len(set(found.candidates["value"])) > 1
     with pytest.raises(gs.GoughStewartError, match="file is missing; add the Python file of the controller, or give"):
         gs.run(EXPERIMENT, {**SHORT, "controller": own})
 

@@ -62,6 +62,7 @@ def test_most_machines_stay_within_a_quantile_between_order_statistics(metric: s
     words = "95 % of them stay within (\\S+) mm of" if metric == PEAK else "a stroke margin of at least (\\S+) mm"
     said = re.search(words, verdict.text)
     assert said is not None, verdict.text
+    assert number.value is not None
     # rounded to the side on which it stays true
     gap = (float(said[1]) - 1e3 * number.value) * (1 if metric == PEAK else -1)
     assert 0 <= gap <= 0.1 * abs(1e3 * number.value)
@@ -238,9 +239,11 @@ def test_the_first_table_has_all_usual_metrics_and_the_last_all_of_them() -> Non
     assert len(rows) == len(USUAL) + 3
     for name, (words, unit) in USUAL.items():
         *quantiles, members = rows[words]
-        assert ([cell.value for cell in quantiles], members) == (pytest.approx([columns[name][0]] * 5), 4)
+        assert [cell.value for cell in quantiles] == pytest.approx([columns[name][0]] * 5)
+        assert members == 4
         assert {cell.quantity.unit for cell in quantiles} == {unit}
-    first = next(part for part in with_columns(whole, columns | some).report().parts() if hasattr(part, "rows"))
+    parts = with_columns(whole, columns | some).report().parts()
+    first: Any = next(part for part in parts if hasattr(part, "rows"))
     left_out = {"stroke.exceeded.any", "tracking.leg_length.peak"}
     order = [words for name, (words, _) in USUAL.items() if name not in left_out]
     steps = [words for words in order if ": " in words]

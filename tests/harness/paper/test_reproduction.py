@@ -181,7 +181,7 @@ def test_figures_show_each_number_under_its_name(uneven: tuple[gs.Platform, Any,
     """Expected: columns of open_loop.csv; of the drift, a curve for each run on logarithmic axes, which end as told."""
     _, found, figures = uneven
     table = polars.read_csv(found.files["open_loop.csv"])
-    shown = [
+    shown: list[tuple[str, dict[str, tuple[str, tuple[str, ...]]]]] = [
         ("Fig. 4 — Position", {"position of Op": ("position", ("x", "y", "z")),
                                "roll, pitch, yaw": ("orientation", ("roll α", "pitch β", "yaw γ"))}),
         ("Fig. 5 — Linear", {"velocity of Op": ("velocity", ("v_x", "v_y", "v_z")),

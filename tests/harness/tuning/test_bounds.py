@@ -123,5 +123,5 @@ def test_a_condition_has_its_metric_and_bound_in_units_of_the_metric() -> None:
     found = gs.tune("heave_step", ["controller.bandwidth=2..3Hz"], "force.rms", settings, subject_to=list(conditions),
                     **ONCE)  # fmt: skip
     for condition, (text, (metric, bound)) in zip(found.search.goal.conditions, conditions.items(), strict=True):
-        assert (condition.text, condition.metric) == (text.strip(), metric)
+        assert (condition.requirement.text, condition.metric) == (text.strip(), metric)
         assert condition.bound == pytest.approx(bound)

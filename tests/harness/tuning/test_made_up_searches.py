@@ -123,7 +123,7 @@ def test_fresh_members_carry_the_verdict_and_doubts_are_said(real: gs.Tuning) ->
         search = replace(real.search, axes=(axis,), goal=goal, tried=[before, seen], generation=[0, 0])
         made = replace(real, values={axis.key: value}, seen=seen, fresh=fresh, before=before,
                        before_fresh=before_fresh, search=search, members=20, fresh_members=40)  # fmt: skip
-        report = replace(made, **{k: search if v == "cut" else v for k, v in parts.items()}).report()
+        report = replace(made, **parts).report()
         assert report.number("value").value == 6e-3
         return report.verdict
 

@@ -1,7 +1,6 @@
 """Every pair of options of a search: each candidate run again alone, and judged by formulas of the documentation."""
 
 import math
-from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -285,10 +284,3 @@ def _check_spread(candidates: polars.DataFrame, axes: list[tuple[str, str, float
             continue
         place = np.log(values / low) / np.log(high / low) if "log" in bounds else (values - low) / (high - low)
         assert len(set(np.floor(5 * place[1:5]))) == 4
-
-
-def test_every_pair_of_values_is_in_a_row() -> None:
-    """Expected: counted; a library that leaves pairs out would make the test above smaller unseen."""
-    for a, b in combinations(OPTIONS, 2):
-        met = {(str(row[a]), str(row[b])) for row in ROWS}
-        assert met == {(str(x), str(y)) for x, y in product(OPTIONS[a], OPTIONS[b])}

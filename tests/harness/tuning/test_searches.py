@@ -13,6 +13,20 @@ from tests.support.commands import invoke
 from tests.support.documented_metrics import METRICS
 from tests.support.uneven_search import METRIC, VARY
 
+ONE: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
+ONCE: dict[str, Any] = {"members": 1, "fresh": 1, "generations": 1, "population": 5}
+
+
+def tune(folder: Path, vary: str, minimise: str, settings: dict[str, Any] = ONE, **options: Any) -> gs.Tuning:
+    """A search of one key; of one generation of a single run unless said otherwise."""
+    return gs.tune(folder / "mine.toml", [vary], minimise, settings, **{**ONCE, **options})
+
+
+def alone(path: Path, settings: dict[str, Any], *names: str, **options: Any) -> list[float]:
+    """Metrics of a single run."""
+    record = gs.run(path, settings, **options)
+    return [METRICS[name](record) for name in names]
+
 
 def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
     """Expected: the candidates of two generations, the best of them, no fresh members; nothing kept is an interrupt."""
@@ -21,21 +35,8 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
         if search.generation[-1] == 1:
             raise KeyboardInterrupt
 
-    def tune(subject_to: list[str]) -> gs.Tuning:
-        return gs.tune(
-            folder / "mine.toml",
-            [VARY[0]],
-            METRIC,
-            {"loop.duration": 0.1},
-            members=2,
-            fresh=2,
-            generations=9,
-            population=5,
-            subject_to=subject_to,
-            status=stop,
-        )
-
-    found = tune([])
+    several: dict[str, Any] = {"members": 2, "fresh": 2, "generations": 9, "status": stop}
+    found = tune(folder, VARY[0], METRIC, {"loop.duration": 0.1}, **several)
     assert found.is_interrupted
     assert found.candidates.height == 10
     best = min(found.candidates.to_dicts(), key=lambda row: row["value"])
@@ -44,7 +45,7 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
     assert (found.fresh, found.before_fresh, found.fresh_members) == (None, None, 0)
     assert repr(found).endswith("mm in the search; not evaluated again: the search was interrupted.")
     with pytest.raises(KeyboardInterrupt):
-        tune(["force.peak < 1 N"])
+        tune(folder, VARY[0], METRIC, {"loop.duration": 0.1}, **several, subject_to=["force.peak < 1 N"])
 
 
 @pytest.mark.parametrize(
@@ -89,56 +90,30 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
 )  # fmt: skip
 def test_what_cannot_be_is_refused_at_once(folder: Path, changed: dict[str, Any], message: str) -> None:
     """Expected: what was found and what was expected."""
-    options = {"vary": [VARY[0]], "minimise": METRIC, "members": 1, "fresh": 1, "population": 5, "generations": 1}
+    options = {"vary": [VARY[0]], "minimise": METRIC, **ONCE}
     with pytest.raises(gs.GoughStewartError, match=message):
         gs.tune(folder / "mine.toml", **{**options, **changed})
 
 
-@pytest.mark.parametrize(
-    ("condition", "says"),
-    [
-        ("force.rms < 1 N", "'force.rms < 1 N' was not met by 5 of 5 candidates, the nearest reached {:.4g} N"),
-        (
-            "stroke.margin > 9000 mm",
-            "'stroke.margin > 9000 mm' was not met by 5 of 5 candidates, the nearest reached {:.4g} mm",
-        ),
-    ],
-)
-def test_conditions_that_nothing_meets_are_named_with_the_nearest(folder: Path, condition: str, says: str) -> None:
+@pytest.mark.parametrize(("condition", "unit"), [("force.rms < 1 N", "N"), ("stroke.margin > 9000 mm", "mm")])
+def test_conditions_that_nothing_meets_are_named_with_the_nearest(folder: Path, condition: str, unit: str) -> None:
     """Expected: the least, or the largest, of the values that single runs have, in the metric's unit."""
-    short = {"loop.duration": 0.1, "ensemble": {}}
-    options: Any = {"generations": 1, "population": 5, "members": 1, "fresh": 1, "seed": 1}
-    free = gs.tune(
-        folder / "mine.toml",
-        [VARY[0]],
-        METRIC,
-        short,
-        subject_to=["force.rms > 1 N", "stroke.margin < 9 m"],
-        **options,
-    )
+    wide = ["force.rms > 1 N", "stroke.margin < 9 m"]
+    free = tune(folder, VARY[0], METRIC, subject_to=wide, seed=1).candidates
     with pytest.raises(gs.GoughStewartError) as caught:
-        gs.tune(folder / "mine.toml", [VARY[0]], METRIC, short, subject_to=["power.peak > -5 W", condition], **options)
-    force, margin = (free.candidates[name].to_numpy() for name in ("force.rms", "stroke.margin"))
-    nearest = force.min() if "force" in condition else 1e3 * margin.max()
-    assert says.format(nearest) in str(caught.value)
+        tune(folder, VARY[0], METRIC, subject_to=["power.peak > -5 W", condition], seed=1)
+    force, margin = (free[name].to_numpy() for name in ("force.rms", "stroke.margin"))
+    nearest = force.min() if unit == "N" else 1e3 * margin.max()
+    said = f"'{condition}' was not met by 5 of 5 candidates, the nearest reached {nearest:.4g} {unit}"
+    assert said in str(caught.value)
     assert "after 1 generation)" in str(caught.value)
 
 
 def test_margins_of_the_nominal_loop_are_conditions() -> None:
     """Expected: the disk margin that `gs.margins` gives for each candidate's experiment."""
     short = {"loop.duration": 0.1, "loop.sample_time": "5 ms", "reference.at": 0.02}
-    found = gs.tune(
-        "heave_step",
-        ["controller.bandwidth=1..4Hz"],
-        METRIC,
-        short,
-        subject_to=["disk_margin > 0.7", "stable > 0.5"],
-        members=1,
-        fresh=1,
-        generations=1,
-        population=5,
-        seed=2,
-    )
+    conditions = ["disk_margin > 0.7", "stable > 0.5"]
+    found = gs.tune("heave_step", ["controller.bandwidth=1..4Hz"], METRIC, short, subject_to=conditions, seed=2, **ONCE)
     rows = sorted(found.candidates.to_dicts(), key=lambda row: row["controller.bandwidth"])
     assert [row["kept"] for row in (rows[0], rows[-1])] == [True, False]
     for row in (rows[0], rows[-1]):
@@ -148,81 +123,57 @@ def test_margins_of_the_nominal_loop_are_conditions() -> None:
         assert row["kept"] == (expected.disk.alpha > 0.7)
 
 
-def _alone(path: Path, settings: dict[str, Any], key: str, value: float) -> list[float]:
-    """Metrics of a single run."""
-    record = gs.run(path, {**settings, key: value})
-    return [METRICS[name](record) for name in ("force.rms", "tracking.position.norm_rms", "tracking.leg_length.rms")]
-
-
 @pytest.mark.parametrize(
-    ("key", "bounds", "own"),
+    ("key", "bounds", "own", "gravity"),
     [
         # from below the forces that hold the platform, about 50 N, to above: they are clipped in some candidates only
-        ("actuators.force_limit", "20..80 N", 25.0),
+        ("actuators.force_limit", "20..80 N", 25.0, -9.6),
         # legs that pull
-        ("actuators.force_limit", "20..80.0 N", 25.0),
-        ("platform.parameters.platform_mass", "8..20kg", 11.5),
-        ("plant.parameters.platform_mass", "8..20kg", 11.5),
-        ("reference.phase", "0.1..1.5rad", 0.3),
-        ("loop.delay", "0..3", 1),
-        ("sensors.quantisation.leg_length", "0.1..5 mm", 1e-3),
+        ("actuators.force_limit", "20..80 N", 25.0, 9.6),
+        ("platform.parameters.platform_mass", "8..20kg", 11.5, -9.6),
+        ("plant.parameters.platform_mass", "8..20kg", 11.5, -9.6),
+        ("reference.phase", "0.1..1.5rad", 0.3, -9.6),
+        ("loop.delay", "0..3", 1, -9.6),
+        ("sensors.quantisation.leg_length", "0.1..5 mm", 1e-3, -9.6),
     ],
 )
-def test_each_candidate_starts_from_its_own_machine_and_forces(folder: Path, key: str, bounds: str, own: float) -> None:
+def test_each_candidate_starts_from_its_own_machine_and_forces(
+    folder: Path, key: str, bounds: str, own: float, gravity: float
+) -> None:
     """Expected: single runs, which know nothing of other candidates, from a start that depends on what varies."""
-    path = folder / "mine.toml"
-    settings: dict[str, Any] = {
-        "loop.duration": 0.1,
-        "limits.position_error": 5.0,
-        "reference": {"type": "sine", "position_amplitude": [0.02, 0.03, 0.04], "frequency": 1.3, "phase": 0.3},
-        "ensemble": {},
-        key: own,
-    }
-    if bounds.endswith(".0 N"):
-        settings["plant.parameters.gravity"] = [0.8, -1.1, 9.6]
+    sine = {"type": "sine", "position_amplitude": [0.02, 0.03, 0.04], "frequency": 1.3, "phase": 0.3}
+    settings = {**ONE, "limits.position_error": 5.0, "reference": sine, key: own}
+    settings["plant.parameters.gravity"] = [0.8, -1.1, gravity]
     shown = key.replace(".parameters", "") if key.startswith("pl") else key
-    found = gs.tune(
-        path,
-        [f"{shown}={bounds}"],
-        "force.rms",
-        settings,
-        subject_to=["tracking.position.norm_rms >= 0 mm", "tracking.leg_length.rms >= 0"],
-        members=1,
-        fresh=1,
-        generations=1,
-        population=5,
-    )
+    further = ["tracking.position.norm_rms", "tracking.leg_length.rms"]
+    found = tune(folder, f"{shown}={bounds}", "force.rms", settings, subject_to=[f"{name} >= 0" for name in further])
     rows = found.candidates.to_dicts()
     assert rows[0][shown] == own
     for row in rows:
-        values = [row["value"], row["tracking.position.norm_rms"], row["tracking.leg_length.rms"]]
-        assert values == pytest.approx(_alone(path, settings, key, row[shown]), rel=1e-4)
+        expected = alone(folder / "mine.toml", {**settings, key: row[shown]}, "force.rms", *further)
+        assert [row[name] for name in ("value", *further)] == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("bounds", ["4..5Hz", "1..2Hz"])
 def test_values_outside_the_bounds_are_compared_but_not_tried(folder: Path, bounds: str) -> None:
     """Expected: no candidate has the 3 Hz of the experiment; "was" is the experiment's own value all the same."""
-    settings: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
-    options: Any = {"members": 1, "fresh": 1, "generations": 1, "population": 5}
-    found = gs.tune(folder / "mine.toml", [f"controller.bandwidth={bounds}"], "force.rms", settings, **options)
-    low, high = (float(each) for each in bounds.removesuffix("Hz").split(".."))
+    found = tune(folder, f"controller.bandwidth={bounds}", "force.rms")
+    low, high = (float(end) for end in bounds.removesuffix("Hz").split(".."))
     assert found.candidates["controller.bandwidth"].is_between(low, high).all()
     assert found.before is not None
-    assert found.before.value == pytest.approx(METRICS["force.rms"](gs.run(folder / "mine.toml", settings)), rel=1e-5)
+    assert [found.before.value] == pytest.approx(alone(folder / "mine.toml", ONE, "force.rms"), rel=1e-5)
 
 
 def test_what_the_experiment_leaves_out_was_nothing(folder: Path) -> None:
     """Expected: no value before, shown by dashes; the values found are run all the same."""
-    settings: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
-    options: Any = {"members": 1, "generations": 1, "population": 5}
     key = "actuators.rate_limit"
-    found = gs.tune(folder / "mine.toml", [f"{key}=200..900N/s"], "force.rms", settings, **options)
+    found = tune(folder, f"{key}=200..900N/s", "force.rms", fresh=None)
     assert (found.before, found.before_fresh) == (None, None)
-    alone = METRICS["force.rms"](gs.run(folder / "mine.toml", {**settings, key: found.values[key]}))
-    assert found.seen.value == pytest.approx(alone, rel=1e-5)
+    (force,) = alone(folder / "mine.toml", {**ONE, key: found.values[key]}, "force.rms")
+    assert found.seen.value == pytest.approx(force, rel=1e-5)
     rows = {row[0]: row[1:] for row in (re.split(r"\s*[│┃]\s*", line.strip("│ ")) for line in repr(found).splitlines())}
     assert rows["RMS force N"][0] == rows["runs that failed"][0] == "–"
-    assert float(rows["RMS force N"][1]) == pytest.approx(alone, rel=6e-4)
+    assert float(rows["RMS force N"][1]) == pytest.approx(force, rel=6e-4)
     assert rows["runs that failed"][1] == "0"
 
 
@@ -232,17 +183,16 @@ def test_one_noisy_run_is_tested_on_fresh_members(folder: Path) -> None:
     path = folder / "noisy.toml"
     path.write_text((folder / "mine.toml").read_text().partition("[ensemble]")[0])
     found = gs.tune(path, [VARY[0]], "force.rms", settings, fresh=2, generations=1, population=5, quantile=0.5)
-    worth = [
-        METRICS["force.rms"](gs.run(path, {**settings, **found.values, "ensemble": {"seed": seed}}, member=k))
+    seen, *fresh = (
+        alone(path, {**settings, **found.values, "ensemble": {"seed": seed}}, "force.rms", member=k)[0]
         for seed, k in ((6, 0), (7, 0), (7, 1))
-    ]
-    assert found.seen.value == pytest.approx(worth[0], rel=1e-4)
-    assert found.fresh is not None
-    assert found.fresh.value == pytest.approx(min(worth[1:]), rel=1e-4)
-    said = repr(found).splitlines()[-1]
-    assert re.fullmatch(
-        r"RMS force: \S+ N on the one run of the search; 50 % of 2 fresh members have at most \S+ N\.", said
     )
+    assert found.seen.value == pytest.approx(seen, rel=1e-4)
+    assert found.fresh is not None
+    assert found.fresh.value == pytest.approx(min(fresh), rel=1e-4)
+    said = repr(found).splitlines()[-1]
+    ends = r"RMS force: \S+ N on the one run of the search; 50 % of 2 fresh members have at most \S+ N\."
+    assert re.fullmatch(ends, said)
 
 
 class Proportional:
@@ -263,9 +213,8 @@ def test_whole_numbers_are_searched_where_value_and_bounds_are_whole(
     folder: Path, now: float, bounds: str, kind: type
 ) -> None:
     """Expected: as the documentation of controllers in Python says."""
-    settings: dict[str, Any] = {"loop.duration": 0.1, "controller": {"type": "python", "parameters": {"kp": now}}}
-    options: Any = {"members": 1, "fresh": 1, "generations": 1, "population": 5, "controller": Proportional}
-    found = gs.tune(folder / "mine.toml", [f"controller.parameters.kp={bounds}"], "force.rms", settings, **options)
+    settings = {"loop.duration": 0.1, "controller": {"type": "python", "parameters": {"kp": now}}}
+    found = tune(folder, f"controller.parameters.kp={bounds}", "force.rms", settings, controller=Proportional)
     column = found.candidates["controller.parameters.kp"]
     assert column[0] == now
     assert column.dtype == (polars.Int64 if kind is int else polars.Float64)
@@ -278,8 +227,7 @@ def test_designs_that_need_other_numbers_of_members_are_drawn_at_random(folder: 
     values = {}
     for sampling in ("saltelli", "latin_hypercube", "random", "sobol"):
         settings = {"loop.duration": 0.1, "ensemble.sampling": sampling, "ensemble.members": 16}
-        options: Any = {"members": 3, "fresh": 1, "generations": 1, "population": 5}
-        values[sampling] = gs.tune(folder / "mine.toml", [VARY[0]], "force.rms", settings, **options).seen.value
+        values[sampling] = tune(folder, VARY[0], "force.rms", settings, members=3).seen.value
     assert values["saltelli"] == values["latin_hypercube"] == values["random"] != values["sobol"]
 
 

@@ -14,7 +14,7 @@ from tests.support.browser import Watched, until, watched
 from tests.support.commands import invoke
 
 PRESET = "desktop_hexapod"
-OVER = {"x": (-0.08, 0.1), "y": (-0.09, 0.08), "z": (0.1, 0.2)}
+OVER = {"x": (-0.12, 0.14), "y": (-0.13, 0.12), "z": (0.09, 0.21)}
 LIMITS = ("reachable", "pitch at ±90°", "beyond a singular pose", "a leg too short", "a leg too long",
           "angle of a base joint", "angle of a platform joint")  # fmt: skip
 FIGURES = "GoughStewart.panels.filter((p) => p.figure)"
@@ -107,8 +107,8 @@ def test_a_slice_is_that_of_all_maps_of_the_sheet_and_of_the_link(volume: Watche
         page.keyboard.press("ArrowRight")
     assert page.locator(".slices output").text_content() == f"{1e3 * z[4]:.4g} mm"
     assert "slice=4" in page.evaluate("GoughStewart.link()")
-    # the box is scaled to its longest side, 0.18 m, which becomes 1.9
-    assert page.evaluate("GoughStewart.surface.height()") == pytest.approx((z[4] - (z[0] + z[-1]) / 2) * 1.9 / 0.18)
+    # the box is scaled to its longest side, 0.26 m, which becomes 1.9
+    assert page.evaluate("GoughStewart.surface.height()") == pytest.approx((z[4] - (z[0] + z[-1]) / 2) * 1.9 / 0.26)
     image = page.evaluate(
         "(() => { const { heat } = GoughStewart.panels[0].figure, { values, shape } = heat.map.image(4);"
         "return { values: [...values], shape, border: heat.map.border(4) }; })()"
@@ -130,7 +130,7 @@ def test_paper_is_the_same_from_a_dark_page_and_names_the_slice(volume: Watched,
     """Expected: seven drawings, of a light and of a dark page alike; the third coordinate in each key."""
     page, drawings = volume.page, []
     for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        page.emulate_media(color_scheme=scheme)
         until(page, f"GoughStewart.theme().dark === {'true' if scheme == 'dark' else 'false'}")
         page.wait_for_timeout(200)
         page.evaluate("dispatchEvent(new Event('beforeprint'))")

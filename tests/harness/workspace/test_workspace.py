@@ -237,7 +237,8 @@ def test_the_maps_have_every_number(seen: Seen) -> None:
         margins.append(seen.each.joint_angle_margin)
     inside = np.fmin.reduce(margins)
     assert ((inside > 0) == seen.reached).all()
-    for chart, (name, values) in zip(charts, {"limit": seen.each.limit, **seen.results()}.items(), strict=True):
+    drawn: dict[str, FloatArray] = {"limit": np.asarray(seen.each.limit, dtype=float), **seen.results()}
+    for chart, (name, values) in zip(charts, drawn.items(), strict=True):
         axes = [chart["x"], chart["y"], *([chart["map"]["slices"]] if len(names) == 3 else [])]
         for axis, coordinate in zip(axes, names, strict=True):
             assert (axis["name"], axis["values"]) == (coordinate, seen.swept[coordinate].tolist())
@@ -247,7 +248,7 @@ def test_the_maps_have_every_number(seen: Seen) -> None:
         if name != "limit":
             assert seen.quantity(series["quantity"]).get("unit", "") == seen.unit(RESULTS[name][1])
         assert chart["map"].get("scale", "linear") == ("log" if name == "condition_number" else "linear")
-        np.testing.assert_allclose(numbers(series["values"]), np.reshape(values, seen.shape).T, rtol=1e-9)
+        np.testing.assert_allclose(numbers(series["values"]), values.reshape(seen.shape).T, rtol=1e-9)
         np.testing.assert_allclose(numbers(chart["map"]["inside"]), inside.reshape(seen.shape).T, rtol=1e-9, atol=1e-15)
     if len(names) == 3:
         home = seen.platform.home_position[2]
