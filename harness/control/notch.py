@@ -15,8 +15,8 @@ from gough_stewart.harness.quantities import Frequency, PositiveNumber, Share
 class Notch(Link):
     """N(s) = (s² + 2 d ζ ω s + ω²) / (s² + 2 ζ ω s + ω²) with ω = 2π `frequency`, `damping` ζ and `depth` d.
 
-    |N| is d at the frequency and 1 far from it; between ω (√(1 + ζ²) ∓ ζ) it is less than √((1 + d²)/2). Sampled by
-    Tustin's rule, warped so that the frequency stays. It filters the force of each channel, or the wrench.
+    |N| is d at the frequency and 1 far from it; between ω (√(1 + ζ²) ∓ ζ) it is less than √((1 + d²)/2). Discretised by
+    Tustin's rule, prewarped at that frequency. It filters the force of each channel, or the wrench.
 
     Raises
     ------
@@ -38,7 +38,7 @@ class Notch(Link):
     depth: Annotated[Share, Field(description="gain at its frequency, from 0 to below 1")] = 0.0
 
     def check(self, sample_time: float) -> None:
-        """Refuse a frequency that a sample time [s] cannot show."""
+        """Refuse a frequency that is not below the Nyquist frequency of a sample time [s]."""
         highest = 0.5 / sample_time
         if not self.frequency < highest:
             raise ControllerError(

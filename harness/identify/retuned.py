@@ -82,7 +82,7 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     experiment
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     nominal, found
-        Platforms before and after an identification.
+        The nominal and the identified platform.
 
     Returns
     -------

@@ -17,7 +17,7 @@ _Orientations = Annotated[list[Orientation], Field(min_length=1, max_length=100)
 
 
 class Excitation(AboutPose):
-    """Move in all coordinates at multiples of a frequency: w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t).
+    """A finite Fourier series in every coordinate: w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t).
 
     `position_sine`, `position_cosine` [m], `orientation_sine`, `orientation_cosine` [rad]: the coefficients, three
     numbers for each k = 1, 2, …; `frequency` f [Hz], `duration` [s], `fade` [s]: the time over which w rises as a

@@ -193,7 +193,7 @@ class _Swing(AboutPose):
 
 
 class Sine(_Swing):
-    """Harmonic motion: amplitude · sin(2π f t + phase), faded in by the quintic.
+    """Harmonic motion: amplitude · sin(2π f t + phase), faded in by a quintic.
 
     `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad] of all axes, to which
     `position_phase` and `orientation_phase` [rad] add one of each axis, `fade_in` [s]; about `position` [m] and
@@ -231,7 +231,7 @@ class Sine(_Swing):
 
     @property
     def highest_frequency(self) -> float:
-        """Its frequency [Hz]."""
+        """Frequency of the motion [Hz]."""
         return self.frequency / self.time_scale
 
 
@@ -264,7 +264,7 @@ class Chirp(_Swing):
 
 
 class Circle(AboutPose):
-    """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic.
+    """Move on a circle in a plane, radius · (cos 2π f t, sin 2π f t) about a position, faded in by a quintic.
 
     `radius` [m], `frequency` [Hz], `plane` "xy", "xz" or "yz", `fade_in` [s]; about `position` [m] and
     `orientation` [rad], home by default.
@@ -284,7 +284,7 @@ class Circle(AboutPose):
 
     @property
     def highest_frequency(self) -> float:
-        """Its frequency [Hz]."""
+        """Frequency of the motion [Hz]."""
         return self.frequency / self.time_scale
 
 
