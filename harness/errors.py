@@ -102,7 +102,7 @@ class EnsembleError(GoughStewartError, ValueError):
 
 
 class UnstableLoopError(GoughStewartError, ValueError):
-    """A loop that is unstable when closed; `eigenvalue` is the worst one, s [1/s] or z."""
+    """The closed loop is unstable; `eigenvalue` is the least stable one, s [1/s] or z."""
 
     def __init__(self, message: str, eigenvalue: complex) -> None:
         super().__init__(message)

@@ -157,9 +157,10 @@ def inverse_dynamics(
     parameters
         A platform, or a batch of them from `stack`.
     state
-        Pose and twist, each (..., 3): position [m], orientation [rad], velocity [m/s], angular velocity [rad/s].
+        Pose and twist, each of shape (..., 3): position [m], orientation [rad], velocity [m/s], angular velocity
+        [rad/s].
     acceleration
-        Linear [m/s²] and angular [rad/s²], each (..., 3).
+        Linear [m/s²] and angular [rad/s²], each of shape (..., 3).
     external_wrench
         [f_ext; τ_ext] (..., 6) at Op in world components [N, N m].
     solve
@@ -218,7 +219,7 @@ def static_leg_forces(
     Returns
     -------
     ndarray
-        Actuator forces (..., 6) [N]; positive pushes platform and base apart.
+        Actuator forces (..., 6) [N]; positive extends the leg.
 
     Raises
     ------

@@ -70,9 +70,9 @@ def forward_kinematics(
     tolerance
         Largest error of a leg length, relative to the longest leg.
     max_iterations
-        Of one pose; rows have 30, and then as many from the pose before.
+        For one pose; rows take at most 30, then as many again from the pose before.
     conditioning
-        Whether to find the condition numbers, too.
+        Whether to compute condition numbers as well.
 
     Returns
     -------

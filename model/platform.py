@@ -62,7 +62,7 @@ _PRESETS = ("gough_stewart.model", "presets")
 class Platform(PlatformFields):
     """A Gough–Stewart platform; every parameter by name, in SI units.
 
-    A number of the legs may be six numbers, one for each: it is then their mean, beside six factors. Arrays are copied,
+    A parameter of the legs may be given as six numbers; it is stored as their mean and six factors. Arrays are copied,
     converted to float64 and read-only. To change a parameter, make a new platform with `dataclasses.replace`, which
     validates it again, or `with_parameters`, which also replaces factors by six values. Parameters, frames and signs:
     docs/notation.md.
@@ -151,12 +151,12 @@ class Platform(PlatformFields):
 
     @property
     def home_motor_position(self) -> FloatArray:
-        """Motor positions (6,) [m] that hold the home pose, of compliant legs: L + F/k; L of rigid legs."""
+        """Motor positions (6,) [m] that hold the home pose: L + F/k of elastic legs, L of rigid legs."""
         return holding_motor_position(self, self.home_position, self.home_orientation)
 
     @property
     def hints(self) -> tuple[str, ...]:
-        """Hints of possible mistakes: odd units, touching legs, their order, active friction."""
+        """Likely mistakes: suspicious units, touching legs, wrong order of joints, friction that is not passive."""
         return platform_hints(self)
 
     @classmethod
@@ -221,7 +221,7 @@ class Platform(PlatformFields):
         return cls(**joints, **parameters)
 
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
-        """A platform with other values of some parameters; as `dataclasses.replace`, which checks all of them again.
+        """A copy with other values of some parameters, validated again, like `dataclasses.replace`.
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class Platform(PlatformFields):
         Returns
         -------
         Platform
-            With its other parameters unchanged.
+            The platform with all other parameters unchanged.
 
         Raises
         ------
@@ -245,7 +245,7 @@ class Platform(PlatformFields):
         return new
 
     def unchecked(self, values: Mapping[str, Any]) -> Self:
-        """A platform with other values of some parameters, checked for shape and size only; none by leg."""
+        """A copy with other values of some parameters, with only shape and size checked; not for single legs."""
         new: Self = object.__new__(type(self))
         new.__dict__.update(self.__dict__)
         for name, value in values.items():
@@ -359,7 +359,7 @@ def load_platform(path: Path | str) -> Platform:
 
 
 def save_platform(platform: Platform, path: Path | str) -> None:
-    """Write a platform as a TOML file, which `load_platform` reads without loss; atomic.
+    """Write a platform atomically as a TOML file, which `load_platform` reads back without loss.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Hints of possible mistakes in a platform: odd units, legs that touch, their order, active friction."""
+"""Likely mistakes in a platform: suspicious units, touching legs, wrong order of joints, friction that is not passive."""
 
 from itertools import combinations, permutations
 from types import SimpleNamespace

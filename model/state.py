@@ -23,7 +23,7 @@ class State(NamedTuple):
         return cls(x[..., :3], x[..., 3:6], x[..., 6:9], x[..., 9:])
 
     def to_vector(self) -> Array:
-        """Join to a vector (..., 12) in SI units [m, rad, m/s, rad/s]; leading axes broadcast."""
+        """Concatenate to a vector (..., 12) in SI units [m, rad, m/s, rad/s]; leading axes broadcast."""
         return concatenate(self)
 
 

@@ -60,7 +60,7 @@ class Snapshot:
 
 
 class SteppingModel:
-    """The platform as a plant that is stepped with FMI-style calls.
+    """The platform as a plant, stepped by FMI-style calls.
 
     The contract:
 
@@ -77,11 +77,12 @@ class SteppingModel:
     5. `do_step(time, step)` integrates from `time`, which must be the model's time, to `time + step`, with inputs and
        parameters held constant. The step can vary from call to call.
     6. There are two integrators of the same equations. `compiled` is the unit's own stepper in this process, with the
-       bits of the FMU: Kutta's 3/8 rule, Dormand–Prince 5(4) with springs, exponential steps with bristles. `scipy` is
-       the judge of compiled steps: DOP853, with bristles LSODA, and Radau below a tolerance of 1e-12. Both control the
-       error with `tolerance`, relative, and absolute in SI units; the internal step size carries over between calls, so
-       short communication steps cost little. With a `fixed_step_size`, which only `compiled` takes, a step is divided
-       into the smallest number of equal steps not above it, of classical RK4, or with bristles an exponential scheme.
+       bits of the FMU: Kutta's 3/8 rule, Dormand–Prince 5(4) with elastic legs, exponential steps with stiction.
+       `scipy` integrates the same equations as an independent check: DOP853, with stiction LSODA, and Radau below a
+       tolerance of 1e-12. Both control the error with `tolerance`, relative, and absolute in SI units; the internal
+       step size carries over between calls, so short communication steps cost little. With a `fixed_step_size`, which
+       only `compiled` takes, a step is divided into the smallest number of equal steps not above it, of classical RK4,
+       or with stiction an exponential scheme.
     7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
        Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, if more than 20,000
        internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve the bristles or
@@ -220,7 +221,7 @@ class SteppingModel:
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
-        """`set` several variables at once; on an error, none of them.
+        """Set several variables at once; after an error, none of them is changed.
 
         Parameters are checked together, so that elements of an inertia can be changed one by one.
         """
@@ -346,7 +347,7 @@ class SteppingModel:
         return Snapshot(self._time, x, u, self._platform, stepper.internal_step, self._started, stepper.largest_step)
 
     def restore_state(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot of this model, or of another one that is stepped alike (rule 9)."""
+        """Restore a snapshot of this model, or of another model with the same settings (rule 9)."""
         if not isinstance(snapshot, Snapshot):
             raise InterfaceError("snapshot", f"is {snapshot!r}; expected a snapshot from save_state()")
         variant = Variant.of(snapshot.platform)

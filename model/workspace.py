@@ -129,7 +129,7 @@ def evaluate_poses(
         Arrays with the poses' leading axes, each None if the platform does not state its limit: `limit`, 0 if the
         pose is reachable; `leg_length_margin` [m] and `joint_angle_margin` [rad], negative beyond; `singular_margin`,
         the smallest singular value of the scaled leg Jacobian, negative beyond a singular pose; `condition_number`;
-        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of compliant legs, whose motors hold: the stiffness
+        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of elastic legs, whose motors hold: the stiffness
         at Op in the softest and the stiffest direction, `translational_stiffness` and `translational_stiffness_max`
         [N/m], `rotational_stiffness` and `rotational_stiffness_max` [N m/rad], and `first_mode`, the lowest natural
         frequency [Hz].

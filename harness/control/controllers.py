@@ -190,7 +190,8 @@ class PD(SixChannels):
 class PID(SixChannels):
     """A PD with integral action; anti-windup by back-calculation.
 
-    The keys of `PD`, and `integral_time` [s], or with gains `integral_gain` [N/(m s)]; `anti_windup_time` [s].
+    Takes the keys of `PD`, and `integral_time` [s], or, with explicit gains, `integral_gain` [N/(m s)];
+    `anti_windup_time` [s].
 
     Examples
     --------

@@ -164,8 +164,8 @@ def linearise(
         Names of outputs or locals of the interface.
     coulomb_friction
         Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
-        It acts as a large damper that the moving platform does not have, so it is left out by default. With friction
-        with stiction: legs that stand, each on a spring of leg_bristle_stiffness; by default legs slide.
+        It acts as a large damper that the moving platform does not have, so it is left out by default. With
+        stiction: legs stuck on springs of leg_bristle_stiffness; by default legs slide.
 
     Returns
     -------

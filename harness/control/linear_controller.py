@@ -22,7 +22,7 @@ ControlFunction = Callable[[Sample], Any]
 
 @dataclass(frozen=True)
 class LinearController:
-    """A discrete python-control system as controller.
+    """A discrete python-control system used as a controller.
 
     With n the total size of its signals, the inputs of a controller in leg space are the errors reference − measured
     (n), or references and measurements (2 n), or these and the excess of the limits at the last sample (2 n + 6; force
@@ -73,7 +73,7 @@ class LinearController:
 
     @property
     def sample_time(self) -> float | None:
-        """Of the system [s]; None if it has none (a static gain), or leaves it open."""
+        """Sample time of the system [s]; None for a static gain, or if it is unspecified."""
         dt = self.system.dt
         return None if not dt or dt is True else float(dt)
 

@@ -33,10 +33,10 @@ _LIBRARIES = frozenset(("casadi", "importlib", "numpy", _PACKAGE))
 
 
 class Sample(NamedTuple):
-    """What a controller in Python is told at a sample: what a digital controller on the machine knows.
+    """What a controller in Python receives at a sample: the information that a digital controller on the machine has.
 
     Signals are by name, in SI units: position, orientation, velocity, angular_velocity, leg_length, leg_velocity.
-    Arrays are its own: to change or to keep them has no effect on the run.
+    Arrays are copies: changing or keeping them does not affect the run.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class Sample(NamedTuple):
     force_limit: float = np.inf
     """The largest force of an actuator [N]; infinite without a limit."""
     rate_limit: float = np.inf
-    """Of the drives [N/s]; infinite without a limit."""
+    """The largest rate of an actuator's force [N/s]; infinite without a limit."""
     gains: Mapping[str, Any] = MappingProxyType({})
     """The `[controller.parameters]` of the experiment, by name."""
 

@@ -38,12 +38,12 @@ DAMPING_RATIO = 0.7
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of six channels, each a number or six of them. No integral action by default.
+    """Gains of six channels, each one number or six numbers; no integral action by default.
 
     Raises
     ------
     ControllerError
-        Gains that are not finite or negative, a proportional gain of 0, or a time that is not > 0 s.
+        Gains that are negative or not finite, a proportional gain of 0, or a time constant that is not positive.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def gains_from_bandwidth(
     Raises
     ------
     ControllerError
-        Not positive, or an integral time that makes the loop unstable.
+        A value that is not positive, or an integral time that makes the loop unstable.
 
     See Also
     --------
@@ -298,7 +298,7 @@ def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> Sta
 
 
 def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "control.StateSpace":
-    """The continuous system at a sample time [s], as python-control's `sample_system` gives it; names are kept.
+    """Discretise a continuous system at a sample time [s] by python-control's `sample_system`; names are kept.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
     progress: MembersProgress | None = None,
     status: StepProgress | None = None,
 ) -> Ensemble:
-    """Run the members of an experiment's `[ensemble]`; member k has the same numbers for any count and on any machine.
+    """Run the members of an experiment's `[ensemble]`; member k is the same for any number of members, on any computer.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         Replace the experiment's.
     out
         A folder for members.parquet, bands.parquet, samples.parquet and ensemble.json, and for finished chunks during
-        the run; by default nothing is kept.
+        the run; by default nothing is written.
     resume
         Continue an interrupted run in that folder.
     workers
@@ -109,8 +109,8 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
 
     Examples
     --------
-    >>> found = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=16, workers=1)
-    >>> found.members["outcome"].value_counts(), found.values("tracking.position.norm_peak").max()
+    >>> results = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=16, workers=1)
+    >>> results.members["outcome"].value_counts(), results.values("tracking.position.norm_peak").max()
     """
     numbers = {"ensemble.members": members, "ensemble.seed": seed}
     chosen = experiment_of(experiment, settings)

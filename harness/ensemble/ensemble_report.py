@@ -56,17 +56,17 @@ _TWO, _FOUR = Quantity("", "", digits=2), replace(SHARE, digits=4)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(MemberTable):
-    """An ensemble that has run; displays the quantiles of its metrics, and its failures."""
+    """The results of an ensemble; its display shows quantiles of the metrics, and failures."""
 
     def report(self, *, charts: bool = True, worst: Sequence[int] | Mapping[int, str] = ()) -> Report:
-        """How many machines complete their runs and how well, what fails, and what makes them differ.
+        """Report on how many machines complete their runs and how well, what fails, and which inputs matter.
 
         Parameters
         ----------
         charts
             Also bands over time, histograms and dependence.
         worst
-            Members to list, or a mapping with the address of each one's page, "" for none.
+            Members to list, or a mapping from member to the address of its page ("" for none).
 
         Returns
         -------
@@ -136,7 +136,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
 
     Examples
     --------
-    >>> found = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=8, workers=1, out="results/eight")
+    >>> results = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=8, workers=1, out="results/eight")
     >>> gs.read_ensemble("results/eight").members.height
     8
     """

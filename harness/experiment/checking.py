@@ -94,7 +94,7 @@ def absent_numbers(experiment: Experiment) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionCheck:
-    """The share of every limit that the motion of an experiment uses, and what it needs, from `check`."""
+    """The share of every limit that a motion uses, and its actuator requirements; from `check`."""
 
     experiment: Experiment
     """The experiment."""
@@ -115,7 +115,7 @@ class MotionCheck:
 
     @property
     def within(self) -> bool:
-        """Whether all limits are kept that the platform states; `not_stated` has the others."""
+        """Whether the motion respects all limits that the platform states; `not_stated` lists the others."""
         return self.shares.within
 
     @property
@@ -158,7 +158,7 @@ class MotionCheck:
         return _worst_phases(self.platform, self._reference) if isinstance(self._reference, Sine) else None
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
-        """Settings of the experiment with which its motion fits and leaves its margin: none if it does already.
+        """Settings that make the motion fit with its margin; empty if it fits already.
 
         A slower motion needs a longer run: `loop.duration` grows with `reference.time_scale`.
 
@@ -170,7 +170,7 @@ class MotionCheck:
         Raises
         ------
         MotionError
-            The chosen kind of scale does not help.
+            No scale of the chosen kind makes the motion fit.
         """
         if self.within and self.keeps_margin:
             return {}
@@ -214,7 +214,7 @@ class MotionCheck:
         Raises
         ------
         MotionError
-            The chosen kind of scale does not help.
+            No scale of the chosen kind makes the motion fit.
         """
         return check(self.experiment, self.settings_that_fit(fit))
 
@@ -354,7 +354,7 @@ def check(
     payload: float | str | None = None,
     payload_height: float | str = 0.0,
 ) -> MotionCheck:
-    """The share of every limit of its platform that the motion of an experiment uses, and its needs, without a run.
+    """Check a motion against all limits of its platform, and compute its actuator requirements, without a run.
 
     Stroke, joint angles, distance from singular poses, leg velocity, leg acceleration, and force and power by inverse
     dynamics of the nominal model without load, at every row of the run.
@@ -372,7 +372,8 @@ def check(
     Returns
     -------
     MotionCheck
-        The shares of the limits at every row, the needs of each leg, whether all is `within`, and scales that fit.
+        The shares of the limits at every row, the requirements of each leg, whether all limits are respected
+        (`within`), and scales that make the motion fit.
 
     Raises
     ------
@@ -385,10 +386,10 @@ def check(
 
     Examples
     --------
-    >>> found = gs.check("pitch_sine", {"reference.frequency": 4})
-    >>> found.within, found.time_factor, found.shares.largest.limit
-    >>> found.needs["actuator_force_peak"], found.needs["actuator_force_rms"]  # of each leg [N]
-    >>> slower = found.fitted("time")
+    >>> motion = gs.check("pitch_sine", {"reference.frequency": 4})
+    >>> motion.within, motion.time_factor, motion.shares.largest.limit
+    >>> motion.needs["actuator_force_peak"], motion.needs["actuator_force_rms"]  # of each leg [N]
+    >>> slower = motion.fitted("time")
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
     experiment_checked = experiment_of(experiment, settings)

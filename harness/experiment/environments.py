@@ -29,7 +29,7 @@ def vector_env(
     hold: int = 1,
     autoreset: Literal["next_step", "disabled"] = "next_step",
 ) -> "ExperimentVectorEnv":
-    """N members of an experiment as a vector environment of Gymnasium, on one compiled plant.
+    """A vector environment of Gymnasium with n members of an experiment, on one compiled plant.
 
     An episode is the experiment's run, with its sensors, force limit, delay and drives. It terminates where the run
     would end, at a pose, stroke or position error that is too large, and is truncated at its duration.

@@ -59,7 +59,7 @@ class FrequencyResponse:
     notes: tuple[str, ...]
     """Reasons to doubt the result."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """What was set of the experiment's file, as `Experiment.changed`."""
+    """Keys of the experiment that were changed, as `Experiment.changed`."""
     requirements: tuple[str, ...] = ()
     """`[require]` of the run's experiment."""
 
@@ -91,7 +91,7 @@ class FrequencyResponse:
         return to_html(self.report(charts=False))
 
     def report(self, *, charts: bool = True) -> Report:
-        """The peak of S, where L is known and where its gain is 1, and how all agrees with the linear model.
+        """Report the peak of S, the crossover of L, and the agreement with the linear model.
 
         Returns
         -------
@@ -217,7 +217,7 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
     Returns
     -------
     FrequencyResponse
-        S, T and L at the lines of the injection (n,) with their 95 % confidence, L of the linear model, and notes.
+        S, T and L at the injection's frequencies (n,) with their 95 % confidence, L of the linear model, and notes.
 
     Raises
     ------
@@ -232,8 +232,8 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
 
     Examples
     --------
-    >>> found = gs.frf(gs.run("frequency_response", {"loop.duration": 6}))
-    >>> found.frequency.shape == found.measured.L.shape
+    >>> response = gs.frf(gs.run("frequency_response", {"loop.duration": 6}))
+    >>> response.frequency.shape == response.measured.L.shape
     True
     """
     # read: the run's experiment, in the folder of the one that the caller has passed

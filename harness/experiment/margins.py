@@ -130,12 +130,12 @@ def absent_numbers(experiment: Experiment) -> dict[str, str]:
 class LoopMargins(Margins):
     """Stability margins of an experiment's loop, from `margins`.
 
-    Of the loop that runs: the machine with the controller that is designed on the believed platform.
+    They are those of the loop that runs: the machine under the controller designed on the believed platform.
 
     `legs` has for each leg, with the others closed, `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
-    `crossover` [Hz]; `common` has the same of one change of all legs. `disk` has what all legs may have independently
-    of each other: `alpha`, `gain`, `phase` [rad] and `frequency` [Hz]. `sensitivity_peak` and `complementary_peak` are
-    the largest σ(S) and σ(T).
+    `crossover` [Hz]; `common` has the same for one change applied to all legs. `disk` has what is guaranteed for
+    independent simultaneous changes of all legs: `alpha`, `gain`, `phase` [rad] and `frequency` [Hz].
+    `sensitivity_peak` and `complementary_peak` are the largest σ(S) and σ(T).
     """
 
     title: str
@@ -153,7 +153,7 @@ class LoopMargins(Margins):
     transfer: StateSpace
     """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """What was set of the experiment's file, as `Experiment.changed`."""
+    """Keys of the experiment that were changed, as `Experiment.changed`."""
     structure: LoopStructure | None = None
     """Of a machine with elastic legs: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency`
     and `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
@@ -195,7 +195,7 @@ class LoopMargins(Margins):
         return to_html(self.report(charts=False))
 
     def report(self, *, charts: bool = True) -> Report:
-        """How much gain, phase and delay the loop bears, and what limits it.
+        """Report the gain, phase and delay margins, and what limits them.
 
         Returns
         -------
@@ -244,7 +244,7 @@ class LoopMargins(Margins):
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """As plain types, as in margins.json; None for infinite or undefined values."""
+        """The margins as plain types, as in margins.json, with None for infinite or undefined values."""
         gains, structure, actions = self.gains, self.structure, ("proportional", "derivative", "integral")
         numbers: dict[str, Any] = {
             "title": self.title,
@@ -308,8 +308,8 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
 
     Examples
     --------
-    >>> found = gs.margins("heave_step", {"loop.delay": 2})
-    >>> found.disk.alpha, min(leg.phase for leg in found.legs)
+    >>> margins = gs.margins("heave_step", {"loop.delay": 2})
+    >>> margins.disk.alpha, min(leg.phase for leg in margins.legs)
     """
     chosen = experiment_of(experiment, settings)
     # the loop at rest has its margins however fast its reference is

@@ -91,8 +91,9 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     settings
         Keys of the experiment to change, as in `load_experiment`.
     plant, fmu
-        Replace the experiment's: "model" (compiled), "scipy" (the judge of it), "fmu2" or "fmu3", and an FMU file,
-        built if missing; or an object that follows the rules of `Plant`, in its start state, which the caller closes.
+        Replace the experiment's: "model" (compiled), "scipy" (an independent check), "fmu2" or "fmu3", and an
+        FMU file, built if missing; or an object that follows the rules of `Plant`, in its start state, which the caller
+        closes.
     controller
         Replaces the experiment's, with the feedforward unchanged: a discrete python-control system, a
         `LinearController`, a function of a `Sample` that returns six forces [N], or one with memory: a class or
@@ -110,10 +111,10 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     status
         Called with the present action before the run, for example while an FMU is built.
     warn
-        Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`, and with a
-        loop that is unstable in the linear model, which may grow too slowly for the run to show; after it for remarks
-        of an FMU, and if a function that is the controller keeps memory, with which another run would go on; the
-        record's metadata have the same as `warnings`.
+        Called with warnings: before the run, every limit that the reference exceeds under `limits.reference = "warn"`,
+        and a loop that is unstable in the linear model, which may grow too slowly for the run to show; after it,
+        remarks of an FMU, and a controller function that keeps memory, with which another run would go on. They are
+        also `warnings` in the metadata.
 
     Returns
     -------

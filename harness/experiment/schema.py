@@ -218,7 +218,7 @@ Text = Annotated[str, AfterValidator(_writable)]
 
 
 class Experiment(TableSection):
-    """A whole experiment, validated: the tables of its file by name, from `load_experiment`.
+    """A validated experiment, from `load_experiment`; the tables of its file are its attributes.
 
     Examples
     --------
@@ -250,12 +250,12 @@ class Experiment(TableSection):
 
     @property
     def code(self) -> tuple[str, ...]:
-        """Files that it names and a run of it as it is executes, with the user's rights."""
+        """Files named by the experiment that a run executes, with the user's rights."""
         return self.controller.code + (() if self.plant.fmu is None else (self.plant.fmu,))
 
     @property
     def requirements(self) -> tuple[str, ...]:
-        """What `[require]` has, each as a text: "force.peak <= 800 N"."""
+        """The requirements of `[require]`, as strings: "force.peak <= 800 N"."""
         return tuple(f"{path} {condition}" for path, conditions in self.require.items() for condition in conditions)
 
     @property
@@ -265,16 +265,16 @@ class Experiment(TableSection):
 
     @property
     def folder(self) -> Path:
-        """The folder that resolves file names."""
+        """The folder relative to which file names are resolved."""
         return self._folder
 
     @property
     def changed(self) -> dict[str, dict[str, Any]]:
-        """The keys that were set of it by `--set` or `settings`: their `value`, and that of the `file`."""
+        """Keys changed by `--set` or `settings`, each with its `value` and the value in the `file`."""
         return dict(self._changed)
 
     def from_file(self, where: str, folder: Path, changed: Mapping[str, dict[str, Any]] | None = None) -> "Experiment":
-        """The same experiment, with its origin, and with what calls have set of it if that is given."""
+        """A copy that knows its file, and optionally which keys were changed."""
         experiment = self.model_copy()
         experiment._where, experiment._folder = where, folder
         experiment._changed = dict(self._changed if changed is None else changed)

@@ -84,7 +84,6 @@ def export(  # noqa: PLR0912 - one road, in sections
         Target systems of the FMUs, as for `build`.
     reference
         "inside": the experiment's motion is part of the controller. "inputs": the reference is an input at each sample.
-
     controller
         Replaces the experiment's: a discrete python-control system, a `LinearController`, a class or function whose
         call is arithmetic, or a `casadi.Function` from named signals to `actuator_force`. The feedforward is unchanged.
@@ -93,10 +92,10 @@ def export(  # noqa: PLR0912 - one road, in sections
         the start forces if there is none; or "zero".
     frozen
         (n, q): a measured length or position that is the same for n samples while its reference moves by more than q
-        [m] counts as frozen, with the safe force until it changes. Without it none does.
+        [m] counts as frozen, with the safe force until it changes. By default no input does.
     parts
-        Of the machine, which the controller carries: "drives", so that its forces are those that act, behind rate limit
-        and lag; "sensors", with their quantisation and sample time, so that it takes true signals. Their settings
+        Parts of the machine to include in the controller: "drives", so that its forces are those that act, behind rate
+        limit and lag; "sensors", with their quantisation and sample time, so that it takes true signals. Their settings
         become parameters. The step function, and the unit, then run at the `plant_step` where drives or readings do.
         "manual": it can be switched off and on without a bump, by `enabled`; while it is off, its force follows
         `manual_force`, which is the force that acts.
@@ -105,14 +104,14 @@ def export(  # noqa: PLR0912 - one road, in sections
     progress
         Called with the present action.
     judging
-        Called with the number of members of the `[ensemble]` whose loops are judged, and of all.
+        Called with the number of members of the `[ensemble]` whose loops have been judged, and the total.
     warn
-        Called with what a form leaves out of the experiment, with a delay that it adds, with a loop whose stability
-        cannot be judged, and with an unstable loop that is exported on request. The forms' documentation says the same.
+        Called with warnings: what a form leaves out of the experiment, a delay that it adds, a loop whose stability
+        cannot be judged, an unstable loop that is exported on request. The forms' documentation says the same.
     verdict
         Called with the largest |z| and the margins of each form's loop, the least robust first.
     stability
-        Called once with what is known of all these loops, in the same order.
+        Called once with the stability results of all these loops, in the same order.
 
     Returns
     -------
@@ -127,7 +126,8 @@ def export(  # noqa: PLR0912 - one road, in sections
     ControllerError
         A controller that cannot be exported, is itself unstable, or has the wrong size.
     ExportError
-        An unknown form, part, safe force or version of SSP, nothing to watch for, or an SSP with external reference.
+        An unknown form, part, safe force or version of SSP, no signal to watch for freezing, or an SSP with
+        external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 

@@ -208,8 +208,8 @@ class Estimate(_WithCovariance):
     Examples
     --------
     >>> nominal, log = gs.load_preset("liu2000"), gs.run("circle", {"loop.duration": 4})
-    >>> found = gs.identify(log, nominal, ["platform_mass"])
-    >>> found.names, found.values.shape, found.interval.shape
+    >>> estimate = gs.identify(log, nominal, ["platform_mass"])
+    >>> estimate.names, estimate.values.shape, estimate.interval.shape
     (('platform_mass',), (1,), (1, 2))
     """
 
@@ -252,7 +252,7 @@ class Estimate(_WithCovariance):
 
     @property
     def without_interval(self) -> tuple[str, ...]:
-        """Elements with a value, but no interval, since combinations that no log shows move them."""
+        """Elements with a value but no interval, because unobservable combinations contribute to them."""
         known = np.isfinite(self.values) & ~np.isfinite(self.standard_errors)
         return tuple(name for name, is_it in zip(self.names, known, strict=True) if is_it and name not in self.at_bound)
 
@@ -276,12 +276,12 @@ class Estimate(_WithCovariance):
     def platform(self, nominal: Platform) -> Platform:
         """The platform with the estimated values, and nominal ones for what the motion does not excite.
 
-        If some elements of the inertia are nominal and the others do not fit them, all of it is nominal.
+        If estimated and nominal elements of the inertia are inconsistent, the whole inertia is nominal.
 
         Returns
         -------
         Platform
-            The nominal one with these values.
+            The nominal platform with the estimated values.
         """
         pairs = zip(self.names, self.values.tolist(), strict=True)
         known = {name: value for name, value in pairs if not math.isnan(value)}
@@ -294,7 +294,7 @@ class Estimate(_WithCovariance):
             return with_values(nominal, rest)
 
     def combination(self, k: int) -> str:
-        """The combination of singular value k, as text; parts in units of their scale."""
+        """The parameter combination of singular value k, as text, in units of each parameter's `scale`."""
         return combination_text(self.directions[k], self.names)
 
     def to_json(self) -> bytes:

@@ -28,9 +28,9 @@ from gough_stewart.harness.identify.regressor import (
 )
 from gough_stewart.harness.identify.row_model import Regression, segment_of
 from gough_stewart.harness.identify.sticking_friction import ideal_of
-from gough_stewart.harness.motion.references import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
+from gough_stewart.harness.motion.references import Excitation
 from gough_stewart.harness.report.chart import time_axis
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import NUMBER, of_unit
@@ -96,8 +96,8 @@ def excite(  # noqa: PLR0915 - one station after the other
     """Find Fourier coefficients whose motion excites these parameters best, within all limits of the platform.
 
     IPOPT maximises the information by its gradient from several random motions, under the limits of stroke, joint
-    angles, velocity, acceleration, force and power. The best motion is then scaled to all limits, looked at more
-    finely, less a reserve of a tenth. Equal seeds give equal motions.
+    angles, velocity, acceleration, force and power. The best motion is then scaled to all limits, evaluated on a
+    finer grid, with a reserve of a tenth. Equal seeds give equal motions.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def excite(  # noqa: PLR0915 - one station after the other
     estimate
         Parameters, or elements of them, in which inverse dynamics is linear.
     duration, fade
-        [s]
+        Duration, and time of fading in and out [s].
     frequency, harmonics
         Frequency of the first harmonic [Hz], and number of harmonics.
     criterion
@@ -121,7 +121,7 @@ def excite(  # noqa: PLR0915 - one station after the other
     -------
     Excited
         `reference`, the motion as an `Excitation`; `condition_number` of the regressor with scaled columns, and
-        `log_determinant` of its information matrix per row; `standard_errors` that a log of this motion promises.
+        `log_determinant` of its information matrix per row; predicted `standard_errors` of a log of this motion.
 
     Raises
     ------
@@ -134,8 +134,8 @@ def excite(  # noqa: PLR0915 - one station after the other
 
     Examples
     --------
-    >>> found = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=1)
-    >>> found.reference.duration, found.condition_number < 100
+    >>> result = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=1)
+    >>> result.reference.duration, result.condition_number < 100
     """
     if trials < 1:
         raise ArgumentError(f"trials is {trials}; expected at least 1 motion to try")

@@ -57,7 +57,7 @@ def identify(
 ) -> Estimate:
     """Estimate parameters of a platform from a log, with confidence intervals.
 
-    Reasons not to trust the result are its `alarms`; each is also given as an `IdentificationWarning`.
+    Its `alarms` list reasons not to trust the result; each is also issued as an `IdentificationWarning`.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def identify(
         The nominal one: the source of all other parameters, and of starting values.
     estimate
         Parameters, or elements of them: a list, or a string with commas. `leg_viscous_friction` is one value for all
-        legs, `leg_viscous_friction[1..6]` six. Also what the instruments do: `force_gain` and `force_offset` of each
+        legs, `leg_viscous_friction[1..6]` six. Also instrument parameters: `force_gain` and `force_offset` of each
         leg, reading = gain · force + offset [N]; `delay` of the forces [s], positive if they are late; `base_tilt`
         about X and Y [rad].
     method
@@ -105,8 +105,8 @@ def identify(
     Examples
     --------
     >>> nominal, record = gs.load_preset("liu2000"), gs.run("circle_computed_torque", {"loop.duration": 4})
-    >>> found = gs.identify(record, nominal, "platform_mass,leg_viscous_friction")
-    >>> found.values, found.interval, found.platform(nominal).platform_mass
+    >>> estimate = gs.identify(record, nominal, "platform_mass,leg_viscous_friction")
+    >>> estimate.values, estimate.interval, estimate.platform(nominal).platform_mass
     """
     if method not in ("linear", "geometry"):
         raise IdentificationError(

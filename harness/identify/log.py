@@ -62,7 +62,7 @@ VALIDATION = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Recorded data of a machine, row by row, in SI units; `read_log` reads it from a file."""
+    """Recorded data of a machine in SI units, one row per sample; read from a file by `read_log`."""
 
     leg_length: FloatArray
     """Leg lengths (n, 6) [m]."""
@@ -79,7 +79,7 @@ class Log:
     where: str = "log"
     """The name of the log in messages."""
     side: Side = "leg"
-    """Of elastic legs: where `leg_length` was measured, "leg" or "motor"."""
+    """For elastic legs: the side at which `leg_length` was measured, "leg" or "motor"."""
     motor_position: FloatArray | None = None
     """The motors' side of elastic legs (n, 6) [m], where both sides were measured."""
     convention: PoseConvention = OURS
@@ -160,8 +160,8 @@ def read_log(
         Whether each force acts from its row to the next, as commands of a sampled controller do, or is a reading at
         the time of its row; by default, forces of records are held, and others are not.
     side
-        Of elastic legs, where `leg_length` was measured, "leg" or "motor"; by default that of a record's sensors,
-        else the leg's. Columns `motor_position[1..6]` are the motors', alone or beside `leg_length`.
+        For elastic legs: the side at which `leg_length` was measured, "leg" or "motor"; by default that of a record's
+        sensors, else the leg's. Columns `motor_position[1..6]` are the motors', alone or beside `leg_length`.
     columns
         Columns of the file by these names, where its header has other ones: {"leg_length[1]": "S1 [mm]"}.
     rotation_order, rotation_about

@@ -188,7 +188,7 @@ class _Swing(AboutPose):
 
 
 class Sine(_Swing):
-    """Harmonic motion: amplitude · sin(2π f t + phase), faded in by the quintic.
+    """Harmonic motion: amplitude · sin(2π f t + phase), faded in by a quintic.
 
     `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad] of all axes, to which
     `position_phase` and `orientation_phase` [rad] add one of each axis, `fade_in` [s]; about `position` [m] and
@@ -251,7 +251,7 @@ class Chirp(_Swing):
 
 
 class Circle(AboutPose):
-    """Circle about a position, radius (cos 2π f t, sin 2π f t) in a plane; the radius is faded in by the quintic.
+    """Move on a circle in a plane, radius · (cos 2π f t, sin 2π f t) about a position, faded in by a quintic.
 
     `radius` [m], `frequency` [Hz], `plane` "xy", "xz" or "yz", `fade_in` [s]; about `position` [m] and
     `orientation` [rad], home by default.

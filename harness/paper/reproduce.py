@@ -101,7 +101,7 @@ class Reproduction:
 def reproduce(
     case: OpenLoopCase | Platform | None = None, console: Console | None = None, page: bool = False
 ) -> Reproduction:
-    """Run the paper's open-loop case by all formulations, compare them, and make report, table, figures and FMUs.
+    """Run the paper's open-loop case with all formulations, compare them, and make report, table, figures and FMUs.
 
     Nothing is written until `save` of the result is called. Takes some ten seconds.
 

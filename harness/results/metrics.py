@@ -92,9 +92,9 @@ def metrics(record: RecordData) -> Metrics:
 
     Examples
     --------
-    >>> found = gs.metrics(gs.run("heave_step", {"loop.duration": 1}))
-    >>> print(found)
-    >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
+    >>> metrics = gs.metrics(gs.run("heave_step", {"loop.duration": 1}))
+    >>> print(metrics)
+    >>> metrics["tracking"]["position"]["norm_peak"], metrics["step_response"][0]["rise_time"]
     """
     finite = finite_part(record)
     n, poses = finite.table.height, ("reference.position", "reference.orientation")

@@ -106,7 +106,7 @@ class _Metadata(_KnownKeys):
 
 @dataclass(frozen=True, repr=False)
 class Record(RecordData):
-    """The record of a run: its rows, and metadata on how it was made.
+    """The record of a run: its rows, and metadata on how they were produced.
 
     Columns are `time`, every input, output and local variable of the interface (`position[1]`, `actuator_force[6]`, …),
     and, with a prefix, signals from outside the plant:
@@ -147,12 +147,12 @@ class Record(RecordData):
     def report(
         self, *, measured: "Metrics | None" = None, robustness: "Robustness | None" = None, charts: bool = True
     ) -> "Report":
-        """What the run found: whether it follows its reference, what it uses of the drives, when it settles.
+        """Report whether the platform follows its reference, how much of the actuators it uses, and when it settles.
 
         Parameters
         ----------
         measured
-            Its metrics, if they are known already.
+            Its metrics, if already computed.
         robustness
             The disk margin of its linear loop, if it is known.
         charts

@@ -70,7 +70,8 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
         The share of the members that do not exceed a candidate's value, and that meet each condition.
     members, fresh
         How many members evaluate candidates, and how many fresh ones test the result; 64 and 500 by default, or as many
-        as the experiment has, if fewer. Without `[ensemble]`, noise and jitter all members are the same: an error.
+        as the experiment has, if fewer. Members that would all be equal (no `[ensemble]`,
+        noise or jitter) are an error.
     generations, population
         Of the search; by default 25 generations of 16 candidates for each key.
     seed
@@ -98,9 +99,9 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
 
     Examples
     --------
-    >>> found = gs.tune("heave_step", ["controller.damping_ratio=0.4..1.2"], "tracking.position.norm_rms",
-    ...                 {"loop.duration": 0.3}, generations=2, population=5)
-    >>> found.values, found.seen.value
+    >>> result = gs.tune("heave_step", ["controller.damping_ratio=0.4..1.2"], "tracking.position.norm_rms",
+    ...                  {"loop.duration": 0.3}, generations=2, population=5)
+    >>> result.values, result.seen.value
     """
     chosen = experiment_of(experiment, settings)
     if not 0 < quantile <= 1:

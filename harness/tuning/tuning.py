@@ -34,7 +34,7 @@ _NEAR = 0.01
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tuning:
-    """The result of a search, from `tune`; displays tables and the statement on fresh members."""
+    """The result of a search, from `tune`; its display shows tables and the result on fresh members."""
 
     experiment: Experiment
     """The experiment with the values found."""
@@ -59,7 +59,7 @@ class Tuning:
     """The largest error estimate of a plant step."""
 
     def report(self, *, charts: bool = True) -> Report:
-        """From what to what the metric went, with which values, and whether that holds on fresh members.
+        """Report the metric before and after, the values found, and the result on fresh members.
 
         Returns
         -------
@@ -94,7 +94,7 @@ class Tuning:
 
     @property
     def changed(self) -> dict[str, dict[str, Any]]:
-        """What was set of the experiment's file."""
+        """Keys of the experiment that were changed."""
         return self.experiment.changed
 
     @property

@@ -10,10 +10,8 @@ import gough_stewart as gs
 from gough_stewart import State, SteppingModel, load_preset
 from gough_stewart.model import dynamics
 from gough_stewart.model.dynamics import plant_equations
-from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs
 from tests.support.fmu_plants import Fmu
 from tests.support.formulations import largest_difference

@@ -50,11 +50,11 @@ class ViaPath(WrittenPoses):
 
     `poses` are rows of x, y, z [m], roll, pitch, yaw [rad], or come from a `file`, a motion log whose times are
     ignored; `relative_to` "world", or "home" for displacements in the world's axes and rotations applied after home's.
-    `interpolation` "quintic" or "cubic": splines of positions and rotation vectors without curvature at the ends.
-    `timing` is a duration [s] with a quintic time law, or "fastest": the least time within the platform's limits of leg
-    velocity, leg acceleration, force and power, less a `margin`; `ramp` [s] averages the acceleration along the path
-    over that time, so that no force jumps. The motion begins `at` [s]. `rotation_order`, `rotation_about`, `frame` and
-    `pivot` say how the poses are written.
+    `interpolation` "quintic" or "cubic": splines of positions and rotation vectors with zero second derivative at
+    the ends. `timing` is a duration [s] with a quintic time law, or "fastest": the least time within the platform's
+    limits of leg velocity, leg acceleration, force and power, less a `margin`; `ramp` [s] averages the acceleration
+    along the path over that time, so that forces are continuous. The motion begins `at` [s]. `rotation_order`,
+    `rotation_about`, `frame` and `pivot` say how the poses are written.
 
     Examples
     --------

@@ -25,9 +25,6 @@ from gough_stewart.harness.identify.estimate import (
 from gough_stewart.harness.identify.estimate_report import estimate_report, estimate_tables
 from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.report.chart import Chart
-from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.table import Column, Table
-from tests.support.page_arrays import data_of, unpacked
 from tests.support.uneven import UNEVEN
 
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
