@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import linear_of
+from gough_stewart.harness.control.linear_controller import linear_of
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.margins import judged
@@ -30,7 +30,7 @@ from gough_stewart.harness.report.quantities import (
     of_unit,
 )
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.terminal import tables_text
+from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
@@ -285,7 +285,7 @@ class Compared:
 
     def __repr__(self) -> str:
         """The table, as text."""
-        return tables_text([self.table])
+        return text_of([self.table])
 
     @property
     def numbers(self) -> tuple[Number, ...]:

@@ -72,15 +72,15 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
     names = [f"y_{k}" for k in range(1, 7)] + [f"r[{k}]" for k in range(1, 7)] + [f"u[{k}]" for k in range(1, 7)]
     variables = "".join(
         f'<ScalarVariable name="{name}" valueReference="{k}" causality="{"input" if k < 12 else "output"}">'
-        + ('<Real unit="m" start="0"/>' if k < 12 else '<Real unit="N"/>')
+        + (f'<Real unit="{unit}" start="0"/>' if k < 12 else '<Real unit="N"/>')
         + "</ScalarVariable>"
-        for k, name in enumerate(names)
+        for k, name in enumerate(names[: 12 + outputs])
     )
-    unknowns = "".join(f'<Unknown index="{k}"/>' for k in range(13, 19))
+    unknowns = "".join(f'<Unknown index="{k}"/>' for k in range(13, 13 + outputs))
     description = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Theirs" guid="0" variableNamingConvention="structured">
 <CoSimulation modelIdentifier="theirs"/>
-<UnitDefinitions><Unit name="m"/><Unit name="N"/></UnitDefinitions>
+<UnitDefinitions><Unit name="{unit}"/><Unit name="N"/></UnitDefinitions>
 <ModelVariables>{variables}
 <ScalarVariable name="gain" valueReference="18" causality="parameter" variability="fixed">
 <Real start="1000"/></ScalarVariable>

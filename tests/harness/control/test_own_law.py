@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.export.design import designed
 from tests.support import exported
-from tests.support.exported import TOLERANCE, Exported, commanded, largest_difference, measured_by, run_in_python
+from tests.support.exported import TOLERANCE, Exported, commanded, largest_difference, measured_by, source_of
 from tests.support.motions import experiment
 from tests.support.uneven import UNEVEN
 
@@ -88,12 +87,11 @@ def test_its_c_commands_what_it_commands_at_its_limits(law: Any) -> None:
         law = in_casadi()
         table["controller"] = {"type": "python", "feedforward": "gravity", "parameters": {"tracking": 0.02}}
     tried = exported.uneven_experiment(**table)
-    made, run = designed(tried, law), run_in_python(tried, law)
-    assert run.outcome.status == "completed"
-    assert 0.1 < run.force_limited.mean() < 0.9
-    compiled = Exported(made).start()
-    forces = np.array([compiled.step(row)[0] for row in measured_by(run, made)])
-    assert largest_difference(forces, commanded(run, made)) < TOLERANCE["double"]
+    record = gs.run(tried, controller=law)
+    assert record.metadata["outcome"]["status"] == "completed"
+    assert 0.1 < exported.samples_of(record, "force_limited").mean() < 0.9
+    forces, _ = Exported(source_of(tried, law)).steps(measured_by(record))
+    assert largest_difference(forces, commanded(record)) < TOLERANCE["double"]
 
 
 class Counted:
