@@ -7,8 +7,10 @@ import csv
 import html
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.metadata import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -27,6 +29,7 @@ from tests.support.schemas import complaints_of_schemas
 from tests.support.uneven import MOVING, UNEVEN
 
 ROOT = Path(__file__).parents[2]
+PACKAGE = metadata("gough-stewart")
 TABLE = {v.name: v for v in gs.VARIABLES}
 INPUTS = ("actuator_force", "external_force", "external_torque")
 # Whose names are to be escaped, and whose z axis points at the viewer of its picture.
@@ -405,3 +408,39 @@ def test_joints_and_axes_are_where_rotations_have_them(pictured: tuple[gs.Platfo
         away = tips - (dots[0] + scale * (origin - seen[0]))
         across = np.abs(away[:, 0] * axis[1] - away[:, 1] * axis[0]) / np.hypot(*axis)
         assert (across < 0.03).sum() == 1
+
+
+def test_the_head_names_model_package_licence_and_experiment(fmu: Fmu) -> None:
+    """Expected: pyproject.toml through the installed metadata, and the names that users type."""
+    root = xml(fmu)
+    assert dict(root.attrib) == {
+        **{"fmiVersion": fmu.version, "modelName": "GoughStewart", "variableNamingConvention": "structured"},
+        **{"description": PACKAGE["Summary"], "version": PACKAGE["Version"], "license": "BSD-3-Clause"},
+        **{"copyright": "the gough-stewart authors", "generationTool": f"gough-stewart {PACKAGE['Version']}"},
+        **({"guid": fmu.token, "numberOfEventIndicators": "0"} if fmu.is_fmi2 else {"instantiationToken": fmu.token}),
+    }
+    assert [len(part) for part in fmu.token.strip("{}").split("-")] == [8, 4, 4, 4, 12]
+    assert fmu.token.startswith("{") == fmu.is_fmi2
+    (experiment,) = root.iter("DefaultExperiment")
+    assert experiment.attrib == {"startTime": "0", "stopTime": "1", "tolerance": "1e-08", "stepSize": "0.001"}
+    categories = [category.get("name") for category in root.iter("Category")]
+    assert categories == ["logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"]
+
+
+def test_units_have_the_dimensions_of_their_names_and_are_shown_in_degrees_and_millimetres(fmu: Fmu) -> None:
+    """Expected: N = kg m/s², J = N m, and the rest read off the name."""
+    bases: dict[str, dict[str, int]] = {"1": {}, "N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
+    units = {unit.get("name", ""): unit for unit in xml(fmu).iter("Unit")}
+    assert set(units) == {v.unit for v in fmu.description.modelVariables if v.unit}
+    for name, unit in units.items():
+        expected = Counter[str]()
+        for part, sign in zip(name.partition("/")[::2], (1, -1), strict=True):
+            for factor in filter(None, part.split(".")):
+                symbol, power = (factor[:-1], 2) if factor.endswith("2") else (factor, 1)
+                for base, exponent in bases.get(symbol, {symbol: 1}).items():
+                    expected[base] += sign * power * exponent
+        (exponents,) = unit.iter("BaseUnit")
+        assert {base: int(n) for base, n in exponents.items()} == {b: n for b, n in expected.items() if n}, name
+        displays = {display.get("name"): float(display.get("factor", 1)) for display in unit.iter("DisplayUnit")}
+        scale = 1000 if name[0] == "m" else 180 / np.pi
+        assert displays == ({DISPLAYED[name]: pytest.approx(scale, rel=1e-15)} if name in DISPLAYED else {})

@@ -1,5 +1,6 @@
 """Values of a unit, and what it refuses, by FMPy. Every message names quantity, value and expectation."""
 
+import re
 from collections.abc import Callable
 from ctypes import POINTER, byref, c_double, c_uint32
 from typing import Any
@@ -20,7 +21,7 @@ from tests.support.fmu_plants import (
     refused,
 )
 from tests.support.lagrangian import FloatArray
-from tests.support.uneven import MOVING, UNEVEN
+from tests.support.uneven import MOVING, STATE, UNEVEN
 
 HOME = {"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation}
 FIXED = ("base_points", "leg_lower_mass", "position", "fixed_step_size")
@@ -364,3 +365,28 @@ def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:
             p.fmu.setDebugLogging(False, [])
             refused(p.set, "platform_mass", -1.0)
             assert p.messages == []
+
+
+@pytest.mark.parametrize("part", ["lower", "upper"])
+def test_a_centre_of_mass_lies_on_the_shortest_leg_of_the_start(fmu: Fmu, part: str) -> None:
+    shortest = float(gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length.min())
+    for share, status in ((0.999, OK), (1.001, ERROR)):
+        with plant(fmu) as p:
+            assert refused(p.start, {**MOVING, f"leg_{part}_com": share * shortest}) == status
+            told = f"leg_{part}_com is {share * shortest:g} m; expected at most"
+            assert re.search(rf"{told}.*shortest leg length at the start, {shortest:g} m|^$", p.take_messages())
+
+
+def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu) -> None:
+    """Expected: as many whole characters as fit into 400 bytes with the zero at the end, for each length in UTF-8."""
+    with plant(fmu) as p:
+        for character in ("a", "\u0080", "\u07ff", "\u0800", "\uffff", "\U00010000", "\U0010ffff"):
+            for shift in range(4):
+                text = "x" * shift + character * 700
+                assert refused(p.fmu.setDebugLogging, True, [text]) == ERROR
+                shown = p.messages[-1].text
+                assert shown.endswith(character)
+                assert text.startswith(shown[shown.index("'") + 1 :])
+                assert 399 - len(character.encode()) < len(shown.encode()) <= 399
+        refused(p.fmu.setDebugLogging, True, ["100%s%n"])
+        assert "%" not in p.messages[-1].text  # leaves nothing for the importer to format

@@ -138,3 +138,22 @@ def test_a_row_far_from_the_one_before_is_found_and_one_that_no_pose_has_is_name
     lengths[1, 12, 0] = -1.0
     with pytest.raises(GoughStewartError, match=r"^leg_length: is -1.0 m in row 1, 12; expected lengths > 0, or NaN$"):
         forward_kinematics(UNEVEN, lengths)
+
+
+def test_a_row_far_from_its_guess_stays_on_the_side_of_the_guess() -> None:
+    """Expected: the sign of det J of the guess, or an error, of far guesses near singular poses; most are found."""
+    number = 0
+    for seed in range(140):
+        rng = np.random.default_rng(seed)
+        pose = np.array([0, 0, 3.0]) + rng.uniform(-1, 1, 3), rng.uniform(-0.5, 0.5, 3)
+        lengths = leg_geometry(UNEVEN, *pose).length
+        guess = np.array([0, 0, 1.2]) + rng.uniform(-1, 1, 3), rng.uniform(-1.2, 1.2, 3)
+        try:
+            found = forward_kinematics(UNEVEN, lengths[None], *guess)
+        except GoughStewartError:
+            continue
+        number += 1
+        ends = (guess, (found.position[0], found.orientation[0]))
+        at_guess, at_end = (np.linalg.det(leg_jacobian(UNEVEN, *end)) for end in ends)
+        assert at_guess * at_end > 0
+    assert number > 80

@@ -1,5 +1,6 @@
 """What a Platform accepts, refuses, promises and shows, alone and among many."""
 
+import inspect
 import pickle
 import re
 from copy import deepcopy
@@ -10,8 +11,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lxml import html
 
-from gough_stewart import GoughStewartError, Platform, evaluate_poses, leg_geometry, load_preset, preset_names
+from gough_stewart import (
+    GoughStewartError,
+    Platform,
+    SteppingModel,
+    evaluate_poses,
+    leg_geometry,
+    load_preset,
+    preset_names,
+)
 from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import platforms_with
 from tests.support.lagrangian import FloatArray
@@ -319,3 +329,23 @@ def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str
         for row in PHYSICAL:
             assert np.array_equal(getattr(found.parameters, row.name)[k], getattr(alone, row.name)), row.name
             assert np.array_equal(found[np.array([k, 0])].field(row.name)[0], getattr(alone, row.name)), row.name
+
+
+def test_a_platform_and_a_model_say_what_they_are() -> None:
+    """Expected: by hand from the numbers of the uneven platform, in a terminal, a notebook and in help."""
+    name, masses, joints, home, limits = repr(UNEVEN).splitlines()
+    assert (name, masses) == ("Platform uneven", "  masses   platform 11.5 kg, legs 6 × (2.3 + 1.2) kg")
+    pose = "position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad"
+    assert home == f"  home     {pose}, legs {HOME_LEGS.min():.4g} to {HOME_LEGS.max():.4g} m"
+    stated = "leg_length_min 2.3 m, leg_length_max 3.9 m, actuator_force_max 640 N, joint_angle_max 0.7 rad"
+    assert limits == f"  limits   {stated}"
+    assert "2 m about the base's middle, 1 m about the platform's" in repr(load_preset("liu2000"))
+    assert " m about the base's middle, " in joints
+    assert repr(SteppingModel(UNEVEN)) == f"<SteppingModel of uneven at 0 s: {pose}>"
+    page = html.fragment_fromstring(replace(UNEVEN, name="<b>", source="a & b")._repr_html_())
+    rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
+    assert page.findtext("caption") == "Platform <b> – a & b"
+    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg·m²"]
+    assert list(rows) == list(UNEVEN.as_dict())[2:]
+    text = inspect.getdoc(Platform) or ""
+    assert [name for name in UNEVEN.as_dict() if f"\n{name} : " not in text] == ["name", "source"]

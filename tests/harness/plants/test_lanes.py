@@ -338,3 +338,39 @@ def test_platforms_that_do_not_fit_together_are_refused(
 ) -> None:
     with pytest.raises(gs.GoughStewartError, match=message):
         BatchPlant(platforms, [STATE] * starts, **options)
+
+
+def test_short_legs_are_told_of_members_that_start_only() -> None:
+    """Expected: of three with a leg too short for their parts, the two that are not frozen; 1 % longer is enough."""
+    low = at_rest(UNEVEN, [0.0, 0.0, 0.6], [0.0, 0.0, 0.3])
+    shortest = float(gs.leg_geometry(UNEVEN, low.position, low.orientation).length.min())
+    lower, upper = (f"leg_{part}_com" for part in ("lower", "upper"))
+    parts: list[dict[str, Any]] = [{lower: 1.01 * shortest}, {}, {upper: 2.1}, {lower: 2.0}]
+    parts += [{name: 0.99 * shortest} for name in (lower, upper)]
+    platforms = [replace(UNEVEN, **part) for part in parts]
+    plant = BatchPlant(platforms, [low, at_rest(UNEVEN), low, low, low, low], substeps=1)
+    plant.freeze(np.arange(6) == 3)
+    failures = failures_of(plant, 0.0, 1e-6)
+    found = {k: (error.quantity, error.value, error.time) for k, error in failures.items()}
+    assert found == {0: (lower, 1.01 * shortest, 0.0), 2: (upper, 2.1, 0.0)}
+    told = f"expected between 0 and the shortest leg of the start pose, {shortest:g} m"
+    assert str(failures[2]) == f"leg_upper_com = 2.1 at time 0 s: is 2.1 m from the platform joint; {told}"
+    plant.do_step(1e-6, 1e-6)  # once the first step is done there is no such check
+
+
+def test_motors_follow_a_payload_at_the_start_and_stay_later() -> None:
+    """Closed form: where the springs carry it, F/k by the platform's statics."""
+    platform, heavy = real_platform("elasto_plastic", True), real_platform("elasto_plastic", True, platform_mass=30.0)
+    plant = BatchPlant([platform] * 2, [at_rest(platform)] * 2)
+    plant.set_parameters_of(np.array([True, False]), {"platform_mass": 30.0})
+    first = plant.columns.index("motor_position[1]")
+    motors = slice(first, first + 6)
+    for found, each in zip(plant.results(), (heavy, platform), strict=True):
+        stretch = np.asarray(each.home_actuator_force) / each.leg_stiffness
+        np.testing.assert_allclose(found[motors], found[LENGTHS] + stretch, rtol=1e-12)
+    plant.do_step(0.0, 1e-3)
+    before = plant.results()[:, motors].copy()
+    plant.set_parameters({"platform_mass": 40.0, "leg_static_friction": 33.0})
+    np.testing.assert_array_equal(plant.results()[:, motors], before)
+    with pytest.raises(gs.GoughStewartError, match="leg_stiffness: cannot be set during a run"):
+        plant.set_parameters({"leg_stiffness": 1e6})
