@@ -55,8 +55,8 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
         return np.zeros((len(motion.position), 6))
     rows, of_row = distinct_rows(motion)
     if kind == "gravity":
-        return static_leg_forces(platform, rows.position, rows.orientation)[of_row]
-    return inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))[of_row]
+        return np.asarray(static_leg_forces(platform, rows.position, rows.orientation)[of_row])
+    return np.asarray(inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))[of_row])
 
 
 class ControllerChoice(Kind):

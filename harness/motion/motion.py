@@ -150,7 +150,7 @@ def centre_of(reference: Reference) -> FloatArray:
     centre: Any = getattr(reference, "centre", None)
     if centre is not None:
         return np.asarray(centre, dtype=float)
-    return np.hstack(reference(np.zeros(1))[:2])[0]
+    return np.asarray(np.hstack(reference(np.zeros(1))[:2])[0])
 
 
 def slower(motion: Motion, scale: float | Array) -> Motion:

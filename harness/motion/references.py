@@ -73,7 +73,7 @@ class ReferenceChoice(Kind):
     @property
     def highest_frequency(self) -> float:
         """The highest frequency of the motion [Hz]; 0 if it has none."""
-        return max((getattr(self, key) for key in self.frequencies), default=0.0) / self.time_scale
+        return float(max((getattr(self, key) for key in self.frequencies), default=0.0) / self.time_scale)
 
     @classmethod
     def refusal(cls, message: str) -> MotionError:

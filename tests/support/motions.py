@@ -1,5 +1,6 @@
 """Motions as experiments name them, logs that they read, and their derivatives by differences."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def motion_of(platform: gs.Platform, folder: Path = Path(), **reference: Any) ->
     return choice.about(platform, folder)
 
 
-def write_table(path: Path, columns: dict[str, ArrayLike]) -> Path:
+def write_table(path: Path, columns: Mapping[str, Any]) -> Path:
     """A CSV or Parquet file with these columns."""
     table = polars.DataFrame(
         {name: list(np.asarray(values).tolist()) for name, values in columns.items()}, strict=False

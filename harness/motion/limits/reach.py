@@ -43,7 +43,7 @@ def legs_of(platform: Platform, motion: Motion) -> LegMotion:
 def jacobians_of(platform: Platform, motion: Motion) -> FloatArray:
     """Leg Jacobians along a motion (n, 6, 6)."""
     rows, of_row = distinct_rows(motion)
-    return leg_jacobian(platform, rows.position, rows.orientation)[of_row]
+    return np.asarray(leg_jacobian(platform, rows.position, rows.orientation)[of_row])
 
 
 def check_reach(
@@ -74,10 +74,11 @@ def check_reach(
 
     # the remedy, with factors rounded to the safe side
     ways = []
-    for scaled_about, to, words in (
+    scales: list[tuple[FloatArray | None, Callable[[float], int], str]] = [
         (None, math.ceil, "times as long (reference.time_scale)"),
         (about, math.floor, "times as large (reference.amplitude_scale)"),
-    ):
+    ]
+    for scaled_about, to, words in scales:
         factor = scale_that_fits(platform, motion, scaled_about, largest_condition_number)
         if factor is not None:
             unit = 10.0 ** (math.floor(math.log10(factor)) - 2)

@@ -68,7 +68,8 @@ def read_recording(
         table = read_table(path, "reference")
         chosen = columns_of(table.columns, columns, timestamps=timestamps_of(table))
         unit = chosen["time"].factor
-        first, since = (unit * part for part in times_of(table, chosen["time"].name))
+        first, since = times_of(table, chosen["time"].name)
+        first, since = unit * first, unit * since
         values = _values(table, chosen)
         rows = without_repeated_rows(since, np.stack(list(values.values()), axis=1), first)
         since, values = since[rows], {name: column[rows] for name, column in values.items()}

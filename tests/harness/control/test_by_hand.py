@@ -16,7 +16,7 @@ BEGIN = 0.5  # when the hand takes over [s]
 OMEGA = 2 * np.pi * 1.5
 
 
-def moved(folder: Path, by: FloatArray, time: FloatArray, period: float) -> Any:
+def moved(folder: Path, by: FloatArray, time: Any, period: float) -> Any:
     """A hold whose pose a hand moves, at times after the hand has taken over."""
     write_table(
         folder / "targets.csv", dict(zip(NAMES, [[BEGIN], *[[value] for value in HOME + by], [0.0]], strict=True))

@@ -131,12 +131,13 @@ def test_what_fits_is_taken_as_it_is_meant(theirs: Path, tmp_path: Path) -> None
 
     Flags are outputs above a half, here the forces themselves; a step that is refused is named with its time.
     """
-    for changes, parameters in (
+    fitting: list[tuple[Any, dict[str, Any]]] = [
         ((*IN_MM[:1], ("<ModelVariables>", TYPES.format("m"))), {}),  # the unit of a type
         ((('<Real unit="m" start="0"/>', '<Real start="0"/>'),), {}),  # none
         (LATE, {"output_delay": 1.0}),
         ((LATE[0], ('"1000"', '"1"')), {}),
-    ):
+    ]
+    for changes, parameters in fitting:
         opened(described(theirs, tmp_path / "changed.fmu", *changes), **parameters).close()
     r, y, measured, none = np.linspace(1.0, 2.5, 6), np.linspace(0.3, -0.7, 6), np.zeros(24), np.zeros(6)
     measured[12:18] = y

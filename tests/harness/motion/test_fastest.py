@@ -28,7 +28,7 @@ def random_poses() -> FloatArray:
 
 
 @cache
-def along_it(**keys: float) -> Any:
+def along_it(**keys: Any) -> Any:
     """The fastest motion through the random poses; each is planned once."""
     return gs.ViaPath(poses=random_poses(), timing="fastest", **keys).about(LIMITED)
 

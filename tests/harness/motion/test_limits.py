@@ -69,7 +69,8 @@ def test_a_heave_uses_what_its_closed_form_says() -> None:
         "actuator_force_max": 150.0,
         "actuator_power_max": 130,
     }
-    found = gs.check(experiment(replace(LIGHT, **stated, leg_length_min=low, leg_length_max=high), HEAVE, **FINE))
+    platform = LIGHT.with_parameters({**stated, "leg_length_min": low, "leg_length_max": high})
+    found = gs.check(experiment(platform, HEAVE, **FINE))
     expected = {name: np.abs(values) / stated[name] for name, (_, _, values) in ASKED.items()}
     expected |= {"stroke": np.abs(2 * Heave.length - low - high) / (high - low)}
     assert set(found.shares.of) - set(expected) == {"pitch", "side", "condition_number"}
@@ -77,13 +78,11 @@ def test_a_heave_uses_what_its_closed_form_says() -> None:
         np.testing.assert_allclose(found.shares.of[name], np.tile(share[:, None], 6), rtol=1e-9, atol=1e-12)
         assert found.shares.peak(name).share == pytest.approx(share.max())
     largest = max(expected, key=lambda name: expected[name].max())
-    assert (found.shares.largest.limit, found.shares.largest.time) == (
-        largest,
-        pytest.approx(Heave.time[expected[largest].argmax()]),
-    )
+    assert found.shares.largest.limit == largest
+    assert found.shares.largest.time == pytest.approx(Heave.time[expected[largest].argmax()])
     assert found.shares.total == pytest.approx(np.max(list(expected.values()), axis=0))
     for end, share in (({"leg_length_min": low}, low / Heave.length), ({"leg_length_max": high}, Heave.length / high)):
-        one = gs.check(experiment(replace(LIGHT, **end), HEAVE, **FINE)).shares.of["stroke"]
+        one = gs.check(experiment(LIGHT.with_parameters(end), HEAVE, **FINE)).shares.of["stroke"]
         np.testing.assert_allclose(one, np.tile(share[:, None], 6))
 
 
@@ -92,8 +91,8 @@ def test_a_leg_that_would_need_too_much_is_refused_with_what_would_fit(limit: st
     """Expected: the first time at which the closed form is beyond its limit; just above its largest value nothing."""
     quantity, unit, values = ASKED[limit]
     most = float(np.abs(values).max())
-    assert gs.check(experiment(replace(LIGHT, **{limit: 1.001 * most}), HEAVE, **FINE)).within
-    error = refused(experiment(replace(LIGHT, **{limit: 0.6 * most}), HEAVE, **FINE))
+    assert gs.check(experiment(LIGHT.with_parameters({limit: 1.001 * most}), HEAVE, **FINE)).within
+    error = refused(experiment(LIGHT.with_parameters({limit: 0.6 * most}), HEAVE, **FINE))
     row = int((np.abs(values) > 0.6 * most).argmax())
     assert (error.quantity, error.time) == (quantity, pytest.approx(Heave.time[row]))
     assert error.value == pytest.approx(values[row], rel=1e-9)
@@ -202,7 +201,7 @@ def test_the_first_offence_is_that_of_an_independent_loop(
 @pytest.mark.parametrize("by", [0.04, -0.04])
 def test_a_leg_that_leaves_its_stroke_is_named_with_time_and_length(by: float) -> None:
     """Expected: lifted by dz, lengths √(horizontal² + height²); how far it may be lifted by the same triangle."""
-    lift = {"type": "point_to_point", "position_change": [0, 0, by], "at": 0.2, "duration": 0.5}
+    lift: dict[str, Any] = {"type": "point_to_point", "position_change": [0, 0, by], "at": 0.2, "duration": 0.5}
     limit = DESKTOP.leg_length_max if by > 0 else DESKTOP.leg_length_min
     assert limit is not None
     z = motion_of(DESKTOP, **lift)(0.01 * np.arange(101)).position[:, 2]
@@ -219,7 +218,7 @@ def test_a_leg_that_leaves_its_stroke_is_named_with_time_and_length(by: float) -
     )
     # with the other limit alone it is reached
     other = {"leg_length_min": DESKTOP.leg_length_min} if by > 0 else {"leg_length_max": DESKTOP.leg_length_max}
-    assert gs.check(experiment(replace(FREE, **other), lift)).within
+    assert gs.check(experiment(FREE.with_parameters(other), lift)).within
 
 
 CORNERS = [np.round(64 * points) / 64 for points in (PAPER.base_points, PAPER.platform_points)]

@@ -91,7 +91,8 @@ def test_poses_close_together_do_not_turn_a_path_out_of_their_plane() -> None:
     )
     plane = np.array([[0.0, 0.0], [0.1, 0.05], [0.1, 0.05 + 1e-8], [0.25, -0.05]])
     position = UNEVEN.home_position + plane @ np.stack([across, along_it])
-    for interpolation in ("cubic", "quintic"):
+    kinds: Any = ("cubic", "quintic")
+    for interpolation in kinds:
         poses = np.hstack([position, np.zeros((4, 3))])
         path = gs.ViaPath(poses=poses, timing=1, interpolation=interpolation).about(UNEVEN)
         assert np.abs((path(np.linspace(0, 1, 401)).position - position[0]) @ normal).max() < 1e-7

@@ -421,7 +421,7 @@ def test_the_ride_that_ships_is_its_closed_form_about_home_and_a_file_of_ones_ow
     time = 0.01 * np.arange(790)
 
     def wave(frequency: float) -> FloatArray:
-        return np.sin(2 * np.pi * frequency * time)
+        return np.asarray(np.sin(2 * np.pi * frequency * time))
 
     window = np.sin(np.pi * time / 8)[:, None] ** 2
     moved = np.stack([0.06 * wave(0.7), 0.04 * wave(0.5), 0.05 * wave(0.9) + 0.008 * wave(2.3)], axis=1)
@@ -472,14 +472,15 @@ RIDES = [
 
 @pytest.mark.parametrize("ride", RIDES)
 def test_usual_motions_are_recognised_as_milliseconds_and_taken_as_seconds(ride: Any, tmp_path: Path) -> None:
-    log = heave(*ride)
+    duration, rate, amplitude, frequency = ride
+    log = heave(duration, rate, amplitude, frequency)
     assert_unit(tmp_path, log, None)
     assert_unit(tmp_path, log, None, "ms", 1e3)
     assert_unit(tmp_path, log, "milliseconds", "s", 1e3)
     # played faster by whoever knows it
     assert_unit(tmp_path, log, None, "s", 1e3, time_scale=1e-3)
-    if ride[1] != 10.0 and ride[3] != 0.1:
-        assert_unit(tmp_path, heave(*ride, noise=0.0), "seconds", "ms", 1.0)
+    if rate != 10.0 and frequency != 0.1:
+        assert_unit(tmp_path, heave(duration, rate, amplitude, frequency, 0.0), "seconds", "ms", 1.0)
 
 
 @pytest.mark.parametrize(

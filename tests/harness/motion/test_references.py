@@ -2,7 +2,6 @@
 
 import pickle
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -153,8 +152,13 @@ def test_jumps_are_on_the_later_side() -> None:
 
 def test_a_motion_without_a_pose_is_about_the_home_pose() -> None:
     """Expected: home in the part that is not named; the named part stays; without a platform a clear refusal."""
-    platform = replace(UNEVEN, home_position=[0.02, -0.03, 3.1], home_orientation=[0.01, 0.04, -0.05])
-    for keys, orientation in (({}, platform.home_orientation), ({"orientation": ORIENTATION}, ORIENTATION)):
+    home = {"home_position": [0.02, -0.03, 3.1], "home_orientation": [0.01, 0.04, -0.05]}
+    platform = UNEVEN.with_parameters(home)
+    cases: list[tuple[dict[str, Any], Any]] = [
+        ({}, home["home_orientation"]),
+        ({"orientation": ORIENTATION}, ORIENTATION),
+    ]
+    for keys, orientation in cases:
         sine = gs.Sine(**AMPLITUDE, frequency=0.7, **keys)
         with pytest.raises(
             gs.GoughStewartError, match=r"^position is None; expected a position, or .*about\(platform\)"
