@@ -83,11 +83,9 @@ class Log:
 
     def rows(self, which: slice | NDArray[np.intp]) -> "Log":
         """The log with some of its rows."""
-        kept: dict[str, Any] = {}
-        for name in ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position"):
-            values = getattr(self, name)
-            kept[name] = None if values is None else values[which]
-        return replace(self, **kept)
+        names = ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position")
+        signals: dict[str, Any] = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: None if values is None else values[which] for name, values in signals.items()})
 
 
 @dataclass(frozen=True, eq=False)
