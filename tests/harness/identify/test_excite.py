@@ -99,7 +99,7 @@ def test_promised_errors_are_those_of_a_log_and_a_motion_tells_ten_times_more_th
     Condition numbers of one measure, and forces within the limit.
     """
     platform = replace(gs.load_preset("motion_base"), actuator_force_max=9000.0)
-    names = "platform_mass,platform_com,leg_viscous_friction,leg_coulomb_friction"
+    names = f"{NAMES},leg_viscous_friction,leg_coulomb_friction"
     design = gs.excite(platform, names, duration=5.0, frequency=0.4, harmonics=2, trials=1, seed=1)
     time, reference = np.arange(5000) / 1000, design.reference.about(platform)
     coarse = np.arange(-0.05, 5.06, 0.01)
