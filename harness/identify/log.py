@@ -84,8 +84,9 @@ class Log:
     def rows(self, which: slice | NDArray[np.intp]) -> "Log":
         """The log with some of its rows."""
         names = ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position")
-        signals: dict[str, Any] = {name: getattr(self, name) for name in names}
-        return replace(self, **{name: None if values is None else values[which] for name, values in signals.items()})
+        signals = {name: getattr(self, name) for name in names}
+        chosen: dict[str, Any] = {k: None if values is None else values[which] for k, values in signals.items()}
+        return replace(self, **chosen)
 
 
 @dataclass(frozen=True, eq=False)
