@@ -14,7 +14,7 @@ from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
 from gough_stewart.harness.identify.poses import pose_charts
 from gough_stewart.harness.identify.regressor import (
-    FRICTION,
+    PER_LEG,
     elements_of,
     expanded,
     force_derivatives,
@@ -49,7 +49,7 @@ from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, apply, dot, transpose
 
 Criterion = Literal["determinant", "trace"]
-ESTIMATE = ("platform_mass", "platform_com", "platform_inertia", *FRICTION)
+ESTIMATE = ("platform_mass", "platform_com", "platform_inertia", *PER_LEG)
 # The motion uses at most this share of every limit; the controller needs the rest.
 _SHARE = 0.9
 # Amplitudes of the starts, and the largest distance from home: shares of the platform's size, and of a radian.

@@ -39,7 +39,7 @@ from gough_stewart.harness.identify.regressor import (
     value_of,
     with_estimated,
 )
-from gough_stewart.harness.identify.row_model import Regression, RowModel, is_of_instruments, row_fit, segment_of
+from gough_stewart.harness.identify.row_model import INSTRUMENTS, Regression, RowModel, row_fit, segment_of
 from gough_stewart.harness.identify.sticking_friction import (
     COULOMB,
     STICTION,
@@ -89,7 +89,7 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     nominal = nominal_values(names, resolved(platform))
     # without stiction, which is not linear, and with the legs' stretch in the lengths of both sides
     smooth = ideal_of(platform)
-    linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
+    linear = [k for k, name in enumerate(names) if name.partition("[")[0] not in INSTRUMENTS and k not in bent]
     linear_names = tuple(names[k] for k in linear)
     elements = with_estimated(elements_of(smooth), linear_names, nominal[linear].tolist())
 

@@ -91,11 +91,10 @@ class Log:
 
     def rows(self, which: slice | NDArray[np.intp]) -> "Log":
         """The log with some of its rows."""
-        kept: dict[str, Any] = {}
-        for name in ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position"):
-            values = getattr(self, name)
-            kept[name] = None if values is None else values[which]
-        return replace(self, **kept)
+        names = ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position")
+        signals = {name: getattr(self, name) for name in names}
+        chosen: dict[str, Any] = {k: None if values is None else values[which] for k, values in signals.items()}
+        return replace(self, **chosen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The regressor of inverse dynamics from leg lengths: poses, F = W φ, and the derivatives of F.
+"""Names of what can be estimated; the regressor of inverse dynamics from leg lengths, F = W φ, and derivatives of F.
 
     platform   m, m r_G, I = J + m (r_G·r_G 1 − r_G r_Gᵀ) about Op
     legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all parameters in the equations of a leg
@@ -50,7 +50,6 @@ _ELEMENT = re.compile(r"(\w+)\[(\d+)(?:,(\d+))?\]")
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 COM = tuple(f"platform_com[{a}]" for a in (1, 2, 3))
 INERTIA = tuple(f"platform_inertia[{a + 1},{b + 1}]" for a, b in PAIRS)
-FRICTION = PER_LEG
 _OF_LEGS = ("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature")
 # The only other parameter of the equations is the smoothing velocity of friction; these make the regressor.
 _FIXED = ("base_points", "platform_points", "gravity")
@@ -68,7 +67,7 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
     For the symmetric inertia, the six with ascending indices.
     """
 
-    def elements_of(stem: str, *, is_each_leg: bool = False) -> list[str]:
+    def indexed(stem: str, *, is_each_leg: bool = False) -> list[str]:
         shape = OF_LOGS[stem][0] if stem in OF_LOGS else np.shape(getattr(platform, stem))
         indices = product(*(range(1, n + 1) for n in ((6,) if is_each_leg else shape)))
         return [
@@ -83,13 +82,11 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
         if stem not in _UNITS and stem not in OF_LOGS:
             raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, [*_UNITS, *OF_LOGS])}", [name])
         if name in (stem, f"{stem}[1..6]"):
-            elements += elements_of(stem, is_each_leg=name != stem and stem in PER_LEG)
-        elif name in elements_of(stem, is_each_leg=stem in PER_LEG):
+            elements += indexed(stem, is_each_leg=name != stem and stem in PER_LEG)
+        elif name in indexed(stem, is_each_leg=stem in PER_LEG):
             elements.append(name)
         else:
-            raise IdentificationError(
-                f"estimate: no element '{name}'; {stem} has {', '.join(elements_of(stem))}", [name]
-            )
+            raise IdentificationError(f"estimate: no element '{name}'; {stem} has {', '.join(indexed(stem))}", [name])
     twice = sorted({n for n in elements if elements.count(n) > 1 or (n in PER_LEG and f"{n}[" in "".join(elements))})
     if twice:
         raise IdentificationError(f"estimate: {', '.join(twice)} is repeated; expected every parameter once", twice)
@@ -178,21 +175,21 @@ def states_of(motion: Array) -> tuple[State, Acceleration]:
 def elements_of(platform: Platform, names: Iterable[str] = ()) -> dict[str, float]:
     """All elements on which φ depends, and further ones such as friction of one leg, with the platform's values."""
     for name, factor in FACTOR_OF.items():
-        if name not in FRICTION and not np.array_equal(getattr(platform, factor), TABLE[factor].default):
+        if name not in PER_LEG and not np.array_equal(getattr(platform, factor), TABLE[factor].default):
             raise IdentificationError(
                 f"{name} has six values, and legs are identified as alike; expected one: identify with their mean, "
                 f"{getattr(platform, name):g} {TABLE[name].unit}",
                 [name],
             )
-    factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
+    factors = [f"{name}_factor[{k}]" for name in PER_LEG for k in range(1, 7)]
     of_legs = [f"leg_{name}" for name in _OF_LEGS]
-    every = ("platform_mass", *of_legs, *COM, *INERTIA, *FRICTION, *factors, *names)
+    every = ("platform_mass", *of_legs, *COM, *INERTIA, *PER_LEG, *factors, *names)
     return {name: value_of(platform, name) for name in every}
 
 
 def is_linear(name: str, platform: Platform) -> bool:
     """Whether inverse dynamics is linear or bilinear in this element."""
-    return name in elements_of(platform) or name.partition("[")[0] in FRICTION
+    return name in elements_of(platform) or name.partition("[")[0] in PER_LEG
 
 
 def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
@@ -209,7 +206,7 @@ def linear_parameters(elements: Mapping[str, Any]) -> Array:
     m1, m2, r1, d, J1, J2, m_a = (e[f"leg_{name}"] for name in _OF_LEGS)
     I0 = m1 * r1**2 + J1 + J2 + m2 * d**2
     # a leg's own friction replaces the common value and its factor
-    friction = [e.get(f"{name}[{k}]", e[name] * e[f"{name}_factor[{k}]"]) for name in FRICTION for k in range(1, 7)]
+    friction = [e.get(f"{name}[{k}]", e[name] * e[f"{name}_factor[{k}]"]) for name in PER_LEG for k in range(1, 7)]
     return np.array([m, *(m * c), *I, m2, m2 * d, m1 * r1, I0, m_a, *friction])
 
 
@@ -240,7 +237,7 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
 
 def friction_columns(platform: Platform, leg_velocity: FloatArray) -> FloatArray:
     """Friction of n leg velocities (n, 6) [m/s] for unit viscous and unit Coulomb friction, side by side (n, 12)."""
-    alone = [friction_force(_units(platform, **{name: 1}), leg_velocity) for name in FRICTION]
+    alone = [friction_force(_units(platform, **{name: 1}), leg_velocity) for name in PER_LEG]
     return np.concatenate(alone, axis=-1)
 
 

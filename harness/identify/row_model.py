@@ -237,11 +237,6 @@ class Instruments(NamedTuple):
     tilt: FloatArray  # of the base about X and Y (2,) [rad]
 
 
-def is_of_instruments(name: str) -> bool:
-    """Whether an element belongs to the instruments, not to the platform."""
-    return name.partition("[")[0] in INSTRUMENTS
-
-
 def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
     """Gravity (3,) in the axes of a base that is turned out of level by (α, β) about X, then Y: R_x(−α) R_y(−β) g."""
     (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
@@ -269,7 +264,7 @@ class RowModel:
         self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
         self.friction = friction
         self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
-        self.linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
+        self.linear = [k for k, name in enumerate(names) if place_of(name)[0] not in INSTRUMENTS and k not in self.bent]
         self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
 
     def instruments(self, values: FloatArray) -> Instruments:

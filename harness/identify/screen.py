@@ -21,7 +21,6 @@ from gough_stewart.model.vectors import FloatArray
 
 Mask = NDArray[np.bool_]
 
-
 # Factor between lengths or forces and those at home beyond which another unit is likely.
 _LENGTH_FACTOR, _FORCE_FACTOR, _OVER_LIMIT = 3.0, 50.0, 3.0
 # Newtons in a pound-force, and how far from it, or its inverse, the forces of each leg may be.

@@ -26,7 +26,7 @@ from gough_stewart.harness.identify.estimate import (
 )
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import cutoff_of, edge, smoothed
-from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths, with_values
+from gough_stewart.harness.identify.regressor import PER_LEG, motion_of_lengths, with_values
 from gough_stewart.harness.identify.sticking_friction import resolved
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
@@ -261,7 +261,7 @@ def _springs_of(
     slopes = np.zeros((len(kept), len(masses.names)))
     for j, (name, value, step) in enumerate(zip(masses.names, masses.values, masses.standard_errors, strict=True)):
         # friction and armature are on the motors' side, and make no N
-        if step > 0 and name.partition("[")[0] not in (*FRICTION, "leg_armature"):
+        if step > 0 and name.partition("[")[0] not in (*PER_LEG, "leg_armature"):
             moved = terms_of(with_values(platform, {name: float(value + step)}))[:, is_fitted]
             slopes[:, j] = (springs(*_least_squares(S, moved, shown, freedom)[:2]) - scale) / step
     return estimate, slopes

@@ -287,7 +287,7 @@ def test_a_row_that_one_length_alone_lost_is_an_alarm_and_jitter_is_no_lost_row(
     log = machine_log()
     length = log.leg_length.copy()
     length[4000:-1, 2] = log.leg_length[4001:, 2]
-    alarm = identify(replace(log, leg_length=length), MACHINE, "platform_mass").alarms[0]
+    [alarm] = screen.screened([replace(log, leg_length=length)], NOMINAL).alarms
     assert "rows of the length of leg 3 alone were lost (+) or repeated (−) at 4 s (+1)" in alarm
     jitter = 0.3e-3 * np.random.default_rng(1).standard_normal((len(log), 1))
     shaken = log.leg_length + jitter * np.gradient(log.leg_length, 1e-3, axis=0)

@@ -29,7 +29,8 @@ def test_a_slow_log_shows_how_legs_stick() -> None:
     Noise of the lengths decides on the cut-off, since more of it would hide the friction.
     """
     known = NOMINAL.with_parameters({"leg_bristle_stiffness": Law().stiffness, "leg_bristle_damping": Law().damping})
-    estimate = identify(sticking_log(), known, list(TRUE))
+    log = sticking_log(duration=7.0)
+    estimate = identify(log, known, list(TRUE))
     assert estimate.alarms == ()
     truth = np.array(list(TRUE.values()))
     assert (np.abs(estimate.values - truth) < 4 * estimate.standard_errors).all()
@@ -41,7 +42,7 @@ def test_a_slow_log_shows_how_legs_stick() -> None:
     # noise of the lengths through the filter makes a force of 3/1000 of the forces' changes, on what a leg moves
     moved = MACHINE.platform_mass / 6 + MACHINE.leg_upper_mass + MACHINE.leg_armature
     noise = moved * (2 * np.pi * cutoff) ** 2 * 3e-7 * np.sqrt(2 * cutoff / 500 / 5)
-    change = np.asarray(sticking_log().actuator_force).std(axis=0).mean()
+    change = np.asarray(log.actuator_force).std(axis=0).mean()
     assert noise == pytest.approx(0.003 * change, rel=0.1)
 
 
