@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.export.design import designed
 from tests.support.arrays import FloatArray
 from tests.support.exported import (
     KD,
@@ -18,7 +17,7 @@ from tests.support.exported import (
     commanded,
     largest_difference,
     measured_by,
-    run_in_python,
+    source_of,
     uneven_experiment,
 )
 from tests.support.uneven import UNEVEN
@@ -86,25 +85,25 @@ def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, An
             "feedforward": "gravity",
         }
 
-    made = designed(uneven_experiment(controller=table(), reference=HOLD))
-    names = [setting.variable.name for setting in made.settings]
-    assert [name for name in names if name.startswith("notch")] == ["notch_frequency", "notch_damping", "notch_depth"]
-    exported = Exported(made, "float" if single else "double")
+    source = source_of(uneven_experiment(controller=table(), reference=HOLD))
+    exported = Exported(source, "float" if single else "double")
+    found_names = [name for name in exported.names if name.startswith("notch")]
+    assert found_names == ["notch_frequency", "notch_damping", "notch_depth"]
     for other in ({}, {"frequency": 22.0, "damping": 0.7, "depth": 0.4}):
-        run = run_in_python(uneven_experiment(controller=table(**other), reference=HOLD))
+        record = gs.run(uneven_experiment(controller=table(**other), reference=HOLD))
         for key, value in other.items():
             exported.parameters[f"notch_{key}"] = value
-        found = exported.forces(measured_by(run, made))
-        assert largest_difference(found, commanded(run, made)) < TOLERANCE["float" if single else "double"]
+        found, _ = exported.steps(measured_by(record))
+        assert largest_difference(found, commanded(record)) < TOLERANCE["float" if single else "double"]
 
 
 @pytest.mark.parametrize(("key", "value"), [("frequency", 1 / (2 * T)), ("depth", 1.0), ("damping", 0.0)])
 def test_c_refuses_what_the_table_refuses(key: str, value: float) -> None:
     """Expected: a code for the parameter, and none just before the bound."""
     table = {"type": "pd", **GAINS, "notch": NOTCH}
-    exported = Exported(designed(uneven_experiment(controller=table, reference=HOLD)))
+    exported = Exported(source_of(uneven_experiment(controller=table, reference=HOLD)))
     exported.parameters[f"notch_{key}"] = value
-    assert exported.prepare() == 1 + [s.variable.name for s in exported.designed.settings].index(f"notch_{key}")
+    assert exported.prepare() == 1 + exported.names.index(f"notch_{key}")
     exported.parameters[f"notch_{key}"] = value * 0.999 if value else 1e-3
     assert exported.prepare() == 0
 

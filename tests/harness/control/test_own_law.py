@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.export.design import designed
 from tests.support.exported import (
     KD,
     KI,
@@ -24,7 +23,8 @@ from tests.support.exported import (
     commanded,
     largest_difference,
     measured_by,
-    run_in_python,
+    samples_of,
+    source_of,
     uneven_experiment,
 )
 
@@ -88,12 +88,12 @@ def test_its_c_commands_what_it_commands_at_its_limits(law: Any) -> None:
         law = in_casadi()
         table["controller"] = {"type": "python", "feedforward": "gravity", "parameters": {"tracking": 0.02}}
     experiment = uneven_experiment(**table)
-    made, run = designed(experiment, law), run_in_python(experiment, law)
-    assert run.outcome.status == "completed"
-    assert 0.1 < run.force_limited.mean() < 0.9
-    exported = Exported(made).start()
-    forces = np.array([exported.step(row)[0] for row in measured_by(run, made)])
-    assert largest_difference(forces, commanded(run, made)) < TOLERANCE["double"]
+    record, exported = gs.run(experiment, controller=law), Exported(source_of(experiment, law))
+    assert record.metadata["outcome"]["status"] == "completed"
+    assert 0.1 < samples_of(record, "flag.force_limited").mean() < 0.9
+    names = ("leg_length", "leg_velocity")[: exported.sizes["N_MEASURED"] // 6]
+    forces, _ = exported.steps(measured_by(record, *names))
+    assert largest_difference(forces, commanded(record)) < TOLERANCE["double"]
 
 
 class Counted:

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.view.view import view_report
 from gough_stewart.harness.workspace.workspace_report import workspace_report
-from tests.support.exported import Exported
+from tests.support.exported import Exported, source_of
 from tests.support.laws import law_of
 
 FloatArray = NDArray[np.float64]
@@ -247,10 +246,10 @@ def test_a_controller_of_orientations_sees_them_in_the_turns_of_their_reference(
     system = control.ss([], [], [], rng.normal(size=(6, 6)), 1e-3)
     follows = gs.LinearController(system, signals=("position", "orientation"))
     experiment = gs.load_experiment("heave_step", machine("heave_step", HALF) | {"reference": {"type": "hold"}})
-    made = designed(experiment, follows)
+    source = source_of(experiment, follows)
     pose = np.array([0.0, 0.0, 2.01, 0.01, 0.02, np.pi + 0.03])
     far = pose - [0, 0, 0, 0, 0, 2 * np.pi]
-    in_c = [Exported(made).start().step(each)[0] for each in (pose, far)]
+    in_c = [Exported(source).start().step(each)[0] for each in (pose, far)]
     reference = np.concatenate([shipped("heave_step")["reference.position"][0], HALF, np.zeros(24)])
     signals = [np.concatenate([each, np.zeros(18)]) for each in (pose, far)]
     laws = [law_of(follows, 1e-3, np.zeros((0, 6, 6)), reference, each) for each in signals]

@@ -14,12 +14,10 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.lanes import Stepping
-from tests.harness.export.test_controllers import PID, SINE
 from tests.support.arrays import FloatArray
-from tests.support.exported import Exported, largest_difference
+from tests.support.exported import PID, SINE, Exported, largest_difference, source_of
 from tests.support.exported import uneven_experiment as exported_experiment
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
@@ -158,7 +156,7 @@ def test_an_exported_controller_commands_the_same(space: str, plant: str) -> Non
     tables = {"reference": SINE, "controller": controller, "actuators": {"force_limit": 80.0}}
     record = gs.run(exported_experiment(**tables, change=changes, plant={"kind": plant}))
     command, measured = (record[name][:300:3] for name in ("controller.force", "measured.leg_length"))
-    code, forces = Exported(designed(exported_experiment(**tables), parts=("manual",))).start(), []
+    code, forces = Exported(source_of(exported_experiment(**tables), parts="manual")).start(), []
     for k, lengths in enumerate(measured):
         code.set("enabled", float(not (20 <= k < 41 or 60 <= k < 80)))
         code.set("manual_force", force if k < 60 else command[59])

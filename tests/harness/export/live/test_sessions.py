@@ -78,8 +78,8 @@ def written(said: dict[str, Any], folder: Path, which: int = -1) -> tuple[gs.Rec
 def assert_same_rows(record: gs.Record, again: gs.Record, where: str) -> None:
     """Rows that a page kept, at least a millisecond apart, are those of a run, to 1e-9 SI, and of a tonne's weight."""
     every = round(record.metadata["plant_step"] / again.metadata["plant_step"])
-    rows = min(record.table.height, len(again["time"][::every]))
-    assert rows > 50 or rows == record.table.height
+    rows = min(record.table.height, (len(again["time"]) - 1) // every)  # a run's last row has forces of no sample
+    assert rows > 30
     for name in NAMES:
         scale, expected = 9.81e3 if name == "actuator_force" else 1.0, again[name][::every]
         apart = np.abs(expected[:rows] - record[name][:rows]).max(axis=1) / scale
