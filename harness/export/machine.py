@@ -379,7 +379,7 @@ def kinds() -> tuple[str, ...]:
 def motion_variants() -> list[tuple[str, AboutPose]]:
     """Each kind by name, with structure in the place of its keys."""
     plain: list[AboutPose] = [kind.model_construct() for kind in (Hold, Step, PointToPoint)]
-    fading = [("sine", Sine.model_construct()), ("chirp", Chirp.model_construct())]
+    fading: list[tuple[str, AboutPose]] = [("sine", Sine.model_construct()), ("chirp", Chirp.model_construct())]
     fading += [(f"circle_{plane}", Circle.model_construct(plane=plane)) for plane in ("xy", "xz", "yz")]
     names = [str(type(motion).model_fields["type"].default) for motion in plain]
     both = [(f"{name}{ending}", motion) for name, motion in fading for ending in ("", f"_{_FADED}")]

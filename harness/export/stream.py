@@ -184,8 +184,8 @@ class Stream:
         if self._machine("ended") >= 0:
             self.tally.ended = FAILURES.get(self._machine("failure"), "a leg has collapsed")
         self.tally.time = (self._next - 1) * self._step
-        planned, values = self._planned[(self._next - 1) % self._every], self._signals
-        row = np.concatenate([[self.tally.time], values[:6], values[12:18], planned[:6]])
+        planned, now_at = self._planned[(self._next - 1) % self._every], self._signals
+        row = np.concatenate([[self.tally.time], now_at[:6], now_at[12:18], planned[:6]])
         if self._binary:
             datagram = ROW.pack(*row)
         else:

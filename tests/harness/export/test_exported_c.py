@@ -572,7 +572,7 @@ SHIPPED = ("recorded_ride", "pitch_sine", "saturation", "circle from inputs")
 def shipped(name: str) -> Path:
     """The C of a shipped experiment."""
     experiment, _, inputs = name.partition(" from ")
-    options = {"frozen": (50, 1e-3)} if inputs or experiment == "saturation" else {}
+    options: dict[str, Any] = {"frozen": (50, 1e-3)} if inputs or experiment == "saturation" else {}
     settings = {"loop.duration": 0.1, "limits.reference": "warn"}
     return source_of(experiment, settings=settings, reference="inputs" if inputs else "inside", **options)
 

@@ -272,7 +272,7 @@ def test_what_is_beyond_its_bounds_changes_nothing(tmp_path: Path) -> None:
 
 def test_an_unstable_loop_has_poles_and_no_margins(tmp_path: Path) -> None:
     """Expected: `gs.margins` refuses the same loop as unstable, with this worst eigenvalue."""
-    page = ("heave_step", {})
+    page: Page = ("heave_step", {})
     hear = {"type": "hear", "what": "margins"}
     (said,) = played([(page, lambda data: [tune(data, bandwidth=15.0, delay=12), hear])], tmp_path)
     with pytest.raises(gs.UnstableLoopError) as error:
