@@ -164,7 +164,7 @@ def export_command(
     - `gough-stewart export mine.toml --as ssp --with drives,sensors`
     """
     from gough_stewart.fmu_build.build import number_of_steps
-    from gough_stewart.harness.export.choices import chosen_forms, chosen_parts
+    from gough_stewart.harness.export.choices import requested
     from gough_stewart.harness.export.export import export
     from gough_stewart.harness.export.notes import export_report
     from gough_stewart.harness.report.document import settings_of
@@ -172,8 +172,8 @@ def export_command(
 
     loaded = opt.chosen_experiment(experiment, settings, no_python)
     with wrong_use_if(ExportError):
-        chosen_as = chosen_forms(form.strip() for form in forms.split(","))
-        inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
+        chosen_as = requested("form", [form.strip() for form in forms.split(",")])
+        inside = requested("part", [part.strip() for part in (parts or "").split(",") if part.strip()])
     versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], opt.chosen_targets(target)
     held: tuple[int, float] | None = None
     if frozen is not None:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -20,7 +20,6 @@ Part = Literal["drives", "sensors", "manual"]
 PARTS: tuple[Part, ...] = get_args(Part)
 SafeForce = Literal["feedforward", "zero"]
 SAFE_FORCES: tuple[SafeForce, ...] = get_args(SafeForce)
-T = TypeVar("T", bound=str)
 # What serves instead of a form that there was.
 _REMOVED = {"clocked": "; the unit without a clock serves: form fmu"}
 # Steps in a sample of the controller: a unit keeps the forces of all steps that its output waits.
@@ -42,13 +41,7 @@ class Faults(NamedTuple):
 
 
 def faults_of(safe_force: str = "feedforward", frozen: object = None) -> Faults:
-    """The choices about bad inputs, from a user's values.
-
-    Raises
-    ------
-    ExportError
-        An unknown safe force; or samples and movement that are not two numbers > 0.
-    """
+    """The choices about bad inputs, from a user's values."""
     if safe_force not in SAFE_FORCES:
         raise ExportError(f"safe_force is {safe_force!r}; expected {' or '.join(map(repr, SAFE_FORCES))}")
     if frozen is None:
@@ -106,13 +99,7 @@ class Carried:
 
 
 def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:
-    """The parts of a prepared experiment.
-
-    Raises
-    ------
-    ExportError
-        Too many steps in a sample.
-    """
+    """The parts of a prepared experiment."""
     timing, sensors = prepared.loop.timing, prepared.loop.sensors
     reading = sensors.sample_time if "sensors" in parts else None
     steps = timing.steps_a_sample if "drives" in parts or reading is not None else 1
@@ -133,39 +120,18 @@ def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:
 NOTHING = Carried()
 
 
-def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
-    """Forms without repetition, in the order of `FORMS`.
-
-    Raises
-    ------
-    ExportError
-        An unknown form, or none.
-    """
-    requested = _requested("form", forms, FORMS)
-    if not requested:
-        raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
-    return requested
-
-
-def chosen_parts(parts: Iterable[str] | str) -> tuple[Part, ...]:
-    """Parts without repetition, in the order of `PARTS`.
-
-    Raises
-    ------
-    ExportError
-        An unknown part.
-    """
-    return _requested("part", parts, PARTS)
-
-
-def _requested(kind: str, names: Iterable[str] | str, known: tuple[T, ...]) -> tuple[T, ...]:
+def requested(kind: Literal["form", "part"], names: Iterable[str] | str) -> tuple[Any, ...]:
+    """Forms or parts without repetition, in the order of `FORMS` or `PARTS`; at least one form."""
+    known: tuple[str, ...] = FORMS if kind == "form" else PARTS
     if not isinstance(names, Iterable):
         raise ExportError(f"{kind}s is {names!r}; expected one or more of {', '.join(known)}")
-    requested = [names] if isinstance(names, str) else list(names)
-    for name in requested:
+    wanted = [names] if isinstance(names, str) else list(names)
+    for name in wanted:
         if name not in known:
             raise ExportError(f"no {kind} '{name}'{nearest(name, known)}{_REMOVED.get(name, '')}")
-    return tuple(name for name in known if name in requested)
+    if kind == "form" and not wanted:
+        raise ExportError(f"no form; expected one or more of {', '.join(known)}")
+    return tuple(name for name in known if name in wanted)
 
 
 def name_of(experiment: Experiment) -> str:

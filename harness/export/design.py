@@ -1,16 +1,18 @@
 """What is exported, as data: a designed controller with its parameters, and the ranges of what comes in."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import casadi
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, Feedforward
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.linear_controller import LinearController, fresh_controller
+from gough_stewart.harness.control.makers import name_of
+from gough_stewart.harness.control.own_law import traced_function
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
@@ -21,8 +23,8 @@ from gough_stewart.harness.export.laws import (
     ExportedLaw,
     ExportSetting,
     FunctionLaw,
+    function_law,
     matrix_law,
-    own_law,
     pid_law,
     setting,
     setting_of,
@@ -57,7 +59,6 @@ class Ranges(NamedTuple):
     """Where measurements and references can be."""
 
     leg_length: tuple[float, float]  # [m], with the margin
-    is_of_stroke: bool  # otherwise of the poses at which the legs exist
     position: Range  # [m]
     sample_time: float  # [s]
 
@@ -85,10 +86,6 @@ class Ranges(NamedTuple):
         }[variable.name]
         return Range(-width / T, width / T)
 
-    def joined(self, variables: Iterable[Variable]) -> Range:
-        """The ranges of one signal or more, one after the other."""
-        return Range(*map(np.concatenate, zip(*map(self.of, variables), strict=True)))
-
 
 def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) -> Ranges:
     """The ranges for a platform that follows a motion of its legs.
@@ -110,7 +107,7 @@ def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) ->
     ends = max(shortest - margin, collapsed), longest + margin
     reach = (ends[1] + arms)[:, None]
     position = Range((platform.base_points - reach).max(axis=0), (platform.base_points + reach).min(axis=0))
-    return Ranges(ends, low is not None and high is not None, position, sample_time)
+    return Ranges(ends, position, sample_time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,25 +154,6 @@ class Designed:
         """The measurements that must not stand still while their reference moves."""
         return () if self.faults.frozen is None else tuple(v for v in self.measured if v.name in _WATCHED)
 
-    @property
-    def zeros_are_no_measurement(self) -> bool:
-        """Whether inputs that are all zero mean that no values have arrived yet.
-
-        Velocities are zero at rest; poses and leg lengths are not, unless the reference starts at zero.
-        """
-        is_place = np.concatenate([np.zeros(0), *(np.full(v.size, "velocity" not in v.name) for v in self.measured)])
-        first_pose = self.first_reference[:6] if self.reference_inputs else np.zeros(0)
-        return bool((self.first_measured * is_place).any() or first_pose.any())
-
-    @property
-    def needs_platform(self) -> bool:
-        """Whether any computation uses the nominal model of the platform."""
-        law, names = self.law, () if self.law is None else self.law.signals
-        if isinstance(law, FunctionLaw):
-            names = (*names, *(name.removeprefix("reference_") for name in law.function.name_in()))
-        of_legs = any(name.startswith("leg_") for name in (*names, *(v.name for v in self.watched)))
-        return self.feedforward != "none" or of_legs or (law is not None and law.space == "task")
-
     @cached_property
     def settings(self) -> tuple[ExportSetting, ...]:
         """Its parameters, in C the fields of its struct, in this order."""
@@ -218,7 +196,13 @@ class Designed:
             settings += self.law.settings
         elif self.constant_force.any():
             settings.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
-        for v in self.platform_parameters if self.needs_platform else ():
+        # the nominal model of the platform, if any computation uses it
+        law, names = self.law, () if self.law is None else self.law.signals
+        if isinstance(law, FunctionLaw):
+            names = (*names, *(name.removeprefix("reference_") for name in law.function.name_in()))
+        of_legs = any(name.startswith("leg_") for name in (*names, *(v.name for v in self.watched)))
+        needs_platform = self.feedforward != "none" or of_legs or (law is not None and law.space == "task")
+        for v in self.platform_parameters if needs_platform else ():
             value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
             settings.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
         return tuple(settings)
@@ -243,34 +227,30 @@ def designed(
     prepared: Prepared | None = None,
     parts: tuple[Part, ...] = (),
 ) -> Designed:
-    """The controller of an experiment.
-
-    Parameters
-    ----------
-    controller
-        Replaces the experiment's: a discrete python-control system, a `LinearController`, a class or function whose
-        call is arithmetic, or a CasADi function as in `FunctionLaw`. The feedforward is unchanged.
-    reference
-        "inside": the experiment's motion is part of the controller; "inputs": the reference is an input at each sample.
-    faults
-        What is done about inputs that cannot be.
-    prepared
-        The experiment with this controller, if already prepared.
-    parts
-        Of the machine, which it carries.
-
-    Raises
-    ------
-    ExportError
-        An unstable controller, one that cannot be traced, or nothing to compute or to watch.
-    ExperimentError, ReachError
-        The experiment cannot run as written.
-    """
+    """The controller of an experiment."""
     if reference not in ("inside", "inputs"):
         raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
     prepared = prepared or prepare(experiment, controller)
     choice, loop = experiment.controller, prepared.loop
-    law = _law_of(choice if controller is None else None, prepared)
+    law: ExportedLaw | FunctionLaw | None = None
+    T = loop.timing.sample_time
+    if prepared.controller is not None:
+        chosen, made = choice if controller is None else None, fresh_controller(prepared.controller)
+        if isinstance(chosen, PD | PID):
+            gains = chosen.gains(prepared.platform)
+            law = pid_law(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
+        elif isinstance(made, LinearController):
+            made.check_sample_time(T)
+            law = matrix_law(made)
+        elif isinstance(made, UnitController):
+            raise ExportError(f"controller is {made.path}, which is already an FMU; expected its source controller")
+        elif isinstance(made, casadi.Function):
+            law = function_law(made, prepared.known.gains, "a CasADi function", fixes_sample_time=False)
+        else:
+            assert loop.reference is not None
+            rows_of_samples = loop.reference[:: loop.timing.steps_a_sample]
+            function = traced_function(prepared.controller, prepared.known, rows_of_samples)
+            law = function_law(function, {}, f"traced from {name_of(made)}", fixes_sample_time=True)
     if law is None and choice.feedforward == "none":
         raise ExportError(
             f"controller is type = '{choice.type}' without feedforward: its forces are constant; expected a controller "
@@ -288,7 +268,7 @@ def designed(
     design = Designed(
         title=experiment.title,
         platform=prepared.platform,
-        sample_time=loop.timing.sample_time,
+        sample_time=T,
         delay=actuators.delay,
         law=law,
         feedforward=choice.feedforward,
@@ -300,7 +280,7 @@ def designed(
         start_force=loop.start_force.copy(),
         first_measured=rows[0, signals.positions(used)] if used else np.zeros(0),
         first_reference=np.delete(rows[0], np.s_[12:24]),
-        ranges=ranges_of(prepared.platform, loop.timing.sample_time, prepared.legs),
+        ranges=ranges_of(prepared.platform, T, prepared.legs),
         faults=faults,
         carried=carried(parts, prepared),
     )
@@ -310,21 +290,3 @@ def designed(
             f"measures {', '.join(v.name for v in design.measured) or 'nothing'}"
         )
     return design
-
-
-def _law_of(chosen: Any, prepared: Prepared) -> ExportedLaw | FunctionLaw | None:
-    """The law of an experiment's controller, or, if none is chosen there, of the one that replaces it."""
-    if prepared.controller is None:
-        return None
-    controller, T = fresh_controller(prepared.controller), prepared.loop.timing.sample_time
-    if isinstance(chosen, PD | PID):
-        gains = chosen.gains(prepared.platform)
-        return pid_law(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
-    if isinstance(controller, LinearController):
-        controller.check_sample_time(T)
-        return matrix_law(controller)
-    if isinstance(controller, UnitController):
-        raise ExportError(f"controller is {controller.path}, which is already an FMU; expected its source controller")
-    rows = prepared.loop.reference
-    assert rows is not None
-    return own_law(prepared.controller, prepared.known, rows[:: prepared.loop.timing.steps_a_sample])

@@ -21,13 +21,12 @@ from gough_stewart.harness.export.choices import (
     Part,
     ReferenceFrom,
     SafeForce,
-    chosen_forms,
-    chosen_parts,
     faults_of,
     name_of,
+    requested,
 )
 from gough_stewart.harness.export.live.page import live_page
-from gough_stewart.harness.export.notes import in_short, least_robust_first, notes_of, refusal
+from gough_stewart.harness.export.notes import in_short, notes_of, refusal, robustness_of
 from gough_stewart.harness.export.ssp import loop_archive
 from gough_stewart.harness.export.stability import Host, LoopStability, MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.process.files import check_output_folder, write_files
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     import casadi
 
 
-def export(  # noqa: PLR0912 - one road, in sections
+def export(  # noqa: PLR0912, PLR0915 - one road, in sections
     experiment: "Experiment | Path | str | casadi.Function",
     settings: Settings = (),
     *,
@@ -140,10 +139,12 @@ def export(  # noqa: PLR0912 - one road, in sections
     >>> gs.export("heave_step", {"controller.bandwidth": 3}, forms=["c"], out="exported")
     """
     if is_casadi_function(experiment):
-        controller, experiment = experiment, around(experiment)
+        minimal = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
+        made = Experiment.built().model_validate({"title": experiment.name(), **minimal})
+        controller, experiment = experiment, made
     chosen = experiment_of(cast("Experiment | Path | str", experiment), settings)
-    requested, name, inside = chosen_forms(forms), name_of(chosen), chosen_parts(parts)
-    if "ssp" in requested and reference == "inputs":
+    wanted, name, inside = requested("form", forms), name_of(chosen), requested("part", parts)
+    if "ssp" in wanted and reference == "inputs":
         raise ExportError(
             "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
         )
@@ -151,13 +152,13 @@ def export(  # noqa: PLR0912 - one road, in sections
         raise ExportError(f"ssp is {ssp!r}; expected '1.0' or '2.0'")
     versions, (in_ssp,), systems = chosen_versions(fmi), chosen_versions([ssp_fmi]), chosen_targets(targets)
     folder, files, report = Path(out), dict[str, bytes](), progress or (lambda _text: None)
-    check_output_folder(folder, names_of_files(name, requested, versions))
-    if "page" in requested:
+    check_output_folder(folder, names_of_files(name, wanted, versions))
+    if "page" in wanted:
         if controller is not None:
             raise ExportError("a page has the controllers of experiments; expected no controller, or the other forms")
         report("page")
         files[f"{name}_live.html"] = live_page(chosen)
-    hosts: tuple[Host, ...] = tuple(form for form in requested if form != "page")
+    hosts: tuple[Host, ...] = tuple(form for form in wanted if form != "page")
     if not hosts:
         write_files(folder, files)
         return [folder / file for file in files]
@@ -189,7 +190,7 @@ def export(  # noqa: PLR0912 - one road, in sections
 
     if "c" in hosts:
         report("C")
-        files |= c_files(chosen, replace(law, notes=notes["c"].inside), f"{name}_controller", controller)
+        files |= c_files(chosen, replace(law, notes=notes["c"].inside), f"{name}_controller", prepared, controller)
     if "fmu" in hosts:
         files |= unit_archives(unit_of("fmu"), versions, systems, report)
     if "ssp" in hosts:
@@ -211,7 +212,7 @@ def export(  # noqa: PLR0912 - one road, in sections
             progress=report,
         )
     write_files(folder, files)
-    loops = least_robust_first(judged)
+    loops = sorted((loop for report in judged.values() for loop in report.loops), key=robustness_of)
     if stability is not None:
         stability(loops)
     for listener, texts in (
@@ -221,12 +222,6 @@ def export(  # noqa: PLR0912 - one road, in sections
         for text in texts if listener is not None else ():
             listener(text)  # type: ignore[misc]
     return [folder / file for file in files]
-
-
-def around(function: "casadi.Function") -> Experiment:
-    """A minimal experiment for a control function."""
-    parts = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
-    return Experiment.built().model_validate({"title": function.name(), **parts})
 
 
 def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) -> list[str]:

@@ -15,7 +15,6 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.harness.export.laws import ExportSetting
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import stability_of
 from gough_stewart.harness.export.write import controller_sources
@@ -28,13 +27,24 @@ def component_of(
     """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
     # the notes are in the unit's page: they do not change the meaning of its saved states
     plain = controller_sources(replace(designed, notes=()))
+    # what is expected, in the user's terms: `anti_windup_time[1] >= sample_time`
+    parameters = []
+    for setting in designed.settings:
+        texts = []
+        for condition in setting.conditions:
+            text = re.sub(r"\[(\d+)\]", lambda index: f"[{int(index[1]) + 1}]", condition.replace("parameters->", ""))
+            if "DEFAULT_SAMPLE_TIME" in text:
+                text = f"{designed.sample_time!r} s, since the controller was designed for it"
+            texts.append(re.sub(r"!\((.*) > 0\)", r"\1 = 0", text))
+        expected = setting.expected or " and ".join(texts) or "another value"
+        parameters.append(ControllerParameter(setting.variable, setting.value, setting.may_be_infinite, expected))
     controller = SampledController(
         title=designed.title or name,
         sample_time=designed.sample_time,
         stop_time=stop_time,
         measured=designed.measured,
         reference=designed.reference_variables,
-        parameters=tuple(_parameter(setting, designed) for setting in designed.settings),
+        parameters=tuple(parameters),
         code=Sources(plain.units, plain.headers),
         icon=icon_of(designed.platform),
         output_delay=output_delay,
@@ -46,18 +56,6 @@ def component_of(
     return controller_component(controller, name)
 
 
-def _parameter(setting: ExportSetting, designed: Designed) -> ControllerParameter:
-    """With what is expected in the user's terms: `anti_windup_time[1] >= sample_time`."""
-    texts = []
-    for condition in setting.conditions:
-        text = re.sub(r"\[(\d+)\]", lambda index: f"[{int(index[1]) + 1}]", condition.replace("parameters->", ""))
-        if "DEFAULT_SAMPLE_TIME" in text:
-            text = f"{designed.sample_time!r} s, since the controller was designed for it"
-        texts.append(re.sub(r"!\((.*) > 0\)", r"\1 = 0", text))
-    expected = setting.expected or " and ".join(texts) or "another value"
-    return ControllerParameter(setting.variable, setting.value, setting.may_be_infinite, expected)
-
-
 @contextmanager
 def exported_controller(
     experiment: Experiment,
@@ -67,22 +65,7 @@ def exported_controller(
     allow_unstable: bool = False,
     warn: Callable[[str], None] | None = None,
 ) -> Iterator[UnitController]:
-    """The exported controller of an experiment as an FMU of FMI "2.0" or "3.0", while the context is open.
-
-    Parameters
-    ----------
-    allow_unstable
-        Do not refuse a loop that is unstable with the unit.
-    warn
-        Called with an unstable loop that is not refused, and with one that cannot be judged.
-
-    Raises
-    ------
-    UnstableLoopError
-        The loop of the run is unstable with the delay of the experiment.
-    ControllerError, BuildError
-        As `export`.
-    """
+    """The exported controller of an experiment as an FMU of FMI "2.0" or "3.0", while the context is open."""
     if not experiment.loop.delay:
         raise ControllerError(
             f"{experiment.where}: controller: a unit outputs the forces of a sample after a step over it; expected a "

@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.component import Link, Parameter, with_links
-from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
-from gough_stewart.harness.control.linear_controller import Controller, LinearController, Space, fresh_controller
-from gough_stewart.harness.control.makers import name_of
-from gough_stewart.harness.control.own_law import traced_function
+from gough_stewart.harness.control.laws_of_members import integrating_modes, integrators, rest
+from gough_stewart.harness.control.linear_controller import LinearController, Space
 from gough_stewart.harness.control.pid import ChannelGains, DerivativeOn, Gains, channel_matrices, channels_of
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at, matrices_of
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
@@ -188,13 +186,7 @@ def pid_law(
 
 
 def matrix_law(controller: LinearController) -> ExportedLaw:
-    """A discrete linear system with constant matrices.
-
-    Raises
-    ------
-    ExportError
-        It is itself unstable.
-    """
+    """A discrete linear system with constant matrices."""
     A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(controller.system).blocks)
     poles = np.linalg.eigvals(A)
     worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
@@ -265,12 +257,6 @@ def function_law(f: casadi.Function, gains: Mapping[str, Any], name: str, *, fix
     the same with the prefix `reference_`, and reference_acceleration, reference_angular_acceleration; command, excess,
     feedforward, sample_time, force_limit and rate_limit of the loop, as a `Sample` has them; and the names of `gains`.
     State is an input `memory` with an output `memory_next` of the same length; it begins at zero.
-
-    Raises
-    ------
-    ExportError
-        Other inputs or outputs, wrong sizes, or a function that CasADi cannot expand to plain operations of C; of a
-        table, such as an interpolant, it names the signals and a way to write it.
     """
     known = SIZES | {key: int(np.size(value)) for key, value in gains.items()}
     inputs = {key: f.numel_in(k) for k, key in enumerate(f.name_in())}
@@ -296,26 +282,13 @@ def function_law(f: casadi.Function, gains: Mapping[str, Any], name: str, *, fix
             f"the CasADi function cannot be expanded to plain operations ({reason}); expected one without "
             "solvers, tables or callbacks"
         ) from None
-    _check_operations(f, plain)
-    return FunctionLaw(
-        name,
-        tuple(key for key in signals.NAMES if key in inputs),
-        settings=tuple(setting(key, "", None, f"{key} of the law", gains[key]) for key in inputs if key in gains),
-        fixes_sample_time=fixes_sample_time,
-        function=plain,
-        constants={key: size for key, size in inputs.items() if key in ("sample_time", *_LIMITS, *gains)},
-        memory=inputs.get(MEMORY, 0),
-    )
 
-
-def _check_operations(function: casadi.Function, plain: casadi.Function) -> None:
-    """Refuse what is not an operation of C: calls, which remain of tables, and functions that its library lacks."""
-    inputs = plain.name_in()
+    # refuse what is not an operation of C: calls, which remain of tables, and functions that its library lacks
     signals_of = dict[int, frozenset[str]]()  # by the place of a value in memory
     for k in range(plain.n_instructions()):
         kind, read = plain.instruction_id(k), plain.instruction_input(k)
         if kind == casadi.OP_INPUT:
-            names = frozenset([inputs[read[0]]])
+            names = frozenset([plain.name_in()[read[0]]])
         elif kind in (casadi.OP_CONST, casadi.OP_PARAMETER):
             names = frozenset()
         else:
@@ -326,7 +299,7 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
                 raise ExportError(
                     f"the CasADi function has erfinv of {read_from}, which C lacks; expected other operations"
                 )
-            tables = ", ".join(sorted(f"'{called.name()}'" for called in function.find_functions())) or "a function"
+            tables = ", ".join(sorted(f"'{called.name()}'" for called in f.find_functions())) or "a function"
             raise ExportError(
                 f"the CasADi function looks {read_from} up in {tables}, an interpolant or another call that is not "
                 "plain operations; expected plain ones: casadi.pw_lin(x, points, values) with SX is the same as a "
@@ -335,18 +308,12 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
             )
         if kind != casadi.OP_OUTPUT:
             signals_of |= dict.fromkeys(plain.instruction_output(k), names)
-
-
-def own_law(controller: Controller, known: KnownAhead, reference: FloatArray) -> FunctionLaw:
-    """The law of a user's controller: a CasADi function, or one that is traced from a class or a function.
-
-    Raises
-    ------
-    ControllerError, ExportError
-        It cannot be traced, or is none that C can have.
-    """
-    made = fresh_controller(controller)
-    if isinstance(made, casadi.Function):
-        return function_law(made, known.gains, "a CasADi function", fixes_sample_time=False)
-    function = traced_function(controller, known, reference)
-    return function_law(function, {}, f"traced from {name_of(made)}", fixes_sample_time=True)
+    return FunctionLaw(
+        name,
+        tuple(key for key in signals.NAMES if key in inputs),
+        settings=tuple(setting(key, "", None, f"{key} of the law", gains[key]) for key in inputs if key in gains),
+        fixes_sample_time=fixes_sample_time,
+        function=plain,
+        constants={key: size for key, size in inputs.items() if key in ("sample_time", *_LIMITS, *gains)},
+        memory=inputs.get(MEMORY, 0),
+    )

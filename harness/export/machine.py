@@ -1,4 +1,4 @@
-"""A machine with its loop as one block of words, for the plain C of c/machine: exports, units, pages.
+"""A machine with its loop as one block of words, and the plain C of c/machine that runs it: pages and streams.
 
 The block has everything that a run needs: coefficients, motion, noise, changes, start values and memory, and what may
 be turned while it runs. The C is the same for all loops of shipped components; see c/machine/machine.h. A motion's kind
@@ -7,7 +7,7 @@ is a number of C's functions, see `machine_equations`; a table or path is its pi
 
 import ctypes
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -22,7 +22,6 @@ from gough_stewart.harness.control.by_hand import HAND_FILTERS, Smoothing
 from gough_stewart.harness.control.component import Notch
 from gough_stewart.harness.control.controllers import Feedforward, OpenLoop, SixChannels
 from gough_stewart.harness.control.fault import N_FAULTS
-from gough_stewart.harness.control.laws_of_members import LawFrom, LinearLaw
 from gough_stewart.harness.control.linear_controller import linear_of
 from gough_stewart.harness.control.loop_transfer import held_plant, space_of
 from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, channels_of, modal_masses
@@ -31,7 +30,7 @@ from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
-from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of, compiled_form
+from gough_stewart.harness.loop.libraries import coefficients_of
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
@@ -107,10 +106,9 @@ _TURN_FIELDS = {
 
 
 class Block(NamedTuple):
-    """A machine as words (n,), and the user's law and the variant of plants that its C has to have."""
+    """A machine as words (n,), and the variant of plants that its C has to have."""
 
     words: NDArray[np.int64]
-    law: Any = None
     variant: Variant = IDEAL
 
 
@@ -131,26 +129,21 @@ def fields() -> dict[str, int]:
 
 @cache
 def all_fields() -> tuple[BlockField, ...]:
-    found = [BlockField(name, "WHOLE" if k < 2 else "PLACE", f"members.{name}") for k, name in enumerate(BATCH_FIELDS)]
+    """Fields of the plant, of the loop and its tables, and of the structures above."""
+    rows = [(name, "WHOLE" if k < 2 else "PLACE", f"members.{name}") for k, name in enumerate(BATCH_FIELDS)]
     kinds = {ctypes.c_double: "NUMBER", ctypes.c_void_p: "PLACE"}
     for name, kind, *_ in LoopBlock._fields_:
-        parts = [part for part, *_ in kind._fields_] if issubclass(kind, ctypes.Structure) else []
-        for part in parts:
-            at = part == "at"
-            found.append(
-                BlockField(name if at else f"{name}.{part}", "PLACE" if at else "WHOLE", f"loop.{name}.{part}")
-            )
-        if not parts:
-            found.append(BlockField(name, "LAW" if name == "law" else kinds.get(kind, "WHOLE"), f"loop.{name}"))
+        if issubclass(kind, ctypes.Structure):
+            rows.append((name, "PLACE", f"loop.{name}.at"))
+            parts = [part for part, *_ in kind._fields_ if part != "at"]
+            rows += [(f"{name}.{part}", "WHOLE", f"loop.{name}.{part}") for part in parts]
+        elif name != "law":
+            rows.append((name, kinds.get(kind, "WHOLE"), f"loop.{name}"))
     for prefix, structure, by_kind in (
         *(("", "", _MACHINE_FIELDS), ("plan_", "plan.", _PLAN_FIELDS), ("turn_", "turned.", _TURN_FIELDS)),
     ):
-        found += [
-            BlockField(f"{prefix}{name}", kind, f"{structure}{name}")
-            for kind, names in by_kind.items()
-            for name in names
-        ]
-    return tuple(found)
+        rows += [(prefix + name, kind, structure + name) for kind, names in by_kind.items() for name in names]
+    return tuple(BlockField(*row) for row in rows)
 
 
 @cache
@@ -165,13 +158,7 @@ def version(variant: Variant = IDEAL) -> int:
 def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block, Prepared, dict[str, Any]]:
     """The machine of an experiment that goes on until its host ends it, what is prepared of it, and what may be turned.
 
-    `host` is what errors say of who runs it, such as "a page".
-
-    Raises
-    ------
-    ExportError
-        A controller that needs Python or an FMU, another plant than the model, steps of a fixed size, or settings of
-        the loop that change.
+    A call keeps at most so many rows. `host` is what errors say of who runs it, such as "a page".
     """
     name, plant = experiment.where, experiment.plant
     changes = [change.has_settings or change.enabled is not None for change in experiment.change]
@@ -198,114 +185,91 @@ def endless_machine(experiment: Experiment, kept: int, host: str) -> tuple[Block
     prepared = prepare(experiment)
     try:
         turned = turning(experiment, prepared, host)
-        block = machine_of(experiment, prepared, kept, forever=True, turned=turned)
+        return _block(experiment, prepared, kept, turned), prepared, turned
     except ControllerError as error:
         kind = getattr(experiment.controller, "type", "")
         raise ExportError(f"{name}: controller '{kind}': {error}") from error
-    if block.law is not None:
-        raise ExportError(f"{name}: {host} has the laws of shipped components; expected one of them")
-    return block, prepared, turned
 
 
-def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, **options: Any) -> Block:
-    """A run of an experiment as a block, with its plan; options as of `machine_block`."""
-    planned = _planned(experiment, prepared, kept)
-    tolerance = experiment.plant.tolerance
-    plant = BatchPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
-    with plant, prepared.law_in_a_run() as law_from:
-        return machine_block(plant, law_from, prepared.loop, planned, kept, **options)
-
-
-def machine_block(
-    plant: BatchPlant,  # at its start, of one member
-    law_from: LawFrom | None,
-    loop: Loop,
-    planned: Mapping[str, Any] | None = None,  # what it follows, which C computes row by row; else there are tables
-    kept: int = 64,  # rows that a call of `machine_run` keeps, at most
-    forever: bool = False,  # it does not end with the run, if it has a plan or needs none; jitter and injection do
-    turned: Mapping[str, Any] | None = None,  # what may be turned while it runs, see `turning`
+def _block(  # noqa: PLR0912 - one road, in sections
+    experiment: Experiment, prepared: Prepared, kept: int, turned: Mapping[str, Any]
 ) -> Block:
-    """A run of one member as a block.
+    """A run of an experiment; it does not end with the run, if it has a plan or needs none.
 
-    Raises
-    ------
-    ControllerError
-        The controller has no plain operations.
-    MembersError
-        The plant cannot start.
+    Jitter and injection end with the run.
     """
-    changes = _changes(plant, loop)
-    readings = SensorReadings(loop, 1, np.zeros((1, N_FAULTS)))
-    reading = readings.read(0, seen(plant, loop.sensors.side))
-    law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
-    form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
-    if law is not None and form is None:
-        raise ControllerError(
-            "the controller has no plain operations; expected a linear one, or a CasADi function, which C can have"
-        )
-    plant.set_inputs(changes["inputs"][:1])
-    room = () if turned is None else (Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED),)
-    host = CompiledHost(plant, form, replace(loop, changes=(*room, *loop.changes)), reading)
-    host.follow(changes["faults"][:1], np.zeros((1, 0)))
-    if failures := plant.begin():
-        raise MembersError(failures)
-    endless = forever and (planned is not None or loop.reference is None)
-    values = {
-        **{name: getattr(plant.batch, name)[..., 0] for name in BATCH_FIELDS[2:]},
-        **{"blocks": 1, "stride": 1, "parameters": plant.batch.parameters[0, :, 0]},
-        **_of_loop(host),
-        **_table("row_signals", np.zeros((kept, signals.SIZE))),
-        **_table("row_forces", np.zeros((kept, N_LEGS))),
-        **_table("row_force_limited", np.zeros((kept, N_LEGS), np.uint8)),
-        **_table("row_rate_limited", np.zeros((kept, N_LEGS), np.uint8)),
-        **{"kept": kept, "n_changes": len(changes["rows"]) - 1},
-        **{f"change_{name}": array[1:] for name, array in changes.items()},
-        "plan_kind": -1,
-        **{f"turn_{name}": value for name, value in (turned or {}).items()},
-    }
-    if turned is not None and turned["variant"] >= 0:
-        values["turn_channels"] = _channels_of(host, VARIANTS[turned["variant"]])
-    if endless:
-        # constant forces are those of each sample
-        values |= {"last": _NEVER, "feedforward.row": 0, **_beyond(loop, kept)}
-    if planned is not None:
-        values |= {f"plan_{name}": value for name, value in planned.items()}
-        # C sets the places of these tables in each call
-        for name, of_plan in _TABLES.items():
-            values |= {**_table(name, planned.get(of_plan)), name: None}
-    law_function = form.law.function if isinstance(form, CompiledLaw) else None
-    variant = plant.batch.variant
-    return Block(_words(values, variant), law_function, variant)
+    loop, planned = prepared.loop, _planned(experiment, prepared, kept)
+    batch_plant = BatchPlant(
+        [prepared.machine], [prepared.start], tolerance=experiment.plant.tolerance, kernel=prepared.kernel
+    )
+    with batch_plant as plant, prepared.law_in_a_run() as law_from:
+        changes = _changes(plant, loop)
+        reading = SensorReadings(loop, 1, np.zeros((1, N_FAULTS))).read(0, seen(plant, loop.sensors.side))
+        law: Any = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
+        plant.set_inputs(changes["inputs"][:1])
+        room = Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED)
+        host = CompiledHost(plant, law, replace(loop, changes=(room, *loop.changes)), reading)
+        host.follow(changes["faults"][:1], np.zeros((1, 0)))
+        if failures := plant.begin():
+            raise MembersError(failures)
+        values: dict[str, Any] = {
+            **{name: getattr(plant.batch, name)[..., 0] for name in BATCH_FIELDS[2:]},
+            **{"blocks": 1, "stride": 1, "parameters": plant.batch.parameters[0, :, 0]},
+            **{"kept": kept, "n_changes": len(changes["rows"]) - 1},
+            **{f"change_{name}": array[1:] for name, array in changes.items()},
+            "plan_kind": -1,
+            **{f"turn_{name}": value for name, value in turned.items()},
+        }
+
+        # the loop: members are left out, and tables begin at their first row
+        c = host.structure
+        for name, kind, *_ in LoopBlock._fields_:
+            value = getattr(c, name)
+            if issubclass(kind, ctypes.Structure):
+                array = host.arrays.get(value.at or 0)
+                if array is not None:
+                    values[name] = array[..., 0] if array.ndim > 1 else array
+                    values[f"{name}.row"], values[f"{name}.element"] = math.prod(array.shape[1:-1]), 1
+            elif kind is not ctypes.c_void_p:
+                values[name] = value
+            elif value and name != "law":
+                array = host.arrays[value]
+                values[name] = array if name not in MEMORY else array[:1] if array.ndim == 1 else array[:, 0]
+        tables: dict[str, NDArray[Any] | None] = {
+            "row_signals": np.zeros((kept, signals.SIZE)),
+            "row_forces": np.zeros((kept, N_LEGS)),
+            "row_force_limited": np.zeros((kept, N_LEGS), np.uint8),
+            "row_rate_limited": np.zeros((kept, N_LEGS), np.uint8),
+        }
+        if turned["variant"] >= 0:
+            values["turn_channels"] = _channels_of(host, VARIANTS[turned["variant"]])
+
+        # beyond the run samples are regular, nothing is injected, and constant forces are those of each sample
+        if planned is not None or loop.reference is None:
+            samples = kept // loop.timing.steps_a_sample + 2
+            rows = np.ascontiguousarray(np.atleast_2d(loop.timing.rows_of_samples)[0], np.int64)
+            injected = np.zeros(0)
+            if loop.injection is not None:
+                injected = loop.injection.reshape(len(loop.injection), -1)[:, :N_LEGS]
+            values |= {
+                **{"last": _NEVER, "feedforward.row": 0, "forever": 1, "n_samples": len(rows), "sample_rows": rows},
+                **{"injected": injected, "clock": np.zeros(samples, np.int64)},
+                "injections": np.zeros((samples if injected.size else 0, N_LEGS)),
+            }
+        if planned is not None:
+            values |= {f"plan_{name}": value for name, value in planned.items()}
+            tables |= {name: planned.get(of_plan) for name, of_plan in _TABLES.items()}
+        for name, table in tables.items():
+            values |= {name: table, f"{name}.row": 0, f"{name}.element": int(table is not None)}
+            if table is not None:
+                values[f"{name}.row"] = table.shape[1]
+            if name in _TABLES:  # C sets the places of these tables in each call
+                values[name] = None
+        return Block(_words(values, plant.batch.variant), plant.batch.variant)
 
 
 # Tables of the loop that a plan replaces, and where C computes them.
 _TABLES = {"reference": "reference", "feedforward": "forces", "jacobian": "jacobians", "inverse": "inverses"}
-
-
-def _table(name: str, values: NDArray[Any] | None) -> dict[str, Any]:
-    """The fields of a table (rows, elements) of one member, or of none."""
-    row = 0 if values is None else values.shape[1]
-    return {name: values, f"{name}.row": row, f"{name}.element": 0 if values is None else 1}
-
-
-def _of_loop(host: CompiledHost) -> dict[str, Any]:
-    """The fields of the loop: members are left out, and tables begin at their first row."""
-    c, values = host.structure, dict[str, Any]()
-    for name, kind, *_ in LoopBlock._fields_:
-        value = getattr(c, name)
-        if name == "law":
-            values[name] = bool(value)
-        elif issubclass(kind, ctypes.Structure):
-            array = host.arrays.get(value.at or 0)
-            if array is not None:
-                values[name] = array[..., 0] if array.ndim > 1 else array
-                values[f"{name}.row"], values[f"{name}.element"] = math.prod(array.shape[1:-1]), 1
-        elif kind is not ctypes.c_void_p:
-            values[name] = value
-        elif value:
-            array = host.arrays[value]
-            values[name] = array if name not in MEMORY else array[:1] if array.ndim == 1 else array[:, 0]
-    return values
 
 
 def _words(values: Mapping[str, Any], variant: Variant) -> NDArray[np.int64]:
@@ -326,21 +290,6 @@ def _words(values: Mapping[str, Any], variant: Variant) -> NDArray[np.int64]:
     head = np.zeros(HEAD + ROOM, np.int64)
     head[:2] = version(variant), end
     return np.concatenate([head, np.array(words, np.int64), *data])
-
-
-def _beyond(loop: Loop, kept: int) -> dict[str, Any]:
-    """What C needs for samples beyond the run."""
-    samples = kept // loop.timing.steps_a_sample + 2
-    rows = np.ascontiguousarray(np.atleast_2d(loop.timing.rows_of_samples)[0], np.int64)
-    injected = np.zeros(0) if loop.injection is None else loop.injection.reshape(len(loop.injection), -1)[:, :N_LEGS]
-    return {
-        "forever": 1,
-        "n_samples": len(rows),
-        "sample_rows": rows,
-        "injected": injected,
-        "clock": np.zeros(samples, np.int64),
-        "injections": np.zeros((samples if injected.size else 0, N_LEGS)),
-    }
 
 
 def _changes(plant: BatchPlant, loop: Loop) -> dict[str, NDArray[Any]]:
@@ -426,16 +375,14 @@ def kinds() -> tuple[str, ...]:
     return (_GIVEN, _PIECES, *(name for name, _ in motion_variants()))
 
 
-def motion_variants() -> Iterator[tuple[str, AboutPose]]:
+def motion_variants() -> list[tuple[str, AboutPose]]:
     """Each kind by name, with structure in the place of its keys."""
-    for kind in (Hold, Step, PointToPoint):
-        yield kind.model_fields["type"].default, kind.model_construct()
-    for swing in (Sine, Chirp):
-        for faded in ("", f"_{_FADED}"):
-            yield f"{swing.model_fields['type'].default}{faded}", swing.model_construct()
-    for plane in ("xy", "xz", "yz"):
-        for faded in ("", f"_{_FADED}"):
-            yield f"circle_{plane}{faded}", Circle.model_construct(plane=plane)
+    plain: list[AboutPose] = [kind.model_construct() for kind in (Hold, Step, PointToPoint)]
+    fading: list[tuple[str, AboutPose]] = [("sine", Sine.model_construct()), ("chirp", Chirp.model_construct())]
+    fading += [(f"circle_{plane}", Circle.model_construct(plane=plane)) for plane in ("xy", "xz", "yz")]
+    names = [str(type(motion).model_fields["type"].default) for motion in plain]
+    both = [(f"{name}{ending}", motion) for name, motion in fading for ending in ("", f"_{_FADED}")]
+    return [*zip(names, plain, strict=True), *both]
 
 
 def keys_of(kind: type[AboutPose], name: str) -> list[str]:

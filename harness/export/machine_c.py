@@ -1,7 +1,6 @@
 """The C of machines: c/machine with generated headers, for this computer and as WebAssembly."""
 
 from functools import cache
-from typing import Any
 
 from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
 from gough_stewart.fmu_build.component import Sources
@@ -20,26 +19,12 @@ MACHINE = "machine.wasm"
 _TRACED = tuple(f"gough_stewart.harness.{name}" for name in ("control", "export", "loop", "motion", "plants"))
 
 
-def machine_c(law: Any = None, variant: Variant = IDEAL) -> Sources:
-    """Units and headers of c/machine for plants of a variant, with a user's law if there is one."""
-    return _shipped_c(variant) if law is None else machine_sources(*_headers(variant), law, variant)
-
-
 def shipped_wasm(variant: Variant = IDEAL) -> bytes:
-    """The C of shipped components as WebAssembly: what came with the package, else from the cache, else compiled.
-
-    The package has that of ideal plants.
-
-    Raises
-    ------
-    BuildError, OSError
-        It is not in the cache and cannot be compiled, or the cache cannot be written.
-    """
+    """The C as WebAssembly: what came with the package, that of ideal plants, else from the cache, else compiled."""
     content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
     if content is None:
         check_installed(TRACER, COMPILER)
-        module = machine_library(machine_c(variant=variant), WEB_ASSEMBLY)
-        content = module.kept(WEB_ASSEMBLY).read_bytes()
+        content = machine_library(machine_c(variant), WEB_ASSEMBLY).kept(WEB_ASSEMBLY).read_bytes()
     return content
 
 
@@ -50,31 +35,20 @@ def machine_texts() -> str:
 
 
 @cache
-def _shipped_c(variant: Variant) -> Sources:
-    return machine_sources(*_headers(variant), variant=variant)
-
-
-@cache
-def _headers(variant: Variant) -> tuple[str, str, str, str]:
+def machine_c(variant: Variant = IDEAL) -> Sources:
+    """Units and headers of c/machine for plants of a variant; `machine_fields.h` says how C reads the fields."""
     from gough_stewart.harness.export.machine_equations import design_header, plan_header  # imports CasADi
 
-    return components_header(), _fields_header(variant), plan_header(), design_header()
-
-
-def _fields_header(variant: Variant) -> str:
-    """`machine_fields.h`: the number of each field, and how C reads them."""
     sizes = {
         "MACHINE_HEAD": HEAD,
         "MACHINE_ROOM": ROOM,
         "MACHINE_FIELDS": HEAD + ROOM,
         "MACHINE_N_FIELDS": len(all_fields()),
-        "MACHINE_LAW_FIELD": fields()["law"],
         "MACHINE_VERSION": version(variant),
         "N_MOTION": N_MOTION,
         "MOTION_ROUNDING": ROUNDING,
     }
     numbers = {f"MACHINE_{name.upper().replace('.', '_')}": k for name, k in fields().items()}
-    reads = " \\\n    ".join(
-        f"m->{field.member} = {field.kind}({k});" for k, field in enumerate(all_fields()) if field.kind != "LAW"
-    )
-    return f"{defines(sizes)}\n\n{defines(numbers)}\n\n#define MACHINE_READ \\\n    {reads}\n"
+    reads = " \\\n    ".join(f"m->{field.member} = {field.kind}({k});" for k, field in enumerate(all_fields()))
+    header = f"{defines(sizes)}\n\n{defines(numbers)}\n\n#define MACHINE_READ \\\n    {reads}\n"
+    return machine_sources(components_header(), header, plan_header(), design_header(), variant=variant)

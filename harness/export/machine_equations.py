@@ -4,7 +4,7 @@ All are traced from their one description in Python: `plan.h` has shipped motion
 gains of a bandwidth, laws of gains, coefficients of components.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import casadi
@@ -30,7 +30,6 @@ from gough_stewart.harness.export.trace import feedforward_of, motion_in, solve_
 from gough_stewart.harness.loop.libraries import traced, widths_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import coordinates_of, extrapolated, motion_of
-from gough_stewart.harness.motion.references import AboutPose
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import leg_jacobian
@@ -40,7 +39,16 @@ from gough_stewart.model.kinematics import leg_jacobian
 
 def plan_header() -> str:
     """`plan.h`: the motions by kind, and what follows from a motion."""
-    functions = [_motion(name, choice) for name, choice in motion_variants()]
+    functions = []
+    for name, choice in motion_variants():
+        keys = keys_of(type(choice), name)
+        sizes = [3 if key.startswith(("position", "orientation")) else 1 for key in keys]
+        c, time = casadi.SX.sym("coefficients", sum(sizes)), casadi.SX.sym("time")
+        values = np.split(symbols.elements(c), np.cumsum(sizes)[:-1])
+        fields: dict[str, Any] = {**dict(zip(keys, values, strict=True)), "plane": getattr(choice, "plane", None)}
+        with_symbols = type(choice).model_construct(**{"fade_in": 0.0, **fields})
+        motion = casadi.cse([vector_of(with_symbols(symbols.elements(time)))])
+        functions.append(casadi.Function(name, [c, time], motion, ["coefficients", "time"], ["motion"]))
     texts = [in_lanes(function, "static void plan_", exact=True) for function in (*functions, *_along())]
     names = ", ".join(["0", "0", *(f"plan_{function.name()}" for function in functions)])
     by_hand, size, _ = traced(Smoothing, "smoothing", 3)
@@ -49,17 +57,6 @@ def plan_header() -> str:
         + "".join(texts)
         + f"\nstatic void (*const MOTIONS[])(const double[], const double[], double[]) = {{{names}}};\n"
     )
-
-
-def _motion(name: str, choice: AboutPose) -> casadi.Function:
-    keys = keys_of(type(choice), name)
-    sizes = [3 if key.startswith(("position", "orientation")) else 1 for key in keys]
-    c, time = casadi.SX.sym("coefficients", sum(sizes)), casadi.SX.sym("time")
-    values = np.split(symbols.elements(c), np.cumsum(sizes)[:-1])
-    fields: dict[str, Any] = {**dict(zip(keys, values, strict=True)), "plane": getattr(choice, "plane", None)}
-    with_symbols = type(choice).model_construct(**{"fade_in": 0.0, **fields})
-    motion = with_symbols(symbols.elements(time))
-    return casadi.Function(name, [c, time], casadi.cse([vector_of(motion)]), ["coefficients", "time"], ["motion"])
 
 
 def _along() -> Iterator[casadi.Function]:
@@ -99,8 +96,23 @@ def _along() -> Iterator[casadi.Function]:
 def design_header() -> str:
     """`design.h`."""
     laws = [law_function(f"law_{k}", variant) for k, variant in enumerate(VARIANTS)]
-    limits, sensor = _prepared(ForceLimits, "limits"), _prepared(Sensor, "sensor")
-    functions = [_gains(), _times(), limits, sensor, *laws]
+    masses = {"masses": N_LEGS, "bandwidth": 1, "damping": 1, "integral_time": 1}
+    functions = [
+        _of_elements("gains", masses, gains_of_masses, "gains"),
+        _of_elements(
+            *("times", dict.fromkeys(("kp", "kd", "ki"), N_LEGS)),
+            lambda kp, kd, ki: (filter_time_of(kp, kd), tracking_time_of(kp, kd, ki)),
+            "times",
+        ),
+    ]
+    kinds: list[tuple[str, type[Stepped]]] = [("limits", ForceLimits), ("sensor", Sensor)]
+    for name, kind in kinds:  # the values of a component's keys, and its period -> its coefficients
+
+        def prepared(*values: Any, kind: type[Stepped] = kind) -> Any:
+            return kind.prepare(dict(zip(kind.keys, values[:-1], strict=True)), values[-1])
+
+        functions.append(_of_elements(name, dict.fromkeys((*kind.keys, "period"), 1), prepared, "coefficients"))
+    functions += laws
     texts = [in_lanes(function, "static void design_", exact=True) for function in functions]
     states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
     tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)
@@ -138,26 +150,10 @@ def law_function(name: str, variant: TurnableLaw) -> casadi.Function:
     return casadi.Function(name, [values, notch, T], [matrices], ["values", "notch", "period"], ["matrices"])
 
 
-def _gains() -> casadi.Function:
-    names = ["masses", "bandwidth", "damping", "integral_time"]
-    inputs = [casadi.SX.sym(name, size) for name, size in zip(names, (N_LEGS, 1, 1, 1), strict=True)]
-    gains = symbols.column(np.concatenate(gains_of_masses(*map(symbols.elements, inputs))))
-    return casadi.Function("gains", inputs, [gains], names, ["gains"])
-
-
-def _times() -> casadi.Function:
-    names = ["kp", "kd", "ki"]
-    inputs = [casadi.SX.sym(name, N_LEGS) for name in names]
-    kp, kd, ki = map(symbols.elements, inputs)
-    times = symbols.column(np.concatenate([filter_time_of(kp, kd), tracking_time_of(kp, kd, ki)]))
-    return casadi.Function("times", inputs, [times], names, ["times"])
-
-
-def _prepared(component: type[Stepped], name: str) -> casadi.Function:
-    """The values of a component's keys, and its period -> its coefficients."""
-    names = [*component.keys, "period"]
-    inputs = [casadi.SX.sym(key) for key in names]
-    *values, period = map(symbols.elements, inputs)
-    prepared = component.prepare(dict(zip(component.keys, values, strict=True)), period)
-    coefficients = casadi.densify(symbols.column(np.concatenate(prepared)))
-    return casadi.Function(name, inputs, [coefficients], names, ["coefficients"])
+def _of_elements(
+    name: str, sizes: Mapping[str, int], equations: Callable[..., Iterable[Any]], result: str
+) -> casadi.Function:
+    """A function of vectors, by equations of their elements."""
+    inputs = [casadi.SX.sym(key, size) for key, size in sizes.items()]
+    joined = symbols.column(np.concatenate([*equations(*map(symbols.elements, inputs))]))
+    return casadi.Function(name, inputs, [casadi.densify(joined)], [*sizes], [result])

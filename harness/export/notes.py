@@ -1,7 +1,7 @@
 """What is said of an export: its delay, the stability of its loops, what it leaves out; inside it and to its maker."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,7 +12,6 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import NOTHING, Carried, Part
 from gough_stewart.harness.export.stability import (
     NO_FEEDBACK,
-    Case,
     Delays,
     Host,
     LoopStability,
@@ -35,7 +34,7 @@ class Notes(NamedTuple):
     warnings: tuple[str, ...]  # for its maker
 
 
-def notes_of(  # noqa: PLR0912 - a note after the other
+def notes_of(  # noqa: PLR0912, PLR0915 - a note after the other
     experiment: Experiment, host: Host, judged: StabilityReport, carried: Carried = NOTHING
 ) -> Notes:
     """The notes of a form of an experiment, as judged, with what it carries of the machine."""
@@ -58,7 +57,7 @@ def notes_of(  # noqa: PLR0912 - a note after the other
         )
 
     # its delay
-    delay, late = _samples_of_delay(experiment.loop.delay), output_delay_of(experiment)
+    delay, late = _samples(experiment.loop.delay, delay=True), output_delay_of(experiment)
     longest = f"{step:g} ms" if carried.has_steps else "a sample"
     steps = f" This holds for communication steps of {longest} or less; longer ones add delay."
     if host == "c":
@@ -81,8 +80,35 @@ def notes_of(  # noqa: PLR0912 - a note after the other
     inside.append(f"Delay: {text}")
 
     # its stability
-    inside += [_verdict(loop) for loop in judged.loops]
-    inside += dict.fromkeys(text for loop in judged.loops for text in _margins(loop))
+    texts = list[str]()
+    for loop in judged.loops:
+        named = [(loop.nominal.what, loop.nominal)]
+        named += [("along the motion at most", loop.on_the_way)] * (loop.poses > 1)
+        named += [(case.what, case) for case in loop.changed]
+        if loop.worst is not None:
+            named.append((f"{loop.members} members of [ensemble] at most", loop.worst))
+        parts = [f"{what} |z| = {case.size:.5g} ({case.frequency:.3g} Hz)" for what, case in named]
+        if loop.poses > 1:
+            parts[1] += f" ({loop.poses} poses)"
+        if loop.worst is not None:
+            others = "" if loop.worst.loop == loop.nominal.loop else f",{_with(loop.worst.loop)}"
+            parts[-1] += f" ({loop.worst.what}{others})"
+        if loop.impossible:
+            parts.append(f"impossible members, which are not judged: {loop.impossible}")
+        verdict = "stable" if loop.is_stable else f"UNSTABLE, and exported on request: {complaint(loop)}"
+        inside.append(f"Stability {loop.surroundings.where}{_with(loop.nominal.loop)}: {verdict}; {'; '.join(parts)}.")
+        margins_of = [] if loop.margins is None else [(loop.nominal, loop.margins)]
+        margins_of += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
+        for case, margins in margins_of:
+            disk, legs = margins.disk, margins.legs
+            up, down = min(leg.gain_up for leg in legs), max(leg.gain_down for leg in legs)
+            phase, late_by = min(leg.phase for leg in legs), min(leg.delay for leg in legs)
+            texts.append(
+                f"Margins of {case.what}{_with(case.loop)}: all legs at once disk margin {disk.alpha:.3g}, gains × "
+                f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°; one leg at a time "
+                f"gain × {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay {1000 * late_by:.3g} ms."
+            )
+    inside += dict.fromkeys(texts)
     if judged.loops:
         part = (
             "The lag of the drives was part of it, quantisation was not."
@@ -155,50 +181,17 @@ def in_short(loop: LoopStability) -> str:
     )
 
 
-def _verdict(loop: LoopStability) -> str:
-    def size(case: Case) -> str:
-        return f"|z| = {case.size:.5g} ({case.frequency:.3g} Hz)"
-
-    verdict = "stable" if loop.is_stable else f"UNSTABLE, and exported on request: {complaint(loop)}"
-    parts = [f"{loop.nominal.what} {size(loop.nominal)}"]
-    if loop.poses > 1:
-        parts.append(f"along the motion at most {size(loop.on_the_way)} ({loop.poses} poses)")
-    parts += [f"{case.what} {size(case)}" for case in loop.changed]
-    if loop.worst is not None:
-        others = "" if loop.worst.loop == loop.nominal.loop else f",{_with(loop.worst.loop)}"
-        parts.append(f"{loop.members} members of [ensemble] at most {size(loop.worst)} ({loop.worst.what}{others})")
-    if loop.impossible:
-        parts.append(f"impossible members, which are not judged: {loop.impossible}")
-    return f"Stability {loop.surroundings.where}{_with(loop.nominal.loop)}: {verdict}; {'; '.join(parts)}."
-
-
-def _margins(loop: LoopStability) -> Iterator[str]:
-    margins_of = [] if loop.margins is None else [(loop.nominal, loop.margins)]
-    margins_of += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
-    for case, margins in margins_of:
-        disk, legs = margins.disk, margins.legs
-        up, down = min(leg.gain_up for leg in legs), max(leg.gain_down for leg in legs)
-        phase, delay = min(leg.phase for leg in legs), min(leg.delay for leg in legs)
-        yield (
-            f"Margins of {case.what}{_with(case.loop)}: all legs at once disk margin {disk.alpha:.3g}, gains × "
-            f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°; one leg at a time gain "
-            f"× {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay {1000 * delay:.3g} ms."
-        )
-
-
 def _with(loop: Delays) -> str:
     """What makes a loop late, in words."""
     late = f", up to {1000 * loop.late:.4g} ms by the sensors' clock and jitter" if loop.late else ""
     lag = f" and a lag of {1000 * loop.lag:.3g} ms" if loop.lag else ""
-    return f" with {_samples_of_delay(loop.delay)}{late}{lag}"
+    return f" with {_samples(loop.delay, delay=True)}{late}{lag}"
 
 
-def _samples_of_delay(number: int) -> str:
-    return f"a delay of {_samples(number)}" if number else "no delay"
-
-
-def _samples(number: int) -> str:
-    return "1 sample" if number == 1 else f"{number} samples"
+def _samples(number: int, delay: bool = False) -> str:
+    """A number of samples, or of a delay, in words."""
+    text = "1 sample" if number == 1 else f"{number} samples"
+    return text if not delay else f"a delay of {text}" if number else "no delay"
 
 
 # --- what is left out -----------------------------------------------------------------------------------
@@ -268,11 +261,6 @@ def robustness_of(loop: LoopStability) -> float:
     return min((margins.disk.alpha for margins in loop.known_margins), default=math.inf)
 
 
-def least_robust_first(reports: Mapping[Host, StabilityReport]) -> list[LoopStability]:
-    """All loops that were judged, the one with the smallest disk margin first."""
-    return sorted((loop for report in reports.values() for loop in report.loops), key=robustness_of)
-
-
 def export_report(
     title: str,
     forms: Sequence[str],
@@ -294,20 +282,22 @@ def export_report(
         least = verdicts[0].removeprefix("stable ")
         number = "both" if len(verdicts) == 2 else f"all {len(verdicts)}"
         judged = f"stable in {number} loops that it is made for; least robust: {least}"
-    numbers = _least_margins(loops)
-    status: Status = "bad" if unstable else "good" if verdicts else "told"
-    return Report(
-        title,
-        Verdict(sentence([f"written as {names}", judged]), status, tuple(numbers[:2])),
-        (Section("Stability", (_judged(loops),)),) if loops else (),
-        study="export",
-        numbers=(Number("files", "files written", float(len(files)), COUNT), *numbers),
-        notes=tuple(Note(text, "warning") for text in warnings),
-    )
 
+    # the least margins of the loops, with the delay that each form has; 0 of an unstable loop
+    numbers, of_forms = list[Number](), "of the forms' loops, with the delay that each form has"
+    if loops:
+        disk = min((margins.disk for margins in loops[0].known_margins), key=lambda disk: disk.alpha, default=None)
+        known = (None, None, None) if disk is None else (disk.alpha, 20 * math.log10(disk.gain[1]), disk.phase)
+        alpha, gain, phase = known if loops[0].is_stable else (0.0, 0.0, 0.0)
+        numbers = [
+            Number("stability.largest_eigenvalue", "largest |z|", max(loop.worst_of_all.size for loop in loops),
+                   explanation=f"largest magnitude of an eigenvalue {of_forms}; stable below 1"),
+            Number("margins.disk", "disk margin", alpha, explanation=f"the least {of_forms}"),
+            Number("margins.disk_gain", "gain of each leg", gain, DECIBEL, explanation=f"the least {of_forms}"),
+            Number("margins.disk_phase", "phase of each leg", phase, ANGLE, explanation=f"the least {of_forms}"),
+        ]  # fmt: skip
 
-def _judged(loops: Sequence[LoopStability]) -> Table:
-    """A row for each loop: its delay, the case that is nearest to instability, its disk margin."""
+    # a row for each loop: its delay, the case that is nearest to instability, its disk margin
     columns = (
         *(Column("loop"), Column("outcome"), Column("delay in samples", COUNT)),
         *(Column("largest |z|", replace(NUMBER, digits=5)), Column("of"), Column("disk margin", NUMBER)),
@@ -315,23 +305,15 @@ def _judged(loops: Sequence[LoopStability]) -> Table:
     rows = []
     for loop in loops:
         worst, outcome = loop.worst_of_all, "stable" if loop.is_stable else "UNSTABLE"
-        found = worst.loop.delay, worst.size, worst.what, robustness_of(loop)
-        rows.append((loop.surroundings.where, outcome, *found))
-    return Table("Loops of the forms, the least robust first", columns, tuple(rows))
-
-
-def _least_margins(loops: Sequence[LoopStability]) -> list[Number]:
-    """The least margins of the loops, with the delay that each form has; 0 of an unstable loop."""
-    if not loops:
-        return []
-    least, of_forms = loops[0], "of the forms' loops, with the delay that each form has"
-    disk = min((margins.disk for margins in least.known_margins), key=lambda disk: disk.alpha, default=None)
-    known = (None, None, None) if disk is None else (disk.alpha, 20 * math.log10(disk.gain[1]), disk.phase)
-    alpha, gain, phase = known if least.is_stable else (0.0, 0.0, 0.0)
-    return [
-        Number("stability.largest_eigenvalue", "largest |z|", max(loop.worst_of_all.size for loop in loops),
-               explanation=f"largest magnitude of an eigenvalue {of_forms}; stable below 1"),
-        Number("margins.disk", "disk margin", alpha, explanation=f"the least {of_forms}"),
-        Number("margins.disk_gain", "gain of each leg", gain, DECIBEL, explanation=f"the least {of_forms}"),
-        Number("margins.disk_phase", "phase of each leg", phase, ANGLE, explanation=f"the least {of_forms}"),
-    ]  # fmt: skip
+        case = worst.loop.delay, worst.size, worst.what, robustness_of(loop)
+        rows.append((loop.surroundings.where, outcome, *case))
+    table = Table("Loops of the forms, the least robust first", columns, tuple(rows))
+    status: Status = "bad" if unstable else "good" if verdicts else "told"
+    return Report(
+        title,
+        Verdict(sentence([f"written as {names}", judged]), status, tuple(numbers[:2])),
+        (Section("Stability", (table,)),) if loops else (),
+        study="export",
+        numbers=(Number("files", "files written", float(len(files)), COUNT), *numbers),
+        notes=tuple(Note(text, "warning") for text in warnings),
+    )

@@ -23,65 +23,28 @@ def loop_archive(
     name: str,
     plant: UnitComponent,
     controller: UnitComponent,
-    duration: float,
-    step: float,
+    duration: float,  # of the experiment [s]
+    step: float,  # of the master, the controller's clock [s]
     targets: Iterable[Target],
-    notes: Iterable[str] = (),
+    notes: Iterable[str] = (),  # paragraphs about the loop, for the page and the description of the system
     *,
+    # of both units; with "3.0" they describe scalars, too, since connectors of SSP 1.0 have no dimensions
     fmi_version: str = "2.0",
     ssp_version: str = "1.0",
-    side: Side = "leg",
+    side: Side = "leg",  # of elastic legs, where encoders read
     progress: StepProgress | None = None,
 ) -> bytes:
     """The archive: SystemStructure.ssd, both FMUs, their parameters again as an SSV file, and a page.
 
-    Parameters
-    ----------
-    duration
-        Of the experiment [s].
-    step
-        Of the master, the controller's clock [s].
-    notes
-        Paragraphs about the loop, for the page and the description of the system.
-    fmi_version
-        Of both units. All importers of SSP 1.0 support "2.0"; with "3.0" the units describe scalars, too, since
-        connectors of SSP 1.0 have no dimensions.
-    ssp_version
-        "2.0" says what "1.0" does, for importers that expect it.
-    side
-        Of elastic legs, where encoders read.
+    Each output is connected to the input of the same name; encoders at the motors' side of elastic legs read that. The
+    parameters of the SSV file are named `component.parameter`, as importers expect.
     """
     targets, notes = tuple(targets), tuple(notes)
     components = {PLANT: replace(plant, has_scalars_only=True), CONTROLLER: replace(controller, has_scalars_only=True)}
-    units = {
+    files = {
         f"resources/{key}.fmu": next(iter(unit_archives(unit, (fmi_version,), targets, progress).values()))
         for key, unit in components.items()
     }
-    structure = system_structure(name, components, duration, step, " ".join(notes), version=ssp_version, side=side)
-    return to_zip(
-        {
-            "SystemStructure.ssd": structure,
-            "documentation/index.html": rendered("loop.html", title=f"{name}: plant and controller", notes=notes),
-            f"resources/{name}.ssv": parameter_values(name, components, ssp_version),
-            **units,
-        }
-    )
-
-
-def system_structure(
-    name: str,
-    components: Mapping[str, UnitComponent],
-    duration: float,
-    step: float,
-    description: str = "",
-    *,
-    version: str = "1.0",
-    side: Side = "leg",
-) -> bytes:
-    """SystemStructure.ssd of a plant and a controller, each output connected to the input of the same name.
-
-    Encoders at the motors' side of elastic legs read that.
-    """
     at_motors = side == "motor" and AT_MOTORS["leg_length"] in components[PLANT].layout.by_name
     connections, connectors = list[dict[str, str]](), dict[str, list[tuple[str, str, str]]]()
     for source, sink in ((PLANT, CONTROLLER), (CONTROLLER, PLANT)):
@@ -97,12 +60,12 @@ def system_structure(
                 connections.append(
                     {"startElement": source, "startConnector": out, "endElement": sink, "endConnector": into}
                 )
-    return rendered(
+    structure = rendered(
         "systemStructure.xml",
-        version=version,
+        version=ssp_version,
         name=name,
         tool=f"gough-stewart {installed_package()[0]['Version']}",
-        description=description or None,
+        description=" ".join(notes) or None,
         components=[
             {
                 "name": key,
@@ -116,12 +79,15 @@ def system_structure(
         step=repr(step),
         duration=repr(duration),
     )
-
-
-def parameter_values(name: str, components: Mapping[str, UnitComponent], version: str = "1.0") -> bytes:
-    """The parameters of all components as one SSV file, named `component.parameter` as its importers expect."""
-    named = {f"{key}.": unit for key, unit in components.items()}
-    return rendered("parameterSet.xml", version=version, name=name, set=_parameters(named))
+    named = _parameters({f"{key}.": unit for key, unit in components.items()})
+    return to_zip(
+        {
+            "SystemStructure.ssd": structure,
+            "documentation/index.html": rendered("loop.html", title=f"{name}: plant and controller", notes=notes),
+            f"resources/{name}.ssv": rendered("parameterSet.xml", version=ssp_version, name=name, set=named),
+            **files,
+        }
+    )
 
 
 def _parameters(components: Mapping[str, UnitComponent]) -> dict[str, Any]:

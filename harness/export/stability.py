@@ -174,22 +174,7 @@ def stability_of(
     margins: bool = True,
     progress: MemberProgress | None = None,
 ) -> dict[Host, StabilityReport]:
-    """The loops that the controller of a prepared experiment will run in, as C, FMU or SSP.
-
-    Parameters
-    ----------
-    parts
-        Of the machine, which the controller carries.
-    margins
-        Compute stability margins, too.
-    progress
-        Called while members are judged.
-
-    Raises
-    ------
-    ExperimentError
-        An invalid `[ensemble]`.
-    """
+    """The loops that the controller of a prepared experiment will run in, as C, FMU or SSP."""
     hosts, parts, loop = tuple(hosts), tuple(parts), prepared.loop
     around = {host: loops_around(host, experiment, loop, parts) for host in hosts}
     try:

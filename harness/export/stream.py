@@ -47,7 +47,7 @@ class NativeMachine:
 
     def __init__(self, block: Block) -> None:
         check_installed(TRACER, COMPILER)
-        library = machine_library(machine_c(block.law, block.variant), native()).kept(native())
+        library = machine_library(machine_c(block.variant), native()).kept(native())
         self._c, self._words = ctypes.CDLL(str(library)), block.words.copy()
         self("open", len(self._words))
 
@@ -134,7 +134,7 @@ class Stream:
                 behind = time.monotonic() - start - period * self._period
                 start += behind if behind > _FAR_BEHIND else 0.0
                 self._receive(time.monotonic())
-                self._send(self._row_at(round(period * self._period / self._step)), time.monotonic())
+                self._send(round(period * self._period / self._step), time.monotonic())
                 tally.lateness.append(time.monotonic() - start - period * self._period)
                 tally.late += max(behind, tally.lateness[-1]) > self._period / 2
         except KeyboardInterrupt:  # the usual end
@@ -162,7 +162,12 @@ class Stream:
                 continue
             if sender in self._listeners or len(self._listeners) < _LISTENERS:
                 self._listeners[sender] = now
-        within = self._within_reach(np.array(poses)) if poses else np.empty((0, 6))
+        # all legs within their stroke, turned by less than a quarter from home
+        within = np.array(poses).reshape(-1, 6)
+        turned = np.abs(within[:, 3:] - self._platform.home_orientation)
+        length = leg_geometry(self._platform, within[:, :3], within[:, 3:]).length
+        low, high = self._lengths
+        within = within[((length >= low) & (length <= high)).all(axis=1) & (turned < math.pi / 2).all(axis=1)]
         self.tally.out_of_reach += len(poses) - len(within)
         if len(within):
             if not self._is_taken:
@@ -172,26 +177,15 @@ class Stream:
             self.tally.losses += 1
             self._asked_at = math.inf
 
-    def _within_reach(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Those of poses (n, 6) with all legs within their stroke, turned by less than a quarter from home."""
-        low, high = self._lengths
-        length = leg_geometry(self._platform, poses[:, :3], poses[:, 3:]).length
-        turned = np.abs(poses[:, 3:] - self._platform.home_orientation).max(axis=1)
-        within: NDArray[np.float64] = poses[(turned < math.pi / 2) & ((length >= low) & (length <= high)).all(axis=1)]
-        return within
-
-    def _row_at(self, row: int) -> NDArray[np.float64]:
-        """Run to a row: its time, pose, lengths and reference pose (19,)."""
-        while self._next <= row and self._machine("ended") < 0:
-            self._next = self._machine("run", row + 1)
+    def _send(self, index: int, now: float) -> None:
+        """Run to a row, and send its time, pose, lengths and reference pose (19,)."""
+        while self._next <= index and self._machine("ended") < 0:
+            self._next = self._machine("run", index + 1)
         if self._machine("ended") >= 0:
             self.tally.ended = FAILURES.get(self._machine("failure"), "a leg has collapsed")
-        row = self._next - 1
-        self.tally.time = row * self._step
-        planned, values = self._planned[row % self._every], self._signals
-        return np.concatenate([[self.tally.time], values[:6], values[12:18], planned[:6]])
-
-    def _send(self, row: NDArray[np.float64], now: float) -> None:
+        self.tally.time = (self._next - 1) * self._step
+        planned, now_at = self._planned[(self._next - 1) % self._every], self._signals
+        row = np.concatenate([[self.tally.time], now_at[:6], now_at[12:18], planned[:6]])
         if self._binary:
             datagram = ROW.pack(*row)
         else:

@@ -4,7 +4,7 @@ A float resolves 0.24 µm at 3 m. Relative to home, positions and leg lengths ar
 differences, which single precision does not cancel: L − L₀ = (2 l₀ + Δ)·Δ/(L + L₀), with Δ = t − t₀ + (R − R₀) p.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import casadi
@@ -12,7 +12,7 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.parameters import Parameters, Variable
+from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import Array, FloatArray
@@ -56,11 +56,6 @@ def solve(matrix: Array, right: Array) -> Array:
         left = b[at_rows, :] - A[at_rows, known] @ solution[known, :] if known else b[at_rows, :]
         solution[at_cols, :] = casadi.solve(A[at_rows, at_cols], left)
     return elements(casadi.vec(casadi.densify(solution).T)).reshape(right.shape)
-
-
-def platform_symbols(parameters: Iterable[Variable]) -> dict[str, casadi.SX]:
-    """Physical parameters of the platform by name, flat, row by row."""
-    return {v.name: casadi.SX.sym(v.name, v.size) for v in parameters}
 
 
 def parameters_of(symbols: Symbols) -> Parameters:

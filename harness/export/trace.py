@@ -67,6 +67,11 @@ class Traced(NamedTuple):
         """Those of them that there are."""
         return tuple(part for part in (self.sensors, self.limits, self.drives) if part is not None)
 
+    @property
+    def needs_motion(self) -> bool:
+        """Whether the reference at a sample is computed, not only the one ahead."""
+        return any(f is not None and "motion" in f.name_in() for f in (self.law, self.start, self.expected))
+
 
 @interrupts_held_back()
 def traced(designed: Designed, home: Home | None = None) -> Traced:
@@ -75,7 +80,7 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
     Then the law gives the changes of its states in place of the next ones.
     """
     law, path, measured = designed.law, path_of(designed.reference), interface.size_of(designed.measured)
-    platform = symbols.platform_symbols(designed.platform_parameters)
+    platform = {v.name: casadi.SX.sym(v.name, v.size) for v in designed.platform_parameters}
     vector, ahead = casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
     of_motion = {"motion": vector, **platform}
 
@@ -98,7 +103,11 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
     T, parts = symbols.elements(settings["sample_time"]), designed.carried
 
     def component(kind: type[Stepped], name: str, period: Array, signal: str, **options: Any) -> TracedComponent:
-        values = {p.key: none_as(p.none or 0.0, settings[p.name]) for p in kind.parameters()}
+        # a setting (1,) in which 0 means that there is none, with that in its place
+        values = {}
+        for p in kind.parameters():
+            elements = symbols.elements(settings[p.name])
+            values[p.key] = where(greater(elements, 0.0), elements, p.none or 0.0)
         return traced_component(kind, name, values, period, settings, {signal: N_LEGS}, **options)
 
     hears_excess = step is not None and "excess" in step.name_in()
@@ -147,12 +156,6 @@ def traced_component(
         symbols.function(name, {f"{name}_coefficients": c, f"{name}_states": x, **vectors}, results),
         int(x.numel()),
     )
-
-
-def none_as(value: float, setting: casadi.SX) -> Array:
-    """A setting (1,) in which 0 means that there is none, with this value in its place."""
-    elements = symbols.elements(setting)
-    return where(greater(elements, 0.0), elements, value)
 
 
 def _joined(arrays: Iterable[Any]) -> casadi.SX:
@@ -272,7 +275,7 @@ def _law(designed: Designed, home: Home | None) -> tuple[casadi.Function | None,
         "motion": casadi.SX.sym("motion", N_MOTION),
         "measured": measured,
         "excess": casadi.SX.sym("excess", N_LEGS),
-        **symbols.platform_symbols(designed.platform_parameters),
+        **{v.name: casadi.SX.sym(v.name, v.size) for v in designed.platform_parameters},
     }
     ends = np.cumsum([0, *(v.size for v in designed.measured)]).tolist()
     parts = casadi.vertsplit(measured, ends) if designed.measured else []
@@ -298,20 +301,17 @@ def _law(designed: Designed, home: Home | None) -> tuple[casadi.Function | None,
         angles = by_name["orientation"], references["orientation"]
         by_name["orientation"] = symbols.column(nearest_angle(*map(symbols.row, angles)))
     r, y = (casadi.vertcat(*(values[name] for name in law.signals)) for values in (references, by_name))
-    if home is not None and not _depends_on_differences(law, r.numel()):
+    # whether equal references and measurements leave the law at rest without a force, as they do a PID
+    of_differences = law.coefficients is not None or law.space == "task"
+    if home is not None and not of_differences:
+        unit = np.eye(r.numel())
+        equal = np.concatenate(inputs_of(law.kinds, unit, unit, np.zeros((N_LEGS, r.numel()))))
+        forced = [np.asarray(block, dtype=float) @ equal for block in (law.system.B, law.system.D)]
+        of_differences = not any(np.abs(block).max(initial=0.0) > 0 for block in forced)
+    if home is not None and not of_differences:
         at_home = np.concatenate([home.of(name, references[name].numel()) for name in law.signals])
         r, y = r + at_home, y + at_home
     return _linear(law, inputs, r, y, home)
-
-
-def _depends_on_differences(law: ExportedLaw, n: int) -> bool:
-    """Whether equal references and measurements (n,) leave a law at rest without a force, as they do a PID."""
-    if law.coefficients is not None or law.space == "task":
-        return True
-    unit = np.eye(n)
-    inputs = np.concatenate(inputs_of(law.kinds, unit, unit, np.zeros((N_LEGS, n))))
-    forced = [np.asarray(block, dtype=float) @ inputs for block in (law.system.B, law.system.D)]
-    return not any(np.abs(block).max(initial=0.0) > 0 for block in forced)
 
 
 def _linear(

@@ -8,26 +8,34 @@ lengths relative to home where the type of the numbers is float.
 import ctypes
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import casadi
 import numpy as np
+from jinja2 import Environment, StrictUndefined
 
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.codegen import Types, function_source
 from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
-from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.control.drive import TRANSFER_TIME
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed
-from gough_stewart.harness.export.header import header, title_of
-from gough_stewart.harness.export.laws import ExportSetting
-from gough_stewart.harness.export.moments import function_of_time
+from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.symbols import Home, home_of
-from gough_stewart.harness.export.tables import ConstantTables, add_motion, number, numbers, path_of
+from gough_stewart.harness.export.tables import (
+    ConstantTables,
+    add_motion,
+    function_of_time,
+    number,
+    numbers,
+    path_of,
+)
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.motion.motion import Piecewise
@@ -49,31 +57,14 @@ class ControllerSources:
     """A controller as C99."""
 
     units: dict[str, str]  # source files to compile: text by file name
-    headers: dict[str, str]
+    headers: dict[str, str]  # without what single precision costs
     example: str  # a program that runs it
     operations: int  # floating-point operations per step, at most
+    header: Callable[[str], str]  # the text of the header with what single precision costs, in words
 
 
-def controller_sources(designed: Designed, prefix: str = "controller", deviation: str = "") -> ControllerSources:
-    """The sources of a designed controller; a pure function.
-
-    Parameters
-    ----------
-    prefix
-        Of all public names, also the name of the files: lower-case letters, digits and underscores.
-    deviation
-        What single precision costs, in words, for the header.
-
-    Raises
-    ------
-    ExportError
-        A prefix that is not valid in C.
-    """
-    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", prefix):
-        raise ExportError(
-            f"prefix is {prefix!r}; expected a lower-case letter, then lower-case letters, digits or underscores, at "
-            "most 41"
-        )
+def controller_sources(designed: Designed, prefix: str = "controller") -> ControllerSources:
+    """The sources of a designed controller; `prefix` is that of all public names, and the name of the files."""
 
     def named(text: str) -> str:
         text = text.replace('"controller.h"', f'"{prefix}.h"')
@@ -105,18 +96,88 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
     first += [f"#define {key} {switches[key]}" for key in ("HAS_REFERENCE_INPUTS", "STEPS_A_SAMPLE")]
     example = RUNTIME[EXAMPLE].replace('#include "design.c"\n', "\n".join([*first, ""]))
 
-    head = header(named(RUNTIME["controller.h.in"]), designed, functions, switches, work, flash, deviation)
-    units = {f"{prefix}.c": f"/* {title_of(designed)}. */\n{named(source)}"}
-    return ControllerSources(units, {f"{prefix}.h": head}, named(example), sum(operations.values()))
+    # title, law and feedforward in a comment, which they must not end
+    law = "no feedback" if designed.law is None else designed.law.name
+    title = " ".join(designed.title.replace("*/", "").replace("/*", "").split())
+    title = f"{title}: {law}, feedforward: {designed.feedforward.replace('_', ' ')}"
+    template = named(RUNTIME["controller.h.in"])
+    written = partial(_header, template, designed, functions, switches, work, flash, title)
+    units = {f"{prefix}.c": f"/* {title}. */\n{named(source)}"}
+    return ControllerSources(units, {f"{prefix}.h": written("")}, named(example), sum(operations.values()), written)
 
 
-def _uses(function: casadi.Function | None, name: str) -> bool:
-    return function is not None and name in function.name_in()
+# --- the header -------------------------------------------------------------------------------------------------------
+
+# Comments in ASCII, for every compiler and editor.
+_ASCII = str.maketrans({"×": "x", "±": "+-", "°": " deg", "–": "-", "—": "-", "µ": "u"})
 
 
-def _needs_motion(functions: Traced) -> bool:
-    """Whether the reference at a sample is computed, not only the one ahead."""
-    return any(_uses(f, "motion") for f in (functions.law, functions.start, functions.expected))
+def _header(
+    template: str,
+    designed: Designed,
+    functions: Traced,
+    switches: Mapping[str, int],  # of the runtime
+    work: str,  # the operations per step, in words
+    flash: tuple[int, int],  # bytes of constants in double and in single precision
+    title: str,
+    deviation: str,  # what single precision costs, in words
+) -> str:
+    """NAME.h: what a caller of an exported controller sees, by the template runtime/controller.h.in."""
+    measured, reference = designed.measured, designed.reference_variables
+
+    def plain(text: str) -> str:
+        """A text that does not end the comment that it is in."""
+        text = text.translate(_ASCII).encode("ascii", "replace").decode()
+        return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
+
+    def comment(text: str) -> str:
+        """A comment, whose paragraphs are filled to at most 120 characters; those with aligned columns stay."""
+        lines = list[str]()
+        for paragraph in text.replace("\\\n", "").split("\n"):
+            if "  " in paragraph:
+                lines.append(paragraph.rstrip())
+            elif paragraph or (lines and lines[-1]):
+                lines += fill(paragraph, 117, subsequent_indent="  " * paragraph.startswith("- ")).split("\n")
+        return "/* " + "\n".join(f"   {line}".rstrip() for line in lines)[3:].rstrip() + " */"
+
+    def ordinal(n: int) -> str:
+        """In words: `step`, `3rd step`."""
+        ending = {1: "st", 2: "nd", 3: "rd"}.get(n % 10 if n % 100 not in (11, 12, 13) else 0, "th")
+        return "step" if n == 1 else f"{n}{ending} step"
+
+    def ranges_of(variables: Iterable[Variable]) -> str:
+        """Once for all elements of a variable, if they are the same."""
+        texts = []
+        for v in variables:
+            ends = [f"{low:.6g} to {high:.6g}" for low, high in zip(*designed.ranges.of(v), strict=True)]
+            texts.append(f"{v.name} {ends[0] if len(set(ends)) == 1 else ', '.join(ends)} {v.unit}")
+        return "; ".join(texts) or "none, since nothing comes in"
+
+    ranges = ranges_of(measured)
+    safe_forces = (
+        "0",
+        f"the feedforward{', of the last good reference if that is the fault' if reference else ''}",
+        "`start_force`, since there is no feedforward",
+    )
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"comment": comment, "plain": plain}
+    text = environment.from_string(template).render(
+        switches,
+        design=designed,
+        title=title,
+        ordinal=ordinal,
+        work=work,
+        flash=flash,
+        deviation=deviation,
+        transfer_time=TRANSFER_TIME,
+        frozen=designed.faults.frozen,
+        components=[(c.coefficients.name_out(0), c.coefficients.numel_out(0)) for c in functions.components],
+        measured=", ".join(f"{v.name}[{v.size}] [{v.unit}]" for v in measured) or "nothing",
+        ranges=f"{ranges}; of the reference: {ranges_of(reference)}" if reference else ranges,
+        safe=safe_forces[switches["SAFE_FORCE"]],
+        is_function=isinstance(designed.law, FunctionLaw),
+    )
+    return f"{text}\n"
 
 
 def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
@@ -130,18 +191,20 @@ def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
 def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
     carried, law, reference = designed.carried, functions.law, designed.reference
     has_feedforward = functions.feedforward is not None
-    has_motion = reference is not None and _needs_motion(functions)
+    has_motion = reference is not None and functions.needs_motion
     has_constant = any(s.variable.name == "constant_force" for s in designed.settings)
     is_table = isinstance(reference, Piecewise) and (has_feedforward or has_motion)
     reading = (carried.steps_a_reading or 0) if functions.sensors is not None else 0
     common = int(np.lcm(carried.steps_a_sample, max(1, reading)))
+    is_place = np.concatenate([np.zeros(0), *(np.full(v.size, "velocity" not in v.name) for v in designed.measured)])
+    first_pose = designed.first_reference[:6] if designed.reference_inputs else np.zeros(0)
     legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
     low, high = designed.ranges.leg_length
     safe = 0 if designed.faults.safe_force == "zero" else 1 if has_feedforward or has_constant else 2
     switches = {
         "HAS_LAW": law is not None,
         "HAS_START": functions.start is not None,
-        "HAS_EXCESS": _uses(law, "excess"),
+        "HAS_EXCESS": law is not None and "excess" in law.name_in(),
         "HAS_FEEDFORWARD": has_feedforward,
         "HAS_CONSTANT_FORCE": has_constant,
         "HAS_REFERENCE_INPUTS": designed.reference_inputs,
@@ -155,7 +218,8 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
         "STEPS_A_SAMPLE": carried.steps_a_sample,
         "STEPS_A_READING": reading,
         "STEPS_OF_TURN": common * max(1, 2**23 // common),
-        "SEES_ZEROS": designed.zeros_are_no_measurement,
+        # zeros mean that no values have arrived yet, unless they are at rest: velocities, or a reference at zero
+        "SEES_ZEROS": bool((designed.first_measured * is_place).any() or first_pose.any()),
         # also where the legs are in their range in a pose of zeros
         "ZERO_IS_A_REFERENCE": not designed.reference_inputs or bool(((legs >= low) & (legs <= high)).all()),
         "N_MEASURED": interface.size_of(designed.measured),
@@ -186,14 +250,15 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
     for name, of_home, variables in (("MEASURED", "HOME", measured), ("REFERENCE", "HOME_POSE", reference)):
         if not variables:
             continue
-        at_home, ends = _at_home(variables, home), designed.ranges.joined(variables)
+        at_home, ends = _at_home(variables, home), [designed.ranges.of(v) for v in variables]
         shown = at_home if name == "MEASURED" else home.pose
         tables.lines.append(f"const real CONTROLLER_{of_home}[{len(shown)}] = {{{numbers(shown)}}};")
         tables.define(**{of_home: f"CONTROLLER_{of_home}"})
         tables.reals += len(shown)
-        for end, values in (("LOW", ends.low), ("HIGH", ends.high)):
-            pairs = zip(values.tolist(), at_home.tolist(), strict=True)
-            tables.add(f"{name}_{end}", values, written=", ".join(f"FROM_HOME({x!r}, {at!r})" for x, at in pairs))
+        for end, values in (("LOW", [end.low for end in ends]), ("HIGH", [end.high for end in ends])):
+            joined = np.concatenate(values)
+            pairs = zip(joined.tolist(), at_home.tolist(), strict=True)
+            tables.add(f"{name}_{end}", joined, written=", ".join(f"FROM_HOME({x!r}, {at!r})" for x, at in pairs))
     if not reference:
         tables.lines.append(f"MAYBE_UNUSED static const real HOME_POSE[6] = {{{numbers(home.pose)}}};")
     if frozen is not None:
@@ -201,7 +266,16 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
         tables.add("WATCHED", np.flatnonzero(is_watched), "int")
         tables.define(FROZEN_SAMPLES=frozen.samples, FROZEN_MOVEMENT=number(frozen.movement))
 
-    checks = [line for place, s in enumerate(settings, 1) for line in _check(s, place)]
+    # checks of the parameters; if one fails, the function returns its number
+    checks = list[str]()
+    for place, s in enumerate(settings, 1):
+        v, largest = s.variable, "LARGEST" if s.largest == LARGEST_NUMBER else number(s.largest)
+        above = {"> 0": "{0} > 0", ">= 0": "{0} >= 0", None: f"{{0}} >= -{largest}"}[v.lower_bound]
+        below = "" if s.may_be_infinite else f" && {{0}} <= {largest}"
+        bounds = (above + below).format(f"parameters->{v.name}" + ("[k]" if v.shape else ""))
+        conditions = [re.sub(r"(?<![\w.])(\d+\.\d*|\d+e-?\d+)", r"R(\1)", text) for text in s.conditions]
+        checks.append(f"    {f'for (k = 0; k < {v.size}; ++k) ' if v.shape else ''}if (!({bounds})) return {place};")
+        checks += [f"    if (!({condition})) return {place};" for condition in conditions]
     tables.lines += [
         "",
         "/* The number of the first parameter with an invalid value, from 1; else 0. */",
@@ -213,21 +287,6 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
         "}",
     ]
     return tables
-
-
-def _check(setting: ExportSetting, place: int) -> list[str]:
-    """Checks of a parameter; if one fails, the function returns its number."""
-    v = setting.variable
-    largest = "LARGEST" if setting.largest == LARGEST_NUMBER else number(setting.largest)
-    above = {"> 0": "{0} > 0", ">= 0": "{0} >= 0", None: f"{{0}} >= -{largest}"}[v.lower_bound]
-    below = "" if setting.may_be_infinite else f" && {{0}} <= {largest}"
-    element = f"parameters->{v.name}" + ("[k]" if v.shape else "")
-    loop = f"for (k = 0; k < {v.size}; ++k) " if v.shape else ""
-    conditions = [re.sub(r"(?<![\w.])(\d+\.\d*|\d+e-?\d+)", r"R(\1)", text) for text in setting.conditions]
-    return [
-        f"    {loop}if (!({(above + below).format(element)})) return {place};",
-        *(f"    if (!({condition})) return {place};" for condition in conditions),
-    ]
 
 
 # --- law.c ------------------------------------------------------------------------------------------------------------
@@ -244,13 +303,13 @@ _OF_INSTANT = ("coefficients", "motion", "measured", "excess", "feedforward", "s
 def _law(designed: Designed, functions: Traced, single: Traced) -> str:
     """The traced functions; those that differ in single precision twice."""
     arrays = frozenset(s.variable.name for s in designed.settings if s.variable.shape)
-    has_motion = functions.feedforward is not None or _needs_motion(functions)
+    has_motion = functions.feedforward is not None or functions.needs_motion
     texts = []
     for name in ("coefficients", *("path", "motion") * has_motion, "extrapolated", "start", "expected", "law"):
         plain, of_single = getattr(functions, name), getattr(single, name)
         if plain is None:
             continue
-        is_of_time = name == "motion" and _uses(of_single, "time")
+        is_of_time = name == "motion" and "time" in of_single.name_in()
         text = _function(plain, arrays)
         in_single = function_of_time(of_single) if is_of_time else _function(of_single, arrays)
         texts.append(text if text == in_single else f"\n#if CONTROLLER_SINGLE{in_single}#else{text}#endif\n")
@@ -341,32 +400,46 @@ _COMPARED = 2.5
 _ROOM = 1 << 20
 
 
-def deviation_of(experiment: Experiment, designed: Designed, prefix: str, controller: Any = None) -> str:
+def c_files(
+    experiment: Experiment, designed: Designed, name: str, prepared: Prepared, controller: Any = None
+) -> dict[str, bytes]:
+    """The C of an experiment's controller and an example program, by file name; what float costs is in the header."""
+    sources = controller_sources(designed, name)
+    deviation = _deviation(experiment, designed, sources, prepared, controller)
+    texts = {**sources.units, **dict.fromkeys(sources.headers, sources.header(deviation)), EXAMPLE: sources.example}
+    return {file: text.encode() for file, text in texts.items()}
+
+
+def _deviation(
+    experiment: Experiment, designed: Designed, sources: ControllerSources, prepared: Prepared, controller: Any
+) -> str:
     """What single precision costs, in words: forces of the code compiled here, on what a run in the harness measured.
 
     The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's, but
     for the rounding of a path, which is stated too.
     """
     has_path, duration = path_of(designed.reference) is not None, experiment.loop.duration
-    loop = experiment.loop.model_copy(update={"duration": duration if has_path else min(duration, _COMPARED)})
-    quiet: dict[str, Any] = {"change": [], "disturbance": [], "fault": [], "injection": None}
-    prepared = prepare(experiment.model_copy(update={"loop": loop, **quiet}), controller)
+    if not has_path and duration > _COMPARED:
+        loop = experiment.loop.model_copy(update={"duration": _COMPARED})
+        quiet: dict[str, Any] = {"change": [], "disturbance": [], "fault": [], "injection": None}
+        prepared = prepare(experiment.model_copy(update={"loop": loop, **quiet}), controller)
     with prepared.law_in_a_run() as law:
-        run = simulate(ModelPlant(prepared.machine, prepared.start), law, prepared.loop)
+        plant = ModelPlant(prepared.machine, prepared.start)
+        run = simulate(plant, law, replace(prepared.loop, changes=(), injection=None))
     samples = int(run.sample_of_row[-1]) + 1
     names = [v.name for v in designed.measured]
     rows = [run.measured[:samples, signals.positions(names) if names else []]]
     if designed.reference_inputs and prepared.reference is not None:
         rows.append(np.concatenate(prepared.reference(np.arange(samples) * designed.sample_time), axis=1))
     try:
-        expected, forces = (_forces(designed, real, rows) for real in ("double", "float"))
+        expected, forces = (_forces(designed, sources, real, rows) for real in ("double", "float"))
     except BuildError as error:
         return f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
     deviation, largest = forces - expected, float(np.abs(expected).max())
     most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
     text = (
-        f"With {prefix.upper()}_REAL=float, forces deviate from those in double precision, in "
-        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, "
+        f"With {Path(next(iter(sources.units))).stem.upper()}_REAL=float, forces deviate from those in double "
+        f"precision, in {samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, "
         f"{f'{most / largest:.2g}' if largest > 0 else 'all'} of the largest "
         f"force; in root mean square by {mean_square**0.5:.2g} N."
     )
@@ -377,36 +450,30 @@ def deviation_of(experiment: Experiment, designed: Designed, prefix: str, contro
     return text
 
 
-def _forces(designed: Designed, real: str, rows: list[FloatArray]) -> FloatArray:
+def _forces(designed: Designed, sources: ControllerSources, real: str, rows: list[FloatArray]) -> FloatArray:
     """Of the compiled code at every sample (m, 6), of measurements and perhaps references; at its last step of many."""
     kind: Any = {"float": ctypes.c_float, "double": ctypes.c_double}[real]
     if real == "float":
         home = home_of(designed.platform)
         at_home = _at_home(designed.measured, home), np.concatenate([home.pose, np.zeros(12)])
         rows = [values - zero for values, zero in zip(rows, at_home, strict=False)]
-    sources = controller_sources(designed)
-    flags = [*(flag for flag in FLAGS if flag != "-fvisibility=hidden"), f"-DCONTROLLER_REAL={real}"]
+    name = Path(next(iter(sources.units))).stem
+    flags = [*(flag for flag in FLAGS if flag != "-fvisibility=hidden"), f"-D{name.upper()}_REAL={real}"]
     library = compile_library("controller", sources.units, sources.headers, native(), flags=flags)
     with tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True) as folder:
         path = Path(folder, f"controller{native().suffix}")
         path.write_bytes(library)
         code = ctypes.CDLL(str(path))
-        parameters = ctypes.byref(ctypes.c_char.in_dll(code, "CONTROLLER_DEFAULTS"))
+        prepare_it, start_it, step_it = (getattr(code, f"{name}_{part}") for part in ("prepare", "start", "step"))
+        parameters = ctypes.byref(ctypes.c_char.in_dll(code, f"{name.upper()}_DEFAULTS"))
         coefficients, memory = (ctypes.create_string_buffer(_ROOM) for _ in range(2))
-        code.controller_prepare(parameters, coefficients)
-        code.controller_start(parameters, memory)
+        prepare_it(parameters, coefficients)
+        start_it(parameters, memory)
         force, limited = (kind * 6)(), (ctypes.c_ubyte * 6)()
         forces = np.empty((len(rows[0]), 6))
         for k, _ in enumerate(forces):
             inputs = [(kind * max(1, values.shape[1]))(*values[k].tolist()) for values in rows]
             for _ in range(designed.carried.steps_a_sample):
-                code.controller_step(parameters, coefficients, memory, *inputs, force, limited)
+                step_it(parameters, coefficients, memory, *inputs, force, limited)
             forces[k] = force[:]
     return forces
-
-
-def c_files(experiment: Experiment, designed: Designed, name: str, controller: Any = None) -> dict[str, bytes]:
-    """The C of an experiment's controller and an example program, by file name; what float costs is in the header."""
-    sources = controller_sources(designed, name, deviation_of(experiment, designed, name, controller))
-    texts: Mapping[str, str] = {**sources.units, **sources.headers, EXAMPLE: sources.example}
-    return {file: text.encode() for file, text in texts.items()}

@@ -88,11 +88,12 @@ class Exported:
         self.parameters = self._constant("DEFAULTS", self._parameters.itemsize).view(self._parameters).copy()
         self.coefficients, self.memory = np.zeros(2000), np.zeros(2000)
         # in single precision what comes in is relative to home
-        has = {"HOME": self.sizes["N_MEASURED"], "HOME_POSE": 6 * (self.sizes["N_REFERENCE"] > 0)}
-        homes = [
-            self._constant(key, n * self._real().itemsize).view(self._real) if n else 0.0 for key, n in has.items()
-        ]
-        self._home, self._home_pose = homes if self._is_single else (0.0, np.zeros(6))
+        self._home: Any = 0.0
+        self._home_pose: Any = np.zeros(6)
+        if self._is_single and self.sizes["N_MEASURED"]:
+            self._home = self._constant("HOME", 4 * self.sizes["N_MEASURED"]).view(self._real)
+        if self._is_single and self.sizes["N_REFERENCE"]:
+            self._home_pose = self._constant("HOME_POSE", 4 * 6).view(self._real)
 
     @property
     def names(self) -> tuple[str, ...]:

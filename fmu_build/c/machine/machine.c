@@ -7,10 +7,6 @@
 #include "machine_fields.h"
 #include "turning.h"
 
-#ifdef MACHINE_HAS_LAW
-#include "law.h"
-#endif
-
 #ifdef __clang__
 #pragma clang fp contract(off) reciprocal(off)
 #endif
@@ -79,13 +75,6 @@ int64_t machine_open(int64_t *block, int64_t words)
     machine *m = machine_of(block);
     const int64_t *fields = block + MACHINE_FIELDS;
     MACHINE_READ
-    if (fields[MACHINE_LAW_FIELD]) {
-#ifdef MACHINE_HAS_LAW
-        m->loop.law = law_step;
-#else
-        return MACHINE_NO_LAW;
-#endif
-    }
     m->next_change = 0;
     block[2] = 1;
     return MACHINE_OPEN;
@@ -284,24 +273,20 @@ enum { FIRST_OF_LENGTHS = 12, OF_ENCODERS = 6 };
 /* Above 0, or from 0 on. */
 static int bounded(const turning *t, const loop *l, int which, double value)
 {
-    switch (which) {
-    case BANDWIDTH:
-    case FILTER_TIME:
-    case NOISE:
-    case QUANTISATION:
-        return value >= 0 && value < INFINITY;
-    case DELAY:
+    double least = 0;
+    if (which == DELAY)
         return value >= 0 && value <= (double)l->most_delay && value == floor(value);
-    case FORCE_LIMIT:
+    if (which == FORCE_LIMIT)
         return value > 0;
-    case INTEGRAL_TIME:
+    if (which == BANDWIDTH || which == FILTER_TIME || which == NOISE || which == QUANTISATION)
+        return value >= 0 && value < INFINITY;
+    if (which == INTEGRAL_TIME) {
+        if (t->wanted[BANDWIDTH] == 0 || !t->gains[12])
+            return 1;
         /* below, the loop with these gains is unstable: 1/(2 zeta w) */
-        return t->wanted[BANDWIDTH] == 0 || !t->gains[12] ||
-               (value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]) &&
-                value < INFINITY);
-    default:
-        return value > 0 && value < INFINITY;
+        least = 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]);
     }
+    return value > least && value < INFINITY;
 }
 
 static void turn_gains(const turning *t, double used[])

@@ -24,7 +24,6 @@
 /* results of `machine_open` */
 #define MACHINE_OPEN 0
 #define MACHINE_OTHER 1   /* the block is of another version, cut off, or was opened before */
-#define MACHINE_NO_LAW 2  /* it needs a user's law that was not compiled into this library */
 
 MACHINE_OFFERED int64_t machine_open(int64_t *block, int64_t words);
 /* Runs rows to before `to`, but not more than are kept, and not beyond the end of the run. Returns the next row. */

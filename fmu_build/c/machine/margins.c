@@ -30,11 +30,14 @@ static int64_t pivot_of(int64_t n, const double complex *a, int64_t from, int64_
     return pivot;
 }
 
-static void swap(double complex *one, double complex *other)
+/* Exchanges n elements, each so many places from the last. */
+static void swap(int64_t n, int64_t apart, double complex *one, double complex *other)
 {
-    double complex kept = *one;
-    *one = *other;
-    *other = kept;
+    for (int64_t k = 0; one != other && k < n * apart; k += apart) {
+        double complex kept = one[k];
+        one[k] = other[k];
+        other[k] = kept;
+    }
 }
 
 /* Scales rows and columns by powers of two to about equal norms (Osborne 1960), without rounding. */
@@ -66,10 +69,8 @@ static void reduce(int64_t n, double complex *a)
 {
     for (int64_t k = 1; k < n - 1; k++) {
         int64_t pivot = pivot_of(n, a, k, k - 1);
-        for (int64_t j = 0; pivot != k && j < n; j++)
-            swap(&a[pivot * n + j], &a[k * n + j]);
-        for (int64_t i = 0; pivot != k && i < n; i++)
-            swap(&a[i * n + pivot], &a[i * n + k]);
+        swap(n, 1, a + pivot * n, a + k * n);
+        swap(n, n, a + pivot, a + k);
         for (int64_t i = k + 1; i < n; i++) {
             if (a[i * n + k - 1] == 0)
                 continue;
@@ -153,10 +154,8 @@ static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
 {
     for (int64_t k = 0; k < n; k++) {
         int64_t pivot = pivot_of(n, M, k, k);
-        for (int64_t j = k; pivot != k && j < n; j++)
-            swap(&M[k * n + j], &M[pivot * n + j]);
-        for (int64_t j = 0; pivot != k && j < m; j++)
-            swap(&R[k * m + j], &R[pivot * m + j]);
+        swap(n - k, 1, M + k * (n + 1), M + pivot * n + k);
+        swap(m, 1, R + k * m, R + pivot * m);
         for (int64_t i = k + 1; i < n; i++) {
             if (M[i * n + k] == 0)
                 continue;
@@ -309,15 +308,8 @@ static double largest_gain(const double complex S[], int is_complementary)
     return sqrt(largest);
 }
 
-static double largest_gain_at(const open_loop *s, double omega, int is_complementary)
-{
-    double complex S[N_LEGS * N_LEGS];
-    sensitivity_at(s, omega, S);
-    return largest_gain(S, is_complementary);
-}
-
 /* What changes its sign: the imaginary part, or the logarithm of the size. */
-static double crossing(double complex z, int by_size) { return by_size ? log(cabs(z)) : cimag(z); }
+#define CROSSING(z, by_size) ((by_size) ? log(cabs(z)) : cimag(z))
 
 /* Where a leg's response crosses between two frequencies, by false position that halves a value that stays (Illinois). */
 static double crossing_between(const open_loop *s, int leg, int by_size, double a, double fa, double b, double fb)
@@ -326,7 +318,8 @@ static double crossing_between(const open_loop *s, int leg, int by_size, double 
         double at = b - fb * (b - a) / (fb - fa);
         if (!(at > a && at < b))
             at = (a + b) / 2;
-        double f = crossing(leg_at(s, at, leg), by_size);
+        double complex z = leg_at(s, at, leg);
+        double f = CROSSING(z, by_size);
         if (f == 0)
             return at;
         if ((f > 0) == (fb > 0)) {
@@ -372,7 +365,7 @@ static void leg_margins(const open_loop *s, int leg, const double omega[], const
     margins[4] = NAN;
     for (int64_t k = 0; k + 1 < n; k++)
         for (int by_size = 0; by_size < 2; by_size++) {
-            double a = crossing(at[k], by_size), b = crossing(at[k + 1], by_size);
+            double a = CROSSING(at[k], by_size), b = CROSSING(at[k + 1], by_size);
             if ((a > 0) == (b > 0) || !(a == a && b == b))
                 continue;
             double w = crossing_between(s, leg, by_size, omega[k], a, omega[k + 1], b);
@@ -400,7 +393,10 @@ static double peak(const open_loop *s, int is_complementary, const double omega[
     double a = log(omega[best > 0 ? best - 1 : 0]), b = log(omega[best + 1 < n ? best + 1 : n - 1]), most = values[best];
     for (int k = 0; k < 40; k++) {
         double x = b - 0.6180339887498949 * (b - a), y = a + 0.6180339887498949 * (b - a);
-        double f = largest_gain_at(s, exp(x), is_complementary), g = largest_gain_at(s, exp(y), is_complementary);
+        double complex at_x[N_LEGS * N_LEGS], at_y[N_LEGS * N_LEGS];
+        sensitivity_at(s, exp(x), at_x);
+        sensitivity_at(s, exp(y), at_y);
+        double f = largest_gain(at_x, is_complementary), g = largest_gain(at_y, is_complementary);
         most = fmax(most, fmax(f, g));
         if (f > g)
             b = y;

@@ -7,7 +7,7 @@ from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from gough_stewart.harness.export.machine import (
     MOST_DELAY,
     POLES,
     REQUESTED,
-    Block,
     endless_machine,
     fields,
     planned_motion,
@@ -44,7 +43,6 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform
 
 # Scripts of the report's page that all pages share, and of its 3-D view; the machine starts before both are read.
 _FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "colours.js", "shapes.js", "bodies.js", "motion.js")
@@ -72,32 +70,15 @@ _FREE = 0.12
 _DIGITS = 7
 
 
-class Live(NamedTuple):
-    """A machine for a page."""
-
-    block: Block
-    prepared: Prepared
-    data: dict[str, Any]  # for its scripts, in plain types
-
-
 def live_page(experiment: Experiment) -> bytes:
-    """The page of an experiment.
-
-    Raises
-    ------
-    ExportError
-        A controller that needs Python or an FMU, another plant than the model, steps of a fixed size, or settings of
-        the loop that change.
-    BuildError
-        The compiler is missing or fails.
-    """
+    """The page of an experiment; ExportError for what a page cannot run, see `endless_machine`."""
     data = {
         "title": experiment.title,
         "runs": [],
         "scenes": [],
         "palette": {theme: report_page.palette_of(theme) for theme in THEMES},
         "nearness": report_page.NEARNESS,
-        "live": page_data(experiment),
+        "live": _live(experiment),
     }
     used = ", ".join(f"{name} {number}" for name, number in versions().items() if name in _PACKAGES)
     texts = {"title": experiment.title, "about": experiment.description, "licences": three_licence(), "versions": used}
@@ -109,40 +90,8 @@ def live_page(experiment: Experiment) -> bytes:
     return document(experiment.title, body, style, data, [first, three(), rest], computes=True)
 
 
-def page_data(experiment: Experiment) -> dict[str, Any]:
-    """All that the scripts of a page get, in plain types; see `live_page` for errors."""
-    live = live_machine(experiment)
-    machine = live.prepared.machine
-    lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
-    shortest, longest = machine.leg_length_min, machine.leg_length_max
-    low = float(np.min(0.9 * lengths if shortest is None else shortest))
-    high = float(np.max(1.1 * lengths if longest is None else longest))
-    lower = min(0.97 * low, 0.53 * high)
-    return {
-        **live.data,
-        # the bodies of the view; their motion comes from the machine
-        "scene": {
-            "base": machine.base_points.tolist(),
-            "platform": machine.platform_points.tolist(),
-            "lower": lower,
-            "upper": min(0.97 * low, 1.06 * high - lower),
-        },
-        "wasm": _packed(shipped_wasm(live.block.variant)),
-        "block": _packed(live.block.words.astype("<i8").tobytes()),
-        "worker": _script("session.js") + _script("worker.js"),
-    }
-
-
-def _script(name: str) -> str:
-    return (files("gough_stewart.harness.export.live") / "web" / name).read_text(encoding="utf-8")
-
-
-def _packed(raw: bytes) -> str:
-    return base64.b64encode(zlib.compress(raw, 9)).decode()
-
-
-def live_machine(experiment: Experiment) -> Live:
-    """The machine of an experiment, and what a hand may do to it; see `live_page` for errors."""
+def _live(experiment: Experiment) -> dict[str, Any]:
+    """The machine of an experiment, what a hand may do to it, and the view, in plain types for the scripts."""
     block, prepared, turned = endless_machine(experiment, KEPT, "a page")
     platform, machine, loop = prepared.platform, prepared.machine, prepared.loop
     home, timing, choice = (platform.home_position, platform.home_orientation), loop.timing, experiment.controller
@@ -155,7 +104,26 @@ def live_machine(experiment: Experiment) -> Live:
     start_force = loop.feedforward[0]
     if prepared.controller is not None:
         start_force = static_leg_forces(machine, prepared.start.position, prepared.start.orientation)
-    data = {
+    lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
+    short, long = (
+        float(np.min(0.9 * lengths if low is None else low)),
+        float(np.max(1.1 * lengths if high is None else high)),
+    )
+    lower = min(0.97 * short, 0.53 * long)
+
+    # how far a hand may ask for along and about each axis, from home (6,) [m, rad]: as far, to both sides, as all legs
+    # keep clear of the ends of their stroke; without a stroke, of lengths a tenth off
+    pose, (shortest, longest) = np.concatenate(home), lengths_for_hands(platform)
+    free, reach = _FREE * (longest - shortest), np.zeros(6)
+    for axis in range(6):
+        most = _FARTHEST[0] * float(leg_geometry(platform, *home).length.mean()) if axis < 3 else _FARTHEST[1]
+        for share in np.linspace(1, 0, _TRIED, endpoint=False):
+            poses = pose + share * most * np.eye(6)[axis] * np.array([[1.0], [-1.0]])
+            tried = leg_geometry(platform, poses[:, :3], poses[:, 3:]).length
+            if (tried > shortest + free).all() and (tried < longest - free).all():
+                reach[axis] = share * most
+                break
+    return {
         "fields": {name: fields()[name] for name in _FIELDS},
         "plantStep": timing.plant_step,
         "every": timing.steps_a_sample,
@@ -180,11 +148,11 @@ def live_machine(experiment: Experiment) -> Live:
         "isOpen": is_open,
         "canTake": prepared.reference is not None and planned_motion(prepared.reference) is not None,
         "reads": list(getattr(prepared.controller, "signals", ())),
-        "behind": behind_of(experiment, prepared) if is_open else None,
+        "behind": _behind(experiment, prepared) if is_open else None,
         "startForce": start_force.tolist(),
         "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
         "failures": FAILURES,
-        "reach": reach_of(platform).tolist(),
+        "reach": reach.tolist(),
         "home": np.concatenate(home).tolist(),
         # what may be tuned, and where poles and margins are among the results
         "turn": {
@@ -198,8 +166,25 @@ def live_machine(experiment: Experiment) -> Live:
             "mostDelay": max(MOST_DELAY, int(loop.actuators.delay)),
             "sampleTime": turned["sample_time"],
         },
+        # the bodies of the view; their motion comes from the machine
+        "scene": {
+            "base": machine.base_points.tolist(),
+            "platform": machine.platform_points.tolist(),
+            "lower": lower,
+            "upper": min(0.97 * short, 1.06 * long - lower),
+        },
+        "wasm": _packed(shipped_wasm(block.variant)),
+        "block": _packed(block.words.astype("<i8").tobytes()),
+        "worker": _script("session.js") + _script("worker.js"),
     }
-    return Live(block, prepared, data)
+
+
+def _script(name: str) -> str:
+    return (files("gough_stewart.harness.export.live") / "web" / name).read_text(encoding="utf-8")
+
+
+def _packed(raw: bytes) -> str:
+    return base64.b64encode(zlib.compress(raw, 9)).decode()
 
 
 def _download(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
@@ -236,28 +221,7 @@ def _download(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
     }
 
 
-def reach_of(platform: Platform) -> Any:
-    """How far a hand may ask for along and about each axis, from home (6,) [m, rad].
-
-    As far, to both sides, as all legs keep clear of the ends of their stroke; without a stroke, of lengths a tenth off.
-    """
-    home = np.concatenate([platform.home_position, platform.home_orientation])
-    at_home = leg_geometry(platform, home[:3], home[3:]).length
-    low, high = lengths_for_hands(platform)
-    free = _FREE * (high - low)
-    reach = np.zeros(6)
-    for axis in range(6):
-        most = _FARTHEST[0] * float(at_home.mean()) if axis < 3 else _FARTHEST[1]
-        for share in np.linspace(1, 0, _TRIED, endpoint=False):
-            poses = home + share * most * np.eye(6)[axis] * np.array([[1.0], [-1.0]])
-            lengths = leg_geometry(platform, poses[:, :3], poses[:, 3:]).length
-            if (lengths > low + free).all() and (lengths < high - free).all():
-                reach[axis] = share * most
-                break
-    return reach
-
-
-def behind_of(experiment: Experiment, prepared: Prepared) -> dict[str, Any] | None:
+def _behind(experiment: Experiment, prepared: Prepared) -> dict[str, Any] | None:
     """Pose and lengths over time under constant forces, by DOP853, which shares no code with the page's C.
 
     None if they are not constant, something changes them, or they drive the platform into a pose that it cannot pass.

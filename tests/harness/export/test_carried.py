@@ -26,7 +26,7 @@ LOOP: dict[str, Any] = {"duration": 0.15, "sample_time": 0.0015, "plant_step": 0
 ACTUATORS: dict[str, Any] = {"force_limit": 90.0, "rate_limit": 9e3, "lag": 0.0021}
 SENSORS: dict[str, Any] = {"quantisation": {"leg_length": 2e-4}, "sample_time": 0.001}
 TASK = {**PD, "space": "task"}
-PARTS = ("drives", "sensors")
+PARTS: Any = ("drives", "sensors")
 Row = tuple[dict[str, Any], tuple[str, ...]]
 ROWS: dict[str, Row] = {
     "readings faster than samples": ({}, PARTS),

@@ -230,7 +230,7 @@ def test_what_an_ssp_cannot_have_is_refused(tmp_path: Path) -> None:
         ({"forms": ["c", "ssp"], "reference": "inputs"}, "leaves an SSP without a reference; expected 'inside'"),
     ):
         with pytest.raises(gs.GoughStewartError, match=message):
-            gs.export("heave_step", out=tmp_path, **options)  # type: ignore[arg-type]
+            gs.export("heave_step", out=tmp_path, **options)
     assert list(tmp_path.iterdir()) == []
     done = invoke("export", "heave_step", "--as", "ssp", "--ssp-fmi", "3.0", "--out", str(tmp_path / "out"))
     assert done.exit_code == 0, done.stderr

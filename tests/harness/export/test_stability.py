@@ -264,9 +264,14 @@ def test_an_unstable_loop_that_is_exported_on_request_says_so_in_every_form_and_
     tmp_path: Path,
 ) -> None:
     """Expected: also to the maker; the experiment has no delay, and the C adds none. Unstable loops come first."""
-    said, verdicts, forms = list[str](), list[str](), ["c", "fmu", "ssp"]
-    options: dict[str, Any] = {"allow_unstable": True, "warn": said.append, "verdict": verdicts.append}
-    gs.export("too_slow", forms=forms, out=tmp_path, fmi=["3.0"], **options)
+    said, verdicts = list[str](), list[str]()
+    options: dict[str, Any] = {
+        "forms": ["c", "fmu", "ssp"],
+        "allow_unstable": True,
+        "warn": said.append,
+        "verdict": verdicts.append,
+    }
+    gs.export("too_slow", out=tmp_path, fmi=["3.0"], **options)
     notes = [text.removeprefix("exported on request: ") for text in said if text.startswith("exported on request: ")]
     assert [text.partition(" the closed")[0] for text in notes] == ["with the FMU", "in C", "in the SSP"]
     assert all(text.startswith("UNSTABLE ") for text in verdicts)

@@ -331,7 +331,7 @@ def test_everything_around_the_controller_is_named_and_nothing_else(tmp_path: Pa
         assert "Left out: " in archive.read("SystemStructure.ssd").decode()
     assert "ensemble (its other machines)" not in words_of(files[1])
     said.clear()
-    quiet = {"forms": "c", "out": tmp_path}
+    quiet: dict[str, Any] = {"forms": "c", "out": tmp_path}
     gs.export("circle", **quiet, **options)
     assert without(said) == []
     gs.export("circle", {"limits.stroke": "ignore"}, **quiet, **options)

@@ -78,8 +78,8 @@ def written(said: dict[str, Any], folder: Path, which: int = -1) -> tuple[gs.Rec
 def assert_same_rows(record: gs.Record, again: gs.Record, where: str) -> None:
     """Rows that a page kept, at least a millisecond apart, are those of a run, to 1e-9 SI, and of a tonne's weight."""
     every = round(record.metadata["plant_step"] / again.metadata["plant_step"])
-    rows = min(record.table.height, len(again["time"][::every]))
-    assert rows > 50 or rows == record.table.height
+    rows = min(record.table.height, (len(again["time"]) - 1) // every)  # a run's last row has forces of no sample
+    assert rows > 30
     for name in NAMES:
         scale, expected = 9.81e3 if name == "actuator_force" else 1.0, again[name][::every]
         apart = np.abs(expected[:rows] - record[name][:rows]).max(axis=1) / scale
@@ -272,7 +272,7 @@ def test_what_is_beyond_its_bounds_changes_nothing(tmp_path: Path) -> None:
 
 def test_an_unstable_loop_has_poles_and_no_margins(tmp_path: Path) -> None:
     """Expected: `gs.margins` refuses the same loop as unstable, with this worst eigenvalue."""
-    page = ("heave_step", {})
+    page: Page = ("heave_step", {})
     hear = {"type": "hear", "what": "margins"}
     (said,) = played([(page, lambda data: [tune(data, bandwidth=15.0, delay=12), hear])], tmp_path)
     with pytest.raises(gs.UnstableLoopError) as error:
