@@ -217,7 +217,7 @@ def test_files_are_where_their_name_says(words: str, folder: str, monkeypatch: p
         gs.save_platform(gs.load_preset("motion_base"), f"{name}.toml")
     record = waving_record(gs.load_preset("motion_base"), rows=3)
     gs.save_record(record, "run.1")
-    record.write_csv("log.7.csv")
+    record.write_csv(Path("log.7.csv"))
     done = invoke(*shlex.split(words))
     assert done.exit_code == 0, done.output
     assert names_in(folder)

@@ -148,7 +148,7 @@ def test_every_study_names_what_was_set_and_what_the_file_has(study: str) -> Non
 def test_a_notebook_shows_verdict_and_tables_with_heads_that_say_what_they_head() -> None:
     """Expected: the cells of the report's own tables; a head has its scope, an empty one is no head."""
     found = gs.check("pitch_sine", {"loop.sample_time": "25 ms"})
-    shown = found.report(charts=False)
+    shown: Any = found.report(charts=False)
     page = f"<html><body>{found._repr_html_()}</body></html>".encode()
     assert elements(page, "//strong/text()") == [shown.verdict.text]
     tables: list[Any] = [part for section in shown.sections if not section.detail for part in section.parts
@@ -245,7 +245,7 @@ def test_data_for_other_programs_have_fewer_points_and_every_peak_at_its_time(tm
         assert (min(line["values"]), max(line["values"])) == pytest.approx((column.min(), column.max()))
     frames = np.searchsorted(record["time"], np.array(scene["time"]) - 1e-9)
     assert (len(frames), scene["rows"]) == (201, 2001)
-    limited = record["flag.force_limited"].any(axis=1)
+    limited: Any = record["flag.force_limited"].any(axis=1)
     assert 0 < limited.sum() < 2001
     (flag,) = (each["values"] for each in scene["flags"] if each["name"].replace("_", " ") == "force limited")
     expected = "".join("01"[int(limited[a:b].any())] for a, b in pairwise(frames))
