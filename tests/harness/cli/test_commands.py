@@ -17,7 +17,7 @@ from tests.support.commands import commands, invoke
 from tests.support.demo import Demo
 from tests.support.machine_logs import HEAVE, Course, Sensing, Swing, machine_log
 from tests.support.page_arrays import data_of, elements
-from tests.support.records import waving_record
+from tests.support.records import log_file, waving_record
 
 SHORT = "--set loop.duration=0.3"
 FEW = f"heave_tolerances --members 6 --workers 1 {SHORT}"
@@ -62,17 +62,6 @@ def names_in(folder: Path | str) -> set[str]:
     return {path.name for path in Path(folder).iterdir()} if Path(folder).exists() else set()
 
 
-def written(log: gs.Log, path: str) -> str:
-    """The log as a file of another origin: other units, underscores."""
-    assert log.time is not None
-    assert log.actuator_force is not None
-    columns = {"time [ms]": 1e3 * log.time}
-    columns |= {f"leg_length_{k + 1} (mm)": 1e3 * log.leg_length[:, k] for k in range(6)}
-    columns |= {f"actuator_force[{k + 1}] [kN]": 1e-3 * log.actuator_force[:, k] for k in range(6)}
-    polars.DataFrame(columns).write_csv(path)
-    return path
-
-
 def charts_of(page: Path) -> list[str]:
     return [chart["title"] for chart in data_of(page.read_bytes())["charts"]]
 
@@ -94,7 +83,7 @@ def test_every_study_shows_what_it_found_in_all_ways(study: str, opened: list[st
     if study == "frf":
         gs.save_record(gs.run("frequency_response", {"loop.duration": 6}), "injected")
     elif study in ("identify", "poses"):
-        written(machine_log(course=Course(duration=2.0)), "log.csv")
+        log_file(machine_log(course=Course(duration=2.0)), "log.csv")
     elif study == "ensemble --compare":
         text = invoke("experiments", "heave_tolerances").stdout
         Path("slower.toml").write_text(text.replace('bandwidth = "3.5 Hz"', 'bandwidth = "2.5 Hz"'), encoding="utf-8")
@@ -314,7 +303,7 @@ def test_several_logs_are_fitted_another_validates_and_what_is_missing_is_propos
     slow, fast = (Course(Swing(axes=HEAVE.axes, size=size)) for size in (0.04, 0.06))
     late = Sensing(delay=-0.5e-3)
     logs = [
-        written(machine_log(course=course, sensing=late, seed=seed), f"{seed}.csv")
+        log_file(machine_log(course=course, sensing=late, seed=seed), f"{seed}.csv")
         for seed, course in enumerate((slow, fast, slow), 1)
     ]
     options = ("--preset", "motion_base", "--estimate", NAMES, "--out", "out")
@@ -335,7 +324,7 @@ def test_several_logs_are_fitted_another_validates_and_what_is_missing_is_propos
 def test_a_log_that_contradicts_the_model_is_written_with_an_alarm_and_exit_code_3() -> None:
     """Expected: files, the alarm on the terminal, in the numbers and on the page; one leg's forces read 2 % high."""
     wrong = Sensing(force_gain=(1.02, 1.0, 1.0, 1.0, 1.0, 1.0))
-    log = written(machine_log(course=Course(duration=6.0), sensing=wrong), "log.csv")
+    log = log_file(machine_log(course=Course(duration=6.0), sensing=wrong), "log.csv")
     options = ("--preset", "motion_base", "--estimate", f"{NAMES},platform_inertia", "--out", "out")
     done = invoke("identify", log, "--validation", "0.3", "--report", *options)
     assert done.exit_code == 3
