@@ -40,11 +40,8 @@ from gough_stewart.model.vectors import FloatArray
 PAGE = "report.html"
 _SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
 _MAP_SCRIPTS = ("heat.js",)
-_SCENE_SCRIPTS = (
-    *("records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js", "viewer.js", "scene.js"),
-    *("drawn.js", "moment.js"),
-)
-_SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
+_SCENE_SCRIPTS = ("records.js", "colours.js", "shapes.js", "bodies.js", "viewer.js", "scene.js", "moment.js")
+_SURFACE_SCRIPTS = ("shapes.js", "viewer.js", "surface.js")
 _CHART_SCRIPTS = ("lines.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}

@@ -7,7 +7,7 @@ from pathlib import Path
 import gough_stewart as gs
 from tests.support.commands import invoke
 from tests.support.machine_logs import Course, machine_log
-from tests.support.records import waving_record
+from tests.support.records import log_file, waving_record
 
 _FEW = "--members 60 --workers 1 --set loop.duration=0.1 --set ensemble.worst=1"
 
@@ -21,17 +21,9 @@ def _of_command(words: str) -> bytes:
 
 def _identification() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        log = machine_log(course=Course(duration=8.0))
-        assert log.time is not None
-        assert log.actuator_force is not None
-        columns = [f"{name}[{k}]" for name in ("leg_length", "actuator_force") for k in range(1, 7)]
-        rows = (
-            ",".join(map(repr, map(float, (t, *lengths, *forces))))
-            for t, lengths, forces in zip(log.time, log.leg_length, log.actuator_force, strict=True)
-        )
-        Path(folder, "log.csv").write_text("\n".join([",".join(["time", *columns]), *rows]))
+        log = log_file(machine_log(course=Course(duration=8.0)), f"{folder}/log.csv")
         names = "platform_mass,platform_com,leg_viscous_friction,leg_coulomb_friction"
-        return _of_command(f"identify {folder}/log.csv --preset motion_base --estimate {names}")
+        return _of_command(f"identify {log} --preset motion_base --estimate {names}")
 
 
 def page_of_records(records: list[gs.Record], names: list[str]) -> bytes:

@@ -32,6 +32,17 @@ def changed(record: gs.Record, **values: ArrayLike) -> gs.Record:
     return gs.Record(record.table.with_columns(**{name: polars.Series(v) for name, v in new.items()}), record.metadata)
 
 
+def log_file(log: gs.Log, path: str) -> str:
+    """The log as a file of another origin: other units, underscores."""
+    assert log.time is not None
+    assert log.actuator_force is not None
+    values = {"time [ms]": 1e3 * log.time}
+    values |= {f"leg_length_{k + 1} (mm)": 1e3 * log.leg_length[:, k] for k in range(6)}
+    values |= {f"actuator_force[{k + 1}] [kN]": 1e-3 * log.actuator_force[:, k] for k in range(6)}
+    polars.DataFrame(values).write_csv(path)
+    return path
+
+
 def waving_record(
     platform: gs.Platform, rows: int = 501, size: float = 0.04, step: float = 1e-3, **metadata: Any
 ) -> gs.Record:

@@ -83,7 +83,11 @@ def whole() -> dict[str, Any]:
     }  # fmt: skip
     causes = {"name": "cause", "labels": ["a", "b"]}
     columns = [{"name": "", "explanation": "what"}, {"name": "1", "quantity": "length"}, {"name": "all"}]
-    cells = [["peak", 1e-3, {"value": 3.5, "quantity": "force"}], ["ok", None, True], ["n", "Infinity", 7]]
+    cells: list[list[Any]] = [
+        ["peak", 1e-3, {"value": 3.5, "quantity": "force"}],
+        ["ok", None, True],
+        ["n", "Infinity", 7],
+    ]
     number = {
         "path": "tracking.position.norm_peak", "name": "peak", "value": 8e-4, "quantity": "length", "low": 7e-4,
         "high": 9e-4, "limit": 1e-3, "margin": 2e-4, "explanation": "largest", "members": [1.0, None],

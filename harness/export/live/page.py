@@ -45,8 +45,8 @@ from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from gough_stewart.model.kinematics import leg_geometry
 
 # Scripts of the report's page that all pages share, and of its 3-D view; the machine starts before both are read.
-_FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "colours.js", "shapes.js", "bodies.js", "motion.js")
-_VIEW = ("orbit.js", "viewer.js", "scene.js", "drawn.js")
+_FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "colours.js", "shapes.js", "bodies.js")
+_VIEW = ("viewer.js", "scene.js")
 _LIVE = ("charts.js", "stage.js", "fields.js", "reference.js", "tune.js", "download.js", "live.js")
 _PACKAGES = ("gough-stewart", "numpy", "casadi", "ziglang")
 # Rows that a call computes at most.
