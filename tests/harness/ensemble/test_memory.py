@@ -45,10 +45,11 @@ def test_a_member_has_the_same_bits_among_any_number_and_in_a_search(way: str, a
     controller = WAYS[way]()
     for members in (4, 1):
         assert ensemble(controller, members).members.equals(among.members.head(members), null_equal=True)
-    options: dict[str, Any] = {"quantile": 1.0, "members": 4, "fresh": 1, "generations": 1, "population": 5}
-    found = gs.tune(EXPERIMENT, VARY, RMS, {**SHORT, "actuators.lag": 0.0}, controller=controller, **options)
-    assert found.before is not None
-    assert found.before.value == among.values(RMS)[:4].max()
+    if way == "object":  # which is copied for each member of each candidate
+        options: dict[str, Any] = {"quantile": 1.0, "members": 4, "fresh": 1, "generations": 1, "population": 5}
+        found = gs.tune(EXPERIMENT, VARY, RMS, {**SHORT, "actuators.lag": 0.0}, controller=controller, **options)
+        assert found.before is not None
+        assert found.before.value == among.values(RMS)[:4].max()
 
 
 def test_a_member_has_the_same_bits_among_600_from_two_processes() -> None:

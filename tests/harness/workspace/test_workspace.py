@@ -26,6 +26,15 @@ LIMITED = replace(UNEVEN, leg_velocity_max=0.6, actuator_power_max=300.0)
 STRONG = replace(UNEVEN, actuator_force_max=5e4, joint_angle_max=None, leg_length_min=None)
 SOFT = replace(UNEVEN, leg_stiffness=3.1e6)
 DESKTOP, MOTION_BASE, PAPER = (gs.load_preset(name) for name in ("desktop_hexapod", "motion_base", "liu2000"))
+# At home by 69° about its pitch, so that nothing but the pitch itself ends its poses there.
+PITCHED = replace(
+    DESKTOP,
+    platform_points=DESKTOP.platform_points @ Rotation.from_euler("y", -1.2).as_matrix(),
+    home_orientation=np.array([0.0, -1.2, 0.0]),
+    leg_length_min=None,
+    leg_length_max=None,
+    joint_angle_max=3.0,
+)
 # In the order of their numbers, as the table and as words have them.
 LIMITS = {
     "none": "reachable",
@@ -56,6 +65,7 @@ CASES: Mapping[str, tuple[gs.Platform, Over, dict[str, float], int, str, str]] =
     "map": (LIMITED, {"z": (1.6, 4.0), "pitch": (-1.5, 1.5)}, {"x": 0.2, "yaw": -0.3}, 9, "m", "N"),
     "volume": (LIMITED, {"y": None, "x": (-1.0, 1.5), "z": (2.2, 3.7)}, {"roll": 0.2, "yaw": -0.3}, 6, "m", "N"),
     "small": (DESKTOP, {"yaw": None, "x": (-0.07, 0.06)}, {"y": 0.01}, 8, "mm", "N"),
+    "pitched": (PITCHED, {"pitch": (-1.569, -1.0), "x": (-0.01, 0.02)}, {}, 5, "mm", "N"),
     "strong": (STRONG, {"x": None, "y": (-0.7, 1.9)}, {}, 6, "m", "kN"),
     "soft": (SOFT, {"pitch": (-0.4, 0.5), "x": (-0.6, 0.7)}, {}, 5, "m", "N"),
     "unlimited": (PAPER, {"roll": None, "z": (2.0, 2.8)}, {}, 5, "m", ""),
