@@ -29,8 +29,10 @@ class PageRun(NamedTuple):
 
 @pytest.fixture(scope="module")
 def tutorial(interpreter: Interpreter, tmp_path_factory: pytest.TempPathFactory) -> PageRun:
+    """All of it but the page to play with, which prints nothing here; tests/harness/export/live/ plays on it."""
     folder = tmp_path_factory.mktemp("tutorial")
-    return PageRun(folder, run_page(PAGE, folder, runner(interpreter)))
+    printed = run_page(PAGE, folder, runner(interpreter), left_out=lambda line: line.startswith("gough-stewart live "))
+    return PageRun(folder, printed)
 
 
 def test_every_output_is_below_what_prints_it() -> None:
@@ -70,7 +72,7 @@ def test_what_the_text_says_of_the_results_is_so(tutorial: PageRun) -> None:
     assert 1e-7 < nominal < 5e-6
     # "95 % of the stands stay within 0.5 mm", and Coulomb friction decides
     stands = gs.read_ensemble(results / "ensemble_walk")
-    assert stands.members["outcome"].to_list() == ["completed"] * 1000
+    assert stands.members["outcome"].to_list() == ["completed"] * 256
     assert np.quantile(stands.values("tracking.position.norm_peak"), 0.95) < 0.5e-3
     # "3 Hz is the end for this motion"
     factor = gs.check(str(tutorial.folder / "walk.toml"), {"reference.frequency": 4}).time_factor
