@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -147,10 +148,10 @@ class Variant:
         ):
             object.__setattr__(self, name, value)
 
-    @classmethod
-    def of(cls, platform: Any) -> "Variant":
+    @staticmethod
+    def of(platform: Any) -> "Variant":
         """Variant of a platform: bristles unless `leg_friction_model` is smooth, springs if `leg_stiffness` is > 0."""
-        return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
+        return VARIANTS[bool(platform.leg_friction_model != SMOOTH), bool(platform.leg_stiffness > 0)]
 
     @property
     def words(self) -> str:
@@ -159,7 +160,9 @@ class Variant:
         return f"{friction} and {'elastic legs' if self.springs else 'rigid legs'}"
 
 
-IDEAL = Variant()
+# All there are, by their parts, made once: a model asks for its variant whenever it is restored.
+VARIANTS = {(bristles, springs): Variant(bristles, springs) for bristles, springs in product((False, True), repeat=2)}
+IDEAL = VARIANTS[False, False]
 # The parameters that choose it.
 CHOOSING = ("leg_friction_model", "leg_stiffness")
 # Parameters of a plant whose legs slide without Coulomb friction, as a moving platform's do about its motion.
