@@ -1,4 +1,4 @@
-/* Poles, modes and margins of the linear loop, as harness/control/margins.py has them, with small dense matrices of
+/* Poles, modes and margins of the linear loop, as harness/control/loop_margins.py has them, with small dense matrices of
    complex numbers, by rows. */
 #include <complex.h>
 #include <float.h>
