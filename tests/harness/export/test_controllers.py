@@ -98,7 +98,7 @@ def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
     assert rounding is not None
     assert flash is not None
     assert 0 < float(rounding[1]) < 1e-6
-    assert 500 < int(flash[1]) < 32 * 1024
+    assert 500 < int(flash[1]) < 64 * 1024
 
 
 def system(n_states: int, n_inputs: int, size: float) -> Any:
@@ -236,14 +236,20 @@ def test_small_steps_of_an_integral_add_up() -> None:
 
 
 def test_the_header_states_what_single_precision_costs() -> None:
-    """Expected: the largest difference of the forces in a float from those of the harness, measured again."""
+    """Expected: the forces in a float less those in double precision, measured again with another compiler."""
     experiment = experiment_of("PID held, with every limit")
     source, record = source_of(experiment), gs.run(experiment)
     said = words_of(source.with_suffix(".h"))
-    stated = re.search(r"in (\S+) s of the designed loop, by at most (\S+) N, (\S+) of the largest force", said)
+    stated = re.search(
+        r"With EXPERIMENT_CONTROLLER_REAL=float, forces deviate from those in double precision, in (\S+) s of the "
+        r"designed loop, by at most (\S+) N, (\S+) of the largest force; in root mean square by (\S+) N",
+        said,
+    )
     assert stated is not None
-    assert "With EXPERIMENT_CONTROLLER_REAL=float, forces deviate" in said
-    deviation = np.abs(Exported(source, "float").steps(measured_by(record))[0] - commanded(record)).max()
-    assert float(stated[2]) == pytest.approx(deviation, rel=0.5)
-    assert float(stated[3]) == pytest.approx(deviation / np.abs(commanded(record)).max(), rel=0.5)
-    assert float(stated[1]) == pytest.approx(0.15, abs=0.01)
+    double, single = (Exported(source, real).steps(measured_by(record))[0] for real in REALS)
+    deviation = single - double
+    most, mean_square = np.abs(deviation).max(), (deviation**2).mean()
+    duration, said_most, share, said_mean = map(float, stated.groups())
+    assert duration == pytest.approx(0.15, abs=0.01)
+    assert [said_most, share] == pytest.approx([most, most / np.abs(double).max()], rel=0.4)
+    assert said_mean / said_most == pytest.approx(mean_square**0.5 / most, rel=0.1)
