@@ -1,4 +1,4 @@
-"""Likely mistakes in a platform: suspicious units, touching legs, wrong order of joints, friction that is not passive."""
+"""Likely mistakes in a platform: odd units, touching legs, wrong order of joints, friction that is not passive."""
 
 from itertools import combinations, permutations
 from types import SimpleNamespace
