@@ -76,8 +76,9 @@ class Piecewise(ABC):
 
 
 def end_of(reference: Reference) -> float:
-    """The last time that a motion defines [s], its `end`; infinite if it has none."""
-    return float(getattr(reference, "end", math.inf))
+    """The last time at which a motion is defined [s]: that of a table; infinite for others, paths rest after theirs."""
+    moves = reference.reference if isinstance(reference, Scaled) else reference
+    return math.inf if isinstance(moves, Piecewise) else float(getattr(reference, "end", math.inf))
 
 
 def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
@@ -136,8 +137,8 @@ class Scaled:
 
     @property
     def end(self) -> float:
-        """The last defined time [s]."""
-        return end_of(self.reference) * self.time_scale
+        """The last defined time [s]; of a path, that of its last pose."""
+        return float(getattr(self.reference, "end", math.inf)) * self.time_scale
 
     @cached_property
     def centre(self) -> FloatArray:

@@ -24,7 +24,7 @@ typedef struct {
     const double *coefficients; /* the values of its keys */
     int64_t n_pieces;           /* of a table: when each begins [s], and its polynomials (6, 6), highest power first */
     const double *begins, *pieces;
-    double end;             /* after it forces look no further [s] */
+    double end;             /* of the last piece [s] */
     const double *platform; /* (N_PARAMETERS), the nominal model */
     int64_t feedforward;    /* 0 none, 1 gravity, 2 computed torque */
     double ahead;           /* [s] */
@@ -201,7 +201,7 @@ static void plan_rows(machine *m, int64_t row, int64_t to)
             motion_at(p, (double)at * l->plant_step, motion);
             plan_signals(motion, p->platform, p->reference + (at - first * l->every) * N_REFERENCE);
         }
-        motion_at(p, later < p->end || p->kind == GIVEN ? later : p->end, motion);
+        motion_at(p, later, motion);
         double *force = p->forces + (k - first) * N_LEGS;
         if (p->feedforward == 1)
             plan_gravity(motion, p->platform, force);

@@ -94,6 +94,20 @@ def test_an_integral_faster_than_the_loop_is_unstable() -> None:
             gs.gains_from_bandwidth(UNEVEN, bandwidth, damping_ratio)
 
 
+def test_the_feedforward_is_that_of_rest_once_a_path_without_a_ramp_has_ended() -> None:
+    """Expected: the static forces of the last pose; until its end the fastest motion brakes."""
+    poses = [[0, 0, 0, 0, 0, 0], [0.03, 0, 0.06, 0, 0.05, 0]]
+    path = {"type": "path", "poses": poses, "relative_to": "home", "timing": "fastest", "margin": 0.3}
+    settings = {"reference": path, "controller.feedforward": "computed_torque", "loop.duration": 0.4}
+    record, platform = gs.run("heave_step", settings), gs.load_preset("motion_base")
+    ended = record["time"] > gs.ViaPath(**path).about(platform).end
+    pose = record["reference.position"][-1], record["reference.orientation"][-1]
+    rest = gs.static_leg_forces(platform, *pose)
+    assert ended.sum() > 50
+    assert np.abs(record["controller.feedforward"][ended] - rest).max() < 1e-6 * np.abs(rest).max()
+    assert np.abs(record["controller.feedforward"][~ended] - rest).max() > 0.1 * np.abs(rest).max()
+
+
 def test_an_open_loop_adds_its_forces_to_the_feedforward() -> None:
     """Expected: the sum, and in the record the same as the force that acts."""
     settings: dict[str, Any] = {"loop.duration": 0.01, "controller": {"type": "open_loop", "feedforward": "gravity"}}
