@@ -416,10 +416,8 @@ class Preparation:
                 if variant is None:
                     break
                 differs = np.flatnonzero(of_members != getattr(variant, part)).tolist()
-                words = [
-                    kind.words.removeprefix("with ")
-                    for kind in (replace(variant, **{part: not getattr(variant, part)}), variant)
-                ]
+                other: dict[str, Any] = {part: not getattr(variant, part)}
+                words = [kind.words.removeprefix("with ") for kind in (replace(variant, **other), variant)]
                 text = (
                     f"{name}: gives a member {words[0]}, and the experiment's machine has {words[1]}; expected one "
                     "kind in all members: run the others as an experiment of their own"

@@ -84,6 +84,7 @@ def described_members(cls: type) -> Iterator[tuple[str, object, str]]:
         elif isinstance(node, ast.FunctionDef) and isinstance(
             value := inspect.getattr_static(cls, node.name), property
         ):
+            assert value.fget is not None
             yield node.name, inspect.get_annotations(value.fget).get("return"), inspect.getdoc(value) or ""
 
 

@@ -97,7 +97,7 @@ def test_an_integral_faster_than_the_loop_is_unstable() -> None:
 def test_the_feedforward_is_that_of_rest_once_a_path_without_a_ramp_has_ended() -> None:
     """Expected: the static forces of the last pose; until its end the fastest motion brakes."""
     poses = [[0, 0, 0, 0, 0, 0], [0.03, 0, 0.06, 0, 0.05, 0]]
-    path = {"type": "path", "poses": poses, "relative_to": "home", "timing": "fastest", "margin": 0.3}
+    path: dict[str, Any] = {"type": "path", "poses": poses, "relative_to": "home", "timing": "fastest", "margin": 0.3}
     settings = {"reference": path, "controller.feedforward": "computed_torque", "loop.duration": 0.4}
     record, platform = gs.run("heave_step", settings), gs.load_preset("motion_base")
     ended = record["time"] > gs.ViaPath(**path).about(platform).end
