@@ -35,7 +35,7 @@ class Plant(Protocol):
     7. Two plants of the same platform, start and inputs give the same results within their tolerance, 1e-8 by default.
     8. `close` releases the plant's resources, at any time and repeatedly; as a context manager, a plant closes itself.
     9. A plant of N platforms has the `shape` (N,), the leading axis of all arrays: (N, 12), (N, N_RESULTS); members are
-       contiguous in memory, see `members`. `set_parameters` and `set_parameters_of` accept values with or without this
+       contiguous in memory, see `signals`. `set_parameters` and `set_parameters_of` accept values with or without this
        axis. `do_step` advances all members that can continue; those that cannot stay unchanged from then on, as after
        `freeze`, and are listed in the `MembersError` that it raises at the end.
     10. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next

@@ -73,7 +73,24 @@ class FmuFile:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.description = self._read()
+        if not self.path.is_file():
+            raise self.refusal("no such file")
+        check_archive(self.path)
+        try:
+            description = fmpy.read_model_description(str(self.path))
+        except Exception as error:  # FMPy, zipfile and lxml raise different errors
+            raise self.refusal(f"is not an FMU ({error})") from error
+        if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
+            kind = f"FMI {description.fmiVersion}, {description.modelName}"
+            raise self.refusal(f"{kind}; expected Co-Simulation of FMI 2.0 or 3.0")
+        for interface_type in filter(None, (description.coSimulation, description.modelExchange)):
+            identifier = str(interface_type.modelIdentifier)
+            if not _IDENTIFIER.fullmatch(identifier):
+                raise self.refusal(
+                    f"has the modelIdentifier {_ends_of(identifier.encode())!r}; expected a C identifier, as the "
+                    "standard requires: it is the name of the library"
+                )
+        self.description: Any = description
         self.version = str(self.description.fmiVersion)
         self.is_fmi2 = self.version == "2.0"  # whose variables are scalars
         self._check()
@@ -131,26 +148,6 @@ class FmuFile:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _read(self) -> Any:
-        if not self.path.is_file():
-            raise self.refusal("no such file")
-        check_archive(self.path)
-        try:
-            description = fmpy.read_model_description(str(self.path))
-        except Exception as error:  # FMPy, zipfile and lxml raise different errors
-            raise self.refusal(f"is not an FMU ({error})") from error
-        if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
-            kind = f"FMI {description.fmiVersion}, {description.modelName}"
-            raise self.refusal(f"{kind}; expected Co-Simulation of FMI 2.0 or 3.0")
-        for interface_type in filter(None, (description.coSimulation, description.modelExchange)):
-            identifier = str(interface_type.modelIdentifier)
-            if not _IDENTIFIER.fullmatch(identifier):
-                raise self.refusal(
-                    f"has the modelIdentifier {_ends_of(identifier.encode())!r}; expected a C identifier, as the "
-                    "standard requires: it is the name of the library"
-                )
-        return description
 
     def _check(self) -> None:
         """Refuse an FMU that the class cannot use."""
