@@ -17,7 +17,21 @@ from gough_stewart.model.vectors import FloatArray
 BoolArray = NDArray[np.bool_]
 
 
-class Plant(Protocol):
+class Closing(Protocol):
+    """What closes itself as a context manager."""
+
+    def close(self) -> None:
+        """Release the resources, by default nothing; may be called again."""
+        return
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Plant(Closing, Protocol):
     """The platform as seen by the loop, for any implementation.
 
     The contract:
@@ -75,16 +89,6 @@ class Plant(Protocol):
     def remarks(self) -> str:
         """What the plant said since the last call while all went well."""
         return ""
-
-    def close(self) -> None:
-        """Release the plant's resources, by default nothing; may be called again."""
-        return
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _refuse_members(self) -> None:
         raise PlantError(

@@ -15,7 +15,7 @@ from ctypes import CFUNCTYPE, byref, c_bool, c_double, c_int, c_size_t, c_uint, 
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import fmpy
 import numpy as np
@@ -28,7 +28,7 @@ from gough_stewart.fmu_build.component import Layout, Role
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import Plant, tunable
+from gough_stewart.harness.plants.plant import Closing, Plant, tunable
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.errors import GoughStewartError, StepError
@@ -61,7 +61,7 @@ _MESSAGES_KEPT = 4
 _BYTES_KEPT = 500
 
 
-class FmuFile:
+class FmuFile(Closing):
     """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until closed.
 
     Its `error` is raised for no such file, no FMU, an unsafe archive, or another kind of FMU.
@@ -143,12 +143,6 @@ class FmuFile:
             self._libraries.popitem()[1].freeLibrary()
         self._temporary.cleanup()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _check(self) -> None:
         """Refuse an FMU that the class cannot use."""
 
@@ -176,7 +170,7 @@ class UnitFile(FmuFile):
                     )
 
 
-class FmuInstance:
+class FmuInstance(Closing):
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
@@ -272,17 +266,11 @@ class FmuInstance:
         self.is_alarmed, self._heard = False, 0
         return "; ".join(texts)
 
-    def free(self) -> None:
+    def close(self) -> None:
         """Terminate and free the instance; may be called again."""
         fmu, self.fmu = self.fmu, None
         if fmu is not None:  # the library is the file's
             (fmu.fmi2FreeInstance if self.is_fmi2 else fmu.fmi3FreeInstance)(fmu.component)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.free()
 
     def _on_log(self, *arguments: Any) -> None:
         # the environment, in FMI 2.0 the instance's name, then these
