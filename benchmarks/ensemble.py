@@ -15,7 +15,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.workers import Workers, chunks_here
 from gough_stewart.harness.experiment.file import load_experiment
@@ -24,6 +23,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.lanes import Stepping
+from gough_stewart.harness.plants.open import cached_build
 from gough_stewart.harness.plants.unit import FmuPlant
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
 

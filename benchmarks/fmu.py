@@ -21,10 +21,10 @@ from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import FLAGS, native
+from gough_stewart.harness.plants.open import cached_build
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.interface import Variant

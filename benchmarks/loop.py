@@ -17,7 +17,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.experiment.file import load_experiment
@@ -25,7 +24,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.harness.plants.open import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant, cached_build
 from gough_stewart.harness.plants.unit import FmuPlant
 
 ROUNDS = 5

@@ -18,7 +18,7 @@ from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
 from gough_stewart.fmu_build.libraries import Library
-from gough_stewart.fmu_build.mjcf import mjcf, mjcf_name
+from gough_stewart.fmu_build.mjcf import mjcf
 from gough_stewart.fmu_build.plant.plant_component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
 from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
@@ -87,7 +87,7 @@ def build(
     forms = tuple(forms)
     check_forms(forms)
     platform = load_preset(DEFAULT_PRESET) if platform is None else platform
-    models = {mjcf_name(platform): mjcf(platform)} if "mjcf" in forms else {}
+    models = dict([mjcf(platform)]) if "mjcf" in forms else {}
     component, versions = plant_component(platform), chosen_versions(fmi)
     return build_units(
         component, out, fmi=versions if "fmu" in forms else None, targets=targets, progress=progress, extra_files=models

@@ -38,28 +38,22 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
 
     `order` has the positions in `Variant.results` of a unit's results, which begin with the states; empty: as they are.
     """
-    in_order = (traced.outputs_function, traced.forward_function, traced.reverse_function)
-    functions = [
-        traced.derivatives_function(variant),
-        *(_in_unit_order(f(variant), order) for f in in_order),
-        traced.legs_function(variant),
-    ]
+    functions, back = [traced.derivatives_function(variant)], np.argsort(order).tolist()
+    for function_of in (traced.outputs_function, traced.forward_function, traced.reverse_function):
+        function = function_of(variant)
+        if order:  # its results y, changes dy and weights wy
+            arguments, names, result_names = function.sx_in(), function.name_in(), function.name_out()
+            results = function.call([v[back] if name == "wy" else v for name, v in zip(names, arguments, strict=True)])
+            pairs = zip(result_names, results, strict=True)
+            ordered = [casadi.cse(v[list(order)] if name in ("y", "dy") else v) for name, v in pairs]
+            function = casadi.Function(function.name(), arguments, ordered, names, result_names)
+        functions.append(function)
+    functions.append(traced.legs_function(variant))
     head = _HEAD
     if variant.bristles:
         functions += [f(variant) for f in (traced.decays_function, traced.grip_function, traced.sliding_function)]
         head += _SIGN
     return head + "".join(function_source(f, conditions=variant != IDEAL) for f in functions)
-
-
-def _in_unit_order(function: casadi.Function, order: Sequence[int]) -> casadi.Function:
-    """A function whose results y, changes dy or weights wy are in the order of a unit: states before other results."""
-    if not order:
-        return function
-    back = np.argsort(order).tolist()
-    arguments, names, result_names = function.sx_in(), function.name_in(), function.name_out()
-    results = function.call([v[back] if name == "wy" else v for name, v in zip(names, arguments, strict=True)])
-    ordered = [v[list(order)] if name in ("y", "dy") else v for name, v in zip(result_names, results, strict=True)]
-    return casadi.Function(function.name(), arguments, [casadi.cse(v) for v in ordered], names, result_names)
 
 
 # Calls of the C library in CasADi's code.

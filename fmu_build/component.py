@@ -88,29 +88,28 @@ class Layout:
 
 def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appended: Iterable[Variable] = ()) -> Layout:
     """The layout of variables, the derivatives of states with their units, time, and what was added later."""
-    variables, rows = tuple(variables), list[LayoutRow]()
-    described: list[tuple[Variable, Role, str | None]] = [(variable, _role(variable), None) for variable in variables]
+    variables, rows, first = tuple(variables), list[LayoutRow](), 0
+    rates, state_of = list[Variable](), dict[str, str]()
     for state in (v for v in variables if v.is_state):
-        text = f"time derivative of {state.name}"
-        rate = Variable(f"der({state.name})", state.shape, rate_units[state.name], "local", "continuous", text)
-        described.append((rate, Role.DERIVATIVE, state.name))
+        name, text = f"der({state.name})", f"time derivative of {state.name}"
+        rates.append(Variable(name, state.shape, rate_units[state.name], "local", "continuous", text))
+        state_of[name] = state.name
     time = Variable("time", (), "s", "local", "continuous", "simulation time")
-    described += [(time, Role.INDEPENDENT, None), *((variable, _role(variable), None) for variable in appended)]
-    first = 0
-    for variable, role, derivative_of in described:
-        rows.append(LayoutRow(variable, len(rows), first, role, derivative_of))
+    for variable in (*variables, *rates, time, *appended):
+        role = Role.RESULT
+        if variable.name in state_of:
+            role = Role.DERIVATIVE
+        elif variable is time:
+            role = Role.INDEPENDENT
+        elif variable.is_state:
+            role = Role.STATE
+        elif variable.causality == "input":
+            role = Role.INPUT
+        elif variable.causality == "parameter":
+            role = Role.TUNABLE_PARAMETER if variable.variability == "tunable" else Role.FIXED_PARAMETER
+        rows.append(LayoutRow(variable, len(rows), first, role, state_of.get(variable.name)))
         first += variable.size
     return Layout(tuple(rows))
-
-
-def _role(variable: Variable) -> Role:
-    if variable.is_state:
-        return Role.STATE
-    if variable.causality == "input":
-        return Role.INPUT
-    if variable.causality == "parameter":
-        return Role.TUNABLE_PARAMETER if variable.variability == "tunable" else Role.FIXED_PARAMETER
-    return Role.RESULT
 
 
 class Sources(NamedTuple):

@@ -145,6 +145,24 @@ def controller_component(controller: SampledController, file_stem: str = "contro
             )
         }
 
+    slots = layout.by_name
+    limits = [slots[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
+    facts = {
+        "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
+        "HAS_RATE_LIMITED": int(controller.has_rate_limit),
+        "HAS_SWITCH": int(controller.has_switch),
+        "STEPS_A_SAMPLE": controller.steps_a_sample,
+        "MOST_SAMPLES": MOST_SAMPLES,
+        "MOST_OUTPUT_DELAY": controller.most_output_delay,
+    }
+    header = filled(
+        "controller/controller_table.h",
+        slots=defines({name.upper(): slots[name].first for name in _SLOTS_IN_C.split() if name in slots}),
+        facts=defines(facts),
+        most_output_delay=controller.most_output_delay,
+        is_none_at_zero=" || ".join(f"(slot) == {slot}" for slot in limits) or "0",
+        expectations=" \\\n".join(f"        {json.dumps(p.expected)}," for p in controller.parameters),
+    )
     # until sample 1 the forces are the start forces; later they do not depend on current inputs
     forces, start_forces = layout.by_name["actuator_force"], layout.by_name["start_force"]
     # the plain C defines the meaning of the memory
@@ -164,7 +182,7 @@ def controller_component(controller: SampledController, file_stem: str = "contro
         },
         code=Sources(
             {**c.units, **code.units},
-            {**c.headers, **code.headers, "controller_table.h": controller_header(controller)},
+            {**c.headers, **code.headers, "controller_table.h": header},
         ),
         icon=controller.icon,
         actuator=actuator,
@@ -172,26 +190,4 @@ def controller_component(controller: SampledController, file_stem: str = "contro
         documents=documents,
         settings=frozenset({OUTPUT_DELAY}),
         saved_form=hashlib.sha256(texts.encode()).hexdigest(),
-    )
-
-
-def controller_header(controller: SampledController) -> str:
-    """`controller_table.h`."""
-    rows = controller.layout.by_name
-    limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
-    facts = {
-        "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
-        "HAS_RATE_LIMITED": int(controller.has_rate_limit),
-        "HAS_SWITCH": int(controller.has_switch),
-        "STEPS_A_SAMPLE": controller.steps_a_sample,
-        "MOST_SAMPLES": MOST_SAMPLES,
-        "MOST_OUTPUT_DELAY": controller.most_output_delay,
-    }
-    return filled(
-        "controller/controller_table.h",
-        slots=defines({name.upper(): rows[name].first for name in _SLOTS_IN_C.split() if name in rows}),
-        facts=defines(facts),
-        most_output_delay=controller.most_output_delay,
-        is_none_at_zero=" || ".join(f"(slot) == {slot}" for slot in limits) or "0",
-        expectations=" \\\n".join(f"        {json.dumps(p.expected)}," for p in controller.parameters),
     )

@@ -164,8 +164,9 @@ def _environment() -> "Environment":
     from markupsafe import Markup
 
     def attributes(values: Mapping[str, Any]) -> Markup:
-        """The attributes of an element, without those that are None."""
-        texts = ((name, xml_text(str(value))) for name, value in values.items() if value is not None)
+        """The attributes of an element, without those that are None; with a mark for what XML cannot have."""
+        stated = ((name, str(value)) for name, value in values.items() if value is not None)
+        texts = ((name, _REFUSED.sub("\N{REPLACEMENT CHARACTER}", value)) for name, value in stated)
         return Markup("".join(f" {name}={quoteattr(text)}" for name, text in texts))
 
     def number(value: float) -> str:
@@ -196,11 +197,6 @@ def _environment() -> "Environment":
         "exact": lambda values: " ".join(repr(float(value) + 0.0) for value in np.ravel(values)),
     }
     return environment
-
-
-def xml_text(text: str) -> str:
-    """A text with a visible mark for each character that XML cannot have."""
-    return _REFUSED.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 @cache

@@ -13,7 +13,6 @@ import sys
 from itertools import accumulate
 
 from gough_stewart.fmu_build.cache import BuildError, state_of_sources
-from gough_stewart.fmu_build.cached import platform_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.toolchain import compiler_of, native
@@ -35,7 +34,7 @@ def kernel_code(variant: Variant = IDEAL) -> Library:
 def kernel_sources(variant: Variant = IDEAL) -> Sources:
     """The C of the plant's component with its stepper, and of the ideal plant the kernel's functions."""
     from gough_stewart.fmu_build.codegen import function_source
-    from gough_stewart.fmu_build.plant.plant_component import plant_component
+    from gough_stewart.fmu_build.plant.plant_component import plant_component, platform_of
     from gough_stewart.fmu_build.sources import c_folder, defines, filled, sources
     from gough_stewart.model import traced
 

@@ -20,14 +20,8 @@ _LIMITS = ("leg_length_min", "leg_length_max", "actuator_force_max")
 _LEAST_INERTIA = 1e-9
 
 
-def mjcf_name(platform: Platform) -> str:
-    """The name of the file."""
-    name = re.sub(r"[^\w.-]+", "_", platform.name).strip("._")
-    return f"{name or 'platform'}.xml"
-
-
-def mjcf(platform: Platform) -> bytes:
-    """The platform as a document in MJCF, which says in a comment what of the platform has no counterpart there.
+def mjcf(platform: Platform) -> tuple[str, bytes]:
+    """Name and content of the platform's file in MJCF; a comment says what of the platform has no counterpart there.
 
     Legs have a universal joint at the base and slide; the platform hangs on leg 1 by a ball joint, and five `connect`
     constraints close the other legs. Actuators are motors with the platform's force limit; friction is viscous
@@ -73,12 +67,25 @@ def mjcf(platform: Platform) -> bytes:
                 "from_first": platform.platform_points[k] - first,
             }
         )
+    # what has no counterpart there, a line each
+    left_out = []
+    if platform.actuator_power_max is not None or platform.leg_velocity_max is not None:
+        left_out.append("limits of velocity and power of the actuators")
+    if platform.joint_angle_max is not None:
+        left_out.append("limits of joint angles")
+    if platform.leg_friction_model:
+        left_out.append("presliding, static and Stribeck friction: frictionloss is Coulomb friction alone")
+    elif platform.leg_coulomb_friction:
+        left_out.append("the velocity over which Coulomb friction is smoothed, leg_friction_velocity")
+    if platform.leg_stiffness:
+        left_out.append("the legs' springs: their motors are rigid in the model")
     inertia = platform.platform_inertia
-    return rendered(
+    name = re.sub(r"[^\w.-]+", "_", platform.name).strip("._") or "platform"
+    return f"{name}.xml", rendered(
         "platform.mjcf.xml",
         platform=platform,
         version=installed_package()[0]["Version"],
-        left_out=left_out(platform),
+        left_out=left_out,
         legs=legs,
         radius=0.01 * float(home.length.mean()),
         # leg 1's frame to that of the platform
@@ -88,19 +95,3 @@ def mjcf(platform: Platform) -> bytes:
         inertia=inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
         home_force=platform.home_actuator_force,
     )
-
-
-def left_out(platform: Platform) -> list[str]:
-    """What of the platform has no counterpart in the model, a line each."""
-    lines = []
-    if platform.actuator_power_max is not None or platform.leg_velocity_max is not None:
-        lines.append("limits of velocity and power of the actuators")
-    if platform.joint_angle_max is not None:
-        lines.append("limits of joint angles")
-    if platform.leg_friction_model:
-        lines.append("presliding, static and Stribeck friction: frictionloss is Coulomb friction alone")
-    elif platform.leg_coulomb_friction:
-        lines.append("the velocity over which Coulomb friction is smoothed, leg_friction_velocity")
-    if platform.leg_stiffness:
-        lines.append("the legs' springs: their motors are rigid in the model")
-    return lines

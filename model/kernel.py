@@ -23,8 +23,8 @@ from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.installed import (
     TRACER,
     check_installed,
+    manifest,
     prebuilt,
-    prebuilt_numbers,
     state_of_texts,
     this_machine,
 )
@@ -64,7 +64,7 @@ def kernel_library() -> ctypes.PyDLL | None:
     path = prebuilt(f"{this_machine()}/kernel", state_of_texts())
     if path is None:
         return None
-    shipped, (block, parts), gap = prebuilt_numbers(), new_block(), 0.0
+    shipped, (block, parts), gap = manifest().get("numbers", {}), new_block(), 0.0
     for name in ("x", "u", "p"):
         parts[name][:] = shipped[name]
     try:

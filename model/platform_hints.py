@@ -32,8 +32,19 @@ _PAIRS = np.array([*combinations(range(6), 2)])
 
 def platform_hints(platform: PlatformFields) -> tuple[str, ...]:
     """One line for each thing that looks like a mistake."""
-    kinds = (_unit_hints, _shared_joint_hints, _joint_order_hints, _friction_hints)
-    return tuple(hint for hints_of in kinds for hint in hints_of(platform))
+    hints, kinds, (i, j) = _unit_hints(platform), [], _PAIRS.T
+    # joints that legs share: exact in textbooks, while real joints have a size
+    for kind, points in (("base", platform.base_points), ("platform", platform.platform_points)):
+        pairs = ", ".join(f"{a + 1} and {b + 1}" for a, b in _PAIRS[shared_joints(points)[i, j]])
+        if pairs:
+            kinds.append(f"a {kind} joint (legs {pairs})")
+    if kinds:
+        hints.append(
+            f"legs share {' and '.join(kinds)}; real joints need room: give each leg its own point, some joint "
+            "diameters from the other, unless yours are compound joints; whether legs that share a joint collide is "
+            "not looked at"
+        )
+    return (*hints, *_joint_order_hints(platform), *_friction_hints(platform))
 
 
 def _unit_hints(platform: PlatformFields) -> list[str]:
@@ -64,22 +75,6 @@ def _unit_hints(platform: PlatformFields) -> list[str]:
                 "is it in kg mm2 or g mm2? Expected kg m2"
             )
     return hints
-
-
-def _shared_joint_hints(platform: PlatformFields) -> list[str]:
-    """Joints that legs share: exact in textbooks, while real joints have a size."""
-    i, j = _PAIRS.T
-    kinds = []
-    for kind, points in (("base", platform.base_points), ("platform", platform.platform_points)):
-        pairs = ", ".join(f"{a + 1} and {b + 1}" for a, b in _PAIRS[shared_joints(points)[i, j]])
-        if pairs:
-            kinds.append(f"a {kind} joint (legs {pairs})")
-    if not kinds:
-        return []
-    return [
-        f"legs share {' and '.join(kinds)}; real joints need room: give each leg its own point, some joint diameters "
-        "from the other, unless yours are compound joints; whether legs that share a joint collide is not looked at"
-    ]
 
 
 def _joint_order_hints(platform: PlatformFields) -> list[str]:

@@ -45,7 +45,13 @@ def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
                 raise PlatformError(name, f"is also determined by {key}; expected only one of the two")
             joints[name] = _cartesian(key, joints.pop(key))
     if "legs" in joints:
-        pairs = _pairs_of_legs(joints.pop("legs"))
+        rows = _rows_of("legs", joints.pop("legs"), ("base joint", "platform joint"))
+        if len(rows) != 6:
+            raise PlatformError("legs", f"has {len(rows)} rows; expected six")
+        for k, row in enumerate(rows):
+            if not all(type(number) is int and number >= 1 for number in row):
+                raise PlatformError(f"legs[{k + 1}]", f"is {row}; expected two numbers of joints, from 1")
+        pairs = np.array(rows) - 1
         for end, name in enumerate(_CYLINDRICAL.values()):
             if name in joints:
                 joints[name] = _taken(name, joints[name], pairs[:, end])
@@ -81,17 +87,6 @@ def _cartesian(key: str, value: object) -> FloatArray:
             )
         points.append([radius * np.cos(angle), radius * np.sin(angle), z])
     return np.array(points)
-
-
-def _pairs_of_legs(value: object) -> NDArray[np.intp]:
-    """Base joint and platform joint of each leg (6, 2), from 0, of `legs`, which counts from 1."""
-    rows = _rows_of("legs", value, ("base joint", "platform joint"))
-    if len(rows) != 6:
-        raise PlatformError("legs", f"has {len(rows)} rows; expected six")
-    for k, row in enumerate(rows):
-        if not all(type(number) is int and number >= 1 for number in row):
-            raise PlatformError(f"legs[{k + 1}]", f"is {row}; expected two numbers of joints, from 1")
-    return np.array(rows) - 1
 
 
 def _taken(name: str, points: Any, numbers: NDArray[np.intp]) -> Any:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from math import log10
@@ -28,8 +29,15 @@ from gough_stewart.fmu_build.plant.reference_results import (
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
-from gough_stewart.model.platform import Platform
+from gough_stewart.model.interface import (
+    DEFAULT_TOLERANCE,
+    ELASTO_PLASTIC,
+    IDEAL,
+    MOST_INTERNAL_STEPS,
+    TOLERANCES,
+    Variant,
+)
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_texts
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array
@@ -138,6 +146,16 @@ def plant_component(
         settings=frozenset({"fixed_step_size"}),
         options={"ZEROS_ARE_UNSET_AT_START": is_in_a_system},
     )
+
+
+def platform_of(variant: Variant) -> Platform:
+    """Any platform of a variant, the paper's if it is ideal: all its parameters are set when it runs."""
+    platform = load_preset("liu2000")
+    if variant.bristles:
+        platform = replace(platform, leg_friction_model=ELASTO_PLASTIC, leg_coulomb_friction=1.0)
+    if variant.springs:
+        platform = replace(platform, leg_stiffness=1e6, leg_armature=1.0)
+    return platform
 
 
 @cache

@@ -16,7 +16,7 @@ from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
-from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
+from gough_stewart.harness.plants import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment

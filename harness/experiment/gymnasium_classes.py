@@ -30,9 +30,8 @@ from gough_stewart.harness.loop.libraries import loop_kernel
 from gough_stewart.harness.loop.loop import LENGTHS, members_last
 from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.harness.plants.members import of_legs
 from gough_stewart.harness.plants.plant import BoolArray, seen
-from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES
+from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES, of_legs
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import ArgumentError, MembersError

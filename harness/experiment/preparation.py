@@ -41,8 +41,7 @@ from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, che
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.lanes import BatchPlant, CompiledLanes, Stepping
-from gough_stewart.harness.plants.members import PerMember, of_legs, stacked
-from gough_stewart.harness.plants.signals import VARIABLES
+from gough_stewart.harness.plants.signals import VARIABLES, PerMember, of_legs, stacked
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
 from gough_stewart.model.formulations.cases import PAPER_PRESET

@@ -27,8 +27,7 @@ from gough_stewart.harness.loop.folds import ERRORS, error_between
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import as_numbers
-from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants import PlantKind, signals
 from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant

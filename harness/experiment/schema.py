@@ -17,7 +17,7 @@ from gough_stewart.harness.motion.limits.reach import WhenBeyond
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants import PlantKind
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.quantities import (
     ZEROS,

@@ -25,7 +25,7 @@ from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
 from gough_stewart.harness.loop.loop import Actuators, Loop, LoopSettings, ScheduledChanges, Sensors, members_last
 from gough_stewart.harness.loop.python_host import by_element, streams_of
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor, Status
-from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BatchPlant, lane_rows
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.process.progress import TimeProgress
@@ -202,7 +202,7 @@ class CompiledHost:
 
         # ends of runs; without a limit, what is not a number is too far from the reference
         if loop.limits.on_stroke == "stop":
-            ends = (np.ascontiguousarray(members.of_legs(end)) for end in loop.limits.stroke)
+            ends = (np.ascontiguousarray(signals.of_legs(end)) for end in loop.limits.stroke)
             c.shortest, c.longest = map(self._table, ends)
         if loop.reference is not None:
             c.farthest = self._table(np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))[None])
@@ -265,7 +265,7 @@ class CompiledHost:
         (n,), timing = self._plant.shape, self._loop.timing
         steps, deviations = (by_element(sizes, self._used, n) for sizes in (sensors.quantisation, sensors.noise))
         values = {key: np.full(n, value, float) for key, value in actuators.values.items() if key != "force_limit"}
-        by_leg = members.of_legs(actuators.values["force_limit"])
+        by_leg = signals.of_legs(actuators.values["force_limit"])
         values["force_limit"] = np.broadcast_to(by_leg, (N_LEGS, n))
         by_signal = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (size, 24, N)
         return {

@@ -35,7 +35,7 @@ _ROWS = 256
 
 
 class _Fold(ctypes.Structure):
-    """`fold` of c/folds/folds.h, as the structure below."""
+    """`fold` of c/folds/folds.c, as the structure below."""
 
     _fields_ = [("kernel", _INTEGER), ("places", _POINTER), ("state", _INTEGER), ("parameter", _INTEGER)]
 

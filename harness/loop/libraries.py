@@ -154,7 +154,7 @@ class CompiledLaw:
 
     @property
     def address(self) -> int:
-        """Of its function, see c/law/law.h."""
+        """Of its function, see c/law/law.c."""
         return ctypes.cast(self.library.law_step, ctypes.c_void_p).value or 0
 
 
@@ -196,7 +196,7 @@ def _library(serialized: str) -> ctypes.CDLL | None:
     memory = np.repeat(_SCALES, WIDTH // len(_SCALES)) * drawn.standard_normal((function.numel_in(0), WIDTH))
     compiled: FloatArray = np.zeros((function.numel_out(0), WIDTH))
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in (memory, compiled))
-    library.law_step(*pointers, ctypes.c_int64(WIDTH))  # see c/law/law.h
+    library.law_step(*pointers, ctypes.c_int64(WIDTH))  # see c/law/law.c
     expected = np.stack([np.asarray(function(memory[:, k])).ravel() for k in range(WIDTH)], axis=1)
     known, gap = np.isfinite(expected), np.inf
     if np.array_equal(known, np.isfinite(compiled)):

@@ -12,10 +12,9 @@ import numpy as np
 
 from gough_stewart.harness.control.fault import N_FAULTS
 from gough_stewart.harness.loop.timing import Seeds, Timing
-from gough_stewart.harness.plants import members, signals
-from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
-from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.harness.plants.signals import N_LEGS, PerMember
 from gough_stewart.model import interface
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
@@ -99,7 +98,7 @@ class Limits:
 
     def beyond_stroke(self, lengths: FloatArray) -> BoolArray:
         """Which leg lengths (..., 6) [m] are outside of the stroke."""
-        low, high = (members.of_legs(end).T for end in self.stroke)
+        low, high = (signals.of_legs(end).T for end in self.stroke)
         return np.asarray((lengths < low) | (lengths > high))
 
 
@@ -208,10 +207,10 @@ class ScheduledChanges:
 
     def __init__(self, loop: Loop, plant: Plant) -> None:
         self._plant = plant
-        self.inputs = members.zeros(plant.shape, interface.N_INPUTS)  # of the plant
+        self.inputs = signals.zeros(plant.shape, interface.N_INPUTS)  # of the plant
         self.inputs[:, :N_LEGS] = loop.start_force
-        self.faults = members.zeros(plant.shape, N_FAULTS)  # 1 of what has failed
-        self.manual = members.zeros(plant.shape, 2 * N_LEGS)  # see `Change`
+        self.faults = signals.zeros(plant.shape, N_FAULTS)  # 1 of what has failed
+        self.manual = signals.zeros(plant.shape, 2 * N_LEGS)  # see `Change`
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)

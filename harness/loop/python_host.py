@@ -20,10 +20,9 @@ from gough_stewart.harness.loop.libraries import loop_kernel
 from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor
 from gough_stewart.harness.loop.timing import Seeds
-from gough_stewart.harness.plants import members, signals
-from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
-from gough_stewart.harness.plants.signals import MOTORS, N_LEGS
+from gough_stewart.harness.plants.signals import MOTORS, N_LEGS, PerMember
 from gough_stewart.model.errors import MembersError
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.platform import LARGEST_NUMBER
@@ -69,7 +68,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
     delay = np.broadcast_to(np.asarray(loop.actuators.delay), (n,))
     delayed = np.tile(start, (int(delay.max()) + 1, 1, 1))
     has_one_delay, all_members = delay.min() == delay.max(), np.arange(n)
-    command, excess = start.copy().T, members.zeros((n,), N_LEGS)
+    command, excess = start.copy().T, signals.zeros((n,), N_LEGS)
     takeover = Takeover.prepare({}, timing.sample_time)
     transfer, switched_off, manual_force = Takeover.start(takeover, (start,)), np.zeros(n, dtype=bool), start
     no_flags, state = np.zeros((N_LEGS, n), dtype=bool).T, np.zeros((n, 0))
@@ -125,7 +124,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                     # a member's command stays until its next sample; that of an ended member is cleared
                     new = np.where(due[:, None], new, np.where(going[:, None], command, 0.0))
                 command, commanded = np.broadcast_to(new, command.shape), due
-                if not members.all_below(command.T, LARGEST_NUMBER):
+                if not signals.all_below(command.T, LARGEST_NUMBER):
                     beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
                     for member in np.flatnonzero(beyond).tolist():  # with this row, before its limits are checked
                         cause = loop.failure_of_forces(j, command[member])

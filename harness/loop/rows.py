@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, members_last
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
 from gough_stewart.model.platform import LARGEST_NUMBER
@@ -182,7 +182,7 @@ class RowMonitor:
             self.end(beyond, row + 1, "stopped", lambda k: self.beyond_stroke(k, now[k]))
         if self._reference is not None:
             gap = self._reference[row, :3] - now.T[:3]
-            if not members.all_below(gap, self._nearest_limit):
+            if not signals.all_below(gap, self._nearest_limit):
                 x, y, z = gap
                 away = ~np.less_equal(np.sqrt(x * x + y * y + z * z), self._limits.largest_position_error)
                 self.end(away, row + 1, "diverged", lambda k: self.too_far(k, row, now[k]))  # also for NaN
@@ -191,7 +191,7 @@ class RowMonitor:
 
     def beyond_stroke(self, member: int, now: FloatArray) -> str:
         """Why a member with these signals (24,) is stopped: its first leg that is beyond its stroke."""
-        ends = (members.of_legs(end) for end in self._limits.stroke)
+        ends = (signals.of_legs(end) for end in self._limits.stroke)
         low, high = (end[:, member if end.shape[1] > 1 else 0] for end in ends)
         lengths = now[LENGTHS]
         leg = int(((lengths < low) | (lengths > high)).argmax())
@@ -201,7 +201,7 @@ class RowMonitor:
         """Why a member with these signals (24,) has diverged: its distance from the reference."""
         assert self._reference is not None
         wanted = self._reference[row, :3, member if self._reference.shape[2] > 1 else 0]
-        limit = members.of(self._limits.largest_position_error, member)
+        limit = signals.of(self._limits.largest_position_error, member)
         error = np.linalg.norm(wanted - now[:3])
         return f"the platform is {error:.3g} m from its reference; the limit is {limit:g} m"
 
@@ -214,7 +214,7 @@ class RowMonitor:
         values = now if at_motors is now else np.concatenate([now, at_motors[:, signals.LEGS]], axis=1)
         if self.rows.motors.size:
             self.rows.motors[self.rows.count + 1] = values.T[signals.SIZE :]
-        if members.all_below(values.T, LARGEST_NUMBER):
+        if signals.all_below(values.T, LARGEST_NUMBER):
             return
         broken = ~(np.abs(values) <= LARGEST_NUMBER)
         columns = signals.column_names([*signals.NAMES, *signals.AT_MOTORS.values()])

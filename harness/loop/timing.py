@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants.signals import PerMember
 from gough_stewart.model.vectors import FloatArray
 
 # Seed of one run; member k of an ensemble has `SeedSequence(seed, spawn_key=(k,))`.

@@ -193,6 +193,8 @@ class BatchPlant(Plant):
         self.substeps, self.tolerance = substeps, tolerance
         self._kernel = kernel or _of_plants_alone(variant)
         self.features, self.columns = self._kernel.features, variant.columns
+        # the function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`
+        self.loop_run = self._kernel.loop_run
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
@@ -209,11 +211,6 @@ class BatchPlant(Plant):
         self.internal_steps, self.integration_error = (
             numbers[: len(platforms)] for numbers in (batch.internal_steps, batch.error)
         )
-
-    @property
-    def loop_run(self) -> Callable[..., int] | None:
-        """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
-        return self._kernel.loop_run
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""

@@ -1,18 +1,20 @@
 """Opens the plant of a run by its kind: in process, or as an FMU, which is built if no file is given."""
 
 import atexit
+import tempfile
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources
 from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, Variant
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.installed import this_machine
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import Integrator, SteppingModel
@@ -84,6 +86,23 @@ def open_plant(
         unit.close()
         raise PlantError(f"{fmu}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
     return unit
+
+
+def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
+    """The FMU of the paper's platform, or of another variant, for this machine, built once per state of this package.
+
+    See `build` and `kept` for errors.
+    """
+
+    def built() -> bytes:
+        from gough_stewart.fmu_build.build import build  # imports what a cached unit does not need
+        from gough_stewart.fmu_build.plant.plant_component import platform_of
+
+        with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
+            return build(folder, fmi=[fmi_version], platform=platform_of(variant), progress=progress)[0].read_bytes()
+
+    state = "-".join((state_of_sources(), this_machine(), *variant.parts))
+    return kept(cache_folder() / "fmus" / state / f"gough_stewart_fmi{fmi_version[0]}.fmu", built)
 
 
 @cache

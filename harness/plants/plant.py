@@ -17,7 +17,21 @@ from gough_stewart.model.vectors import FloatArray
 BoolArray = NDArray[np.bool_]
 
 
-class Plant(Protocol):
+class Closing(Protocol):
+    """What closes itself as a context manager."""
+
+    def close(self) -> None:
+        """Release the resources, by default nothing; may be called again."""
+        return
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Plant(Closing, Protocol):
     """The platform as seen by the loop, for any implementation.
 
     The contract:
@@ -35,7 +49,7 @@ class Plant(Protocol):
     7. Two plants of the same platform, start and inputs give the same results within their tolerance, 1e-8 by default.
     8. `close` releases the plant's resources, at any time and repeatedly; as a context manager, a plant closes itself.
     9. A plant of N platforms has the `shape` (N,), the leading axis of all arrays: (N, 12), (N, N_RESULTS); members are
-       contiguous in memory, see `members`. `set_parameters` and `set_parameters_of` accept values with or without this
+       contiguous in memory, see `signals`. `set_parameters` and `set_parameters_of` accept values with or without this
        axis. `do_step` advances all members that can continue; those that cannot stay unchanged from then on, as after
        `freeze`, and are listed in the `MembersError` that it raises at the end.
     10. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
@@ -75,16 +89,6 @@ class Plant(Protocol):
     def remarks(self) -> str:
         """What the plant said since the last call while all went well."""
         return ""
-
-    def close(self) -> None:
-        """Release the plant's resources, by default nothing; may be called again."""
-        return
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _refuse_members(self) -> None:
         raise PlantError(

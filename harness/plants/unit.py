@@ -15,7 +15,7 @@ from ctypes import CFUNCTYPE, byref, c_bool, c_double, c_int, c_size_t, c_uint, 
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import fmpy
 import numpy as np
@@ -28,7 +28,7 @@ from gough_stewart.fmu_build.component import Layout, Role
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import Plant, tunable
+from gough_stewart.harness.plants.plant import Closing, Plant, tunable
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.errors import GoughStewartError, StepError
@@ -61,7 +61,7 @@ _MESSAGES_KEPT = 4
 _BYTES_KEPT = 500
 
 
-class FmuFile:
+class FmuFile(Closing):
     """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until closed.
 
     Its `error` is raised for no such file, no FMU, an unsafe archive, or another kind of FMU.
@@ -73,7 +73,24 @@ class FmuFile:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.description = self._read()
+        if not self.path.is_file():
+            raise self.refusal("no such file")
+        check_archive(self.path)
+        try:
+            description = fmpy.read_model_description(str(self.path))
+        except Exception as error:  # FMPy, zipfile and lxml raise different errors
+            raise self.refusal(f"is not an FMU ({error})") from error
+        if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
+            kind = f"FMI {description.fmiVersion}, {description.modelName}"
+            raise self.refusal(f"{kind}; expected Co-Simulation of FMI 2.0 or 3.0")
+        for interface_type in filter(None, (description.coSimulation, description.modelExchange)):
+            identifier = str(interface_type.modelIdentifier)
+            if not _IDENTIFIER.fullmatch(identifier):
+                raise self.refusal(
+                    f"has the modelIdentifier {_ends_of(identifier.encode())!r}; expected a C identifier, as the "
+                    "standard requires: it is the name of the library"
+                )
+        self.description: Any = description
         self.version = str(self.description.fmiVersion)
         self.is_fmi2 = self.version == "2.0"  # whose variables are scalars
         self._check()
@@ -126,32 +143,6 @@ class FmuFile:
             self._libraries.popitem()[1].freeLibrary()
         self._temporary.cleanup()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _read(self) -> Any:
-        if not self.path.is_file():
-            raise self.refusal("no such file")
-        check_archive(self.path)
-        try:
-            description = fmpy.read_model_description(str(self.path))
-        except Exception as error:  # FMPy, zipfile and lxml raise different errors
-            raise self.refusal(f"is not an FMU ({error})") from error
-        if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
-            kind = f"FMI {description.fmiVersion}, {description.modelName}"
-            raise self.refusal(f"{kind}; expected Co-Simulation of FMI 2.0 or 3.0")
-        for interface_type in filter(None, (description.coSimulation, description.modelExchange)):
-            identifier = str(interface_type.modelIdentifier)
-            if not _IDENTIFIER.fullmatch(identifier):
-                raise self.refusal(
-                    f"has the modelIdentifier {_ends_of(identifier.encode())!r}; expected a C identifier, as the "
-                    "standard requires: it is the name of the library"
-                )
-        return description
-
     def _check(self) -> None:
         """Refuse an FMU that the class cannot use."""
 
@@ -179,7 +170,7 @@ class UnitFile(FmuFile):
                     )
 
 
-class FmuInstance:
+class FmuInstance(Closing):
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
@@ -275,17 +266,11 @@ class FmuInstance:
         self.is_alarmed, self._heard = False, 0
         return "; ".join(texts)
 
-    def free(self) -> None:
+    def close(self) -> None:
         """Terminate and free the instance; may be called again."""
         fmu, self.fmu = self.fmu, None
         if fmu is not None:  # the library is the file's
             (fmu.fmi2FreeInstance if self.is_fmi2 else fmu.fmi3FreeInstance)(fmu.component)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.free()
 
     def _on_log(self, *arguments: Any) -> None:
         # the environment, in FMI 2.0 the instance's name, then these

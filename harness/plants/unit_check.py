@@ -124,14 +124,14 @@ def _by_steps(unit: FmuInstance, inputs: _Columns, file: UnitFile) -> _Step:
     buffer, rows = unit.values_of(inputs), np.concatenate(list(inputs.values()), axis=1)
     scalars = [reference for name in inputs for reference in file.references(name)]
 
-    def by_rates(k: int, begin: float, end: float) -> None:
-        buffer.array[:] = rows[k]
-        buffer.write()
-        rates = (rows[k + 1] - rows[k]) / (end - begin)
-        unit.fmu.setRealInputDerivatives(scalars, [1] * len(scalars), rates.tolist())
-        unit.do_step(begin, end - begin)
-
-    def by_held_values(k: int, begin: float, end: float) -> None:
+    def step_to(k: int, begin: float, end: float) -> None:
+        if unit.is_fmi2:
+            buffer.array[:] = rows[k]
+            buffer.write()
+            rates = (rows[k + 1] - rows[k]) / (end - begin)
+            unit.fmu.setRealInputDerivatives(scalars, [1] * len(scalars), rates.tolist())
+            unit.do_step(begin, end - begin)
+            return
         step = (end - begin) / _STEPS_A_ROW
         for m in range(_STEPS_A_ROW):
             buffer.array[:] = rows[k] + (m + (1 + m % 2) / 3) / _STEPS_A_ROW * (rows[k + 1] - rows[k])
@@ -140,7 +140,7 @@ def _by_steps(unit: FmuInstance, inputs: _Columns, file: UnitFile) -> _Step:
         buffer.array[:] = rows[k + 1]
         buffer.write()
 
-    return by_rates if unit.is_fmi2 else by_held_values
+    return step_to
 
 
 def _by_integration(unit: FmuInstance, inputs: _Columns, file: UnitFile) -> _Step:

@@ -25,7 +25,7 @@ from gough_stewart.harness.loop.folds import (
     TermRow,
 )
 from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.plants.members import of_legs
+from gough_stewart.harness.plants.signals import of_legs
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,

@@ -163,7 +163,17 @@ def remove_leftovers(folder: Path) -> None:
     """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
     if fcntl is None:
         return
-    if removed := [p.name for p in sorted(folder.glob(".*.part")) if _NAME.fullmatch(p.name) and _remove(p)]:
+    removed = []
+    for path in (path for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name)):
+        with suppress(OSError):  # belongs to somebody else
+            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                if lock(descriptor) and _is_there(path, descriptor):
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+                    removed.append(path.name)
+            finally:
+                os.close(descriptor)
+    if removed:
         _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
 
@@ -206,23 +216,3 @@ def _is_there(path: Path, descriptor: int) -> bool:
     with suppress(OSError):
         return os.path.samestat(path.stat(), os.fstat(descriptor))
     return False
-
-
-def _remove(path: Path) -> bool:
-    """Remove a file or folder that nobody holds."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    except OSError:
-        return False
-    try:
-        if not lock(descriptor) or not _is_there(path, descriptor):
-            return False
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
-    except OSError:  # belongs to somebody else
-        return False
-    finally:
-        os.close(descriptor)
-    return True

@@ -50,7 +50,7 @@ def prebuilt(name: str, state: str) -> Path | None:
 
     A file that differs from what was made is refused with a warning.
     """
-    line: Mapping[str, str] | None = _manifest().get("files", {}).get(name)
+    line: Mapping[str, str] | None = manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
         return None
     path, is_whole = PREBUILT / line["file"], False
@@ -74,12 +74,6 @@ def packed(content: bytes) -> bytes:
 
 # the units of both FMI versions have the libraries of five targets in common
 unpacked = lru_cache(maxsize=8)(lzma.decompress)
-
-
-def prebuilt_numbers() -> Mapping[str, Any]:
-    """Arguments and results of an evaluation, by which a library is tried on a machine."""
-    numbers: Mapping[str, Any] = _manifest().get("numbers", {})
-    return numbers
 
 
 @cache
@@ -107,12 +101,13 @@ def _digest_of_files(paths: Iterable[Path]) -> str:
 
 
 @cache
-def _manifest() -> Mapping[str, Any]:
+def manifest() -> Mapping[str, Any]:
+    """`files`, a line for each by name, and `numbers`, arguments and results by which a library is tried; or {}."""
     try:
-        manifest: Mapping[str, Any] = json.loads((PREBUILT / MANIFEST).read_bytes())
+        lines: Mapping[str, Any] = json.loads((PREBUILT / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return {}
-    return manifest
+    return lines
 
 
 @cache

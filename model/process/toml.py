@@ -22,7 +22,21 @@ def toml_values(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError("is not TOML: its values are nested too deeply") from None
     except ValueError as error:  # decoding errors, and integers with too many digits
-        raise ValueError(f"is not TOML: {_explained(str(error), text)}") from error
+        message = str(error)
+        if place := _PLACE.search(message):
+            # TOML counts line feeds only
+            number, lines = int(place[1]), text.split("\n")
+            # the key of a value with several lines is in a line above
+            before = enumerate(reversed(lines[:number]))
+            key = next(((number - k, match[1]) for k, line in before if (match := _KEY.match(line))), None)
+            if message.startswith("Cannot overwrite a value") and key is not None:
+                message = f"the key '{key[1]}' in line {key[0]} is a duplicate; expected every key once"
+            elif declared := _TABLE_TWICE.match(message):
+                name = ".".join(re.findall(r"'([^']*)'", declared[1]))
+                message = f"the table [{name}] in line {number} is a duplicate; expected every table once"
+            elif line := lines[number - 1].strip():
+                message = f"{message}: {line[:60]}"
+        raise ValueError(f"is not TOML: {message}") from error
 
 
 def toml_item(value: Any) -> tomlkit.items.Item:
@@ -40,21 +54,3 @@ def toml_files(package: str, folder: str) -> dict[str, Traversable]:
     """The TOML files in a folder of a package by their names without .toml, in alphabetical order."""
     files = resources.files(package).joinpath(folder).iterdir()
     return dict(sorted((f.name.removesuffix(".toml"), f) for f in files if f.name.endswith(".toml")))
-
-
-def _explained(message: str, text: str) -> str:
-    place = _PLACE.search(message)
-    if place is None:
-        return message
-    # TOML counts line feeds only
-    number, lines = int(place[1]), text.split("\n")
-    # the key of a value with several lines is in a line above
-    before = enumerate(reversed(lines[:number]))
-    key = next(((number - k, match[1]) for k, line in before if (match := _KEY.match(line))), None)
-    if message.startswith("Cannot overwrite a value") and key is not None:
-        return f"the key '{key[1]}' in line {key[0]} is a duplicate; expected every key once"
-    if declared := _TABLE_TWICE.match(message):
-        name = ".".join(re.findall(r"'([^']*)'", declared[1]))
-        return f"the table [{name}] in line {number} is a duplicate; expected every table once"
-    line = lines[number - 1].strip()
-    return f"{message}: {line[:60]}" if line else message

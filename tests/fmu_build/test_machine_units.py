@@ -11,9 +11,7 @@ from scipy.spatial.transform import Rotation
 import gough_stewart as gs
 from tests.support.fmu_plants import ERROR, OK, STATES, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
-from tests.support.plain_motion import trajectory
 from tests.support.real_platforms import real_platform
-from tests.support.shared_joints import SHARED
 from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
 OWN_STATES = ("leg_bristle", "motor_position", "motor_velocity")
@@ -141,17 +139,6 @@ def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu
 
 
 # --- joints that legs share ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
-def test_a_unit_with_shared_joints_moves_as_the_lagrangian_does(fmu: Fmu, platform: gs.Platform) -> None:
-    """Expected: equations of motion from the places of all bodies, integrated."""
-    u = np.concatenate([*INPUT_VALUES.values()])
-    expected = trajectory(platform, np.concatenate(STATE), lambda _t: u, np.array([0.0, 0.2]))[-1]
-    with plant(fmu) as p:
-        p.start(MOVING, 1e-10, platform=platform)
-        p.do_step(0.0, 0.2)
-        assert p.pose == pytest.approx(expected[:6], abs=2e-8)
 
 
 @pytest.mark.parametrize(("one", "other"), [(0, 5), (1, 3), (4, 2)])

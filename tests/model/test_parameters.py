@@ -25,7 +25,6 @@ class Documented(NamedTuple):
     unit: str
     default: Any  # a list, None for a limit that is not stated, or NEEDED
     bound: str | None
-    is_tunable: bool
     in_fmu: str
 
 
@@ -43,8 +42,7 @@ def documented() -> dict[str, Documented]:
             if default not in ("–", "no limit"):
                 numbers = [float(text) for text in default.replace("−", "-").split(",")]
             sides = () if shape == "1" else tuple(int(text) for text in shape.split(" × "))
-            tunable = in_fmu == "tunable"
-            rows[name.strip("`")] = Documented(sides, unit, numbers, None if bound == "any" else bound, tunable, in_fmu)
+            rows[name.strip("`")] = Documented(sides, unit, numbers, None if bound == "any" else bound, in_fmu)
     return rows
 
 

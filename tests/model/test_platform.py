@@ -112,8 +112,6 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
             **{name: 3.1},
         )
     says("leg_length_min: is 3.95 m; expected below leg_length_max = 3.9 m", leg_length_min=3.95)
-    says("joint_angle_max: is 40 rad; expected at most π (radians, not degrees)", joint_angle_max=40.0)
-    says("home_orientation: has pitch -1.58 rad; expected less than ±90°", home_orientation=[0.1, -1.58, 0.3])
     says("actuator_power_max: is 0 W; expected > 0, or leave it out: maximum actuator power", actuator_power_max=0.0)
     says("source: is 3; expected a text", source=3)
     says("name: is None; expected a text", name=None)

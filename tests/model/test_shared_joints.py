@@ -1,4 +1,4 @@
-"""Joints that two legs share at one end, as in 6-3 and 3-3 platforms: the physics, poses, files, and what is said."""
+"""Joints that two legs share at one end, as in 6-3 and 3-3 platforms: files, and what is said."""
 
 import numpy as np
 import pytest
@@ -7,21 +7,6 @@ import gough_stewart as gs
 from tests.support.platform_files import loaded, written
 from tests.support.shared_joints import SHARED
 from tests.support.uneven import UNEVEN
-
-both = pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
-
-
-@both
-def test_a_log_of_lengths_gives_the_poses_that_it_came_from(platform: gs.Platform) -> None:
-    """Expected: the poses, by compiled code for rows and by NumPy for one."""
-    t = np.linspace(0, 3, 200)[:, None]
-    position = platform.home_position + 0.1 * np.sin(t * [3, 2, 1])
-    orientation = platform.home_orientation + 0.12 * np.sin(t * [1, 2, 3])
-    lengths = gs.leg_geometry(platform, position, orientation).length
-    rows, one = gs.forward_kinematics(platform, lengths), gs.forward_kinematics(platform, lengths[60])
-    assert rows.position == pytest.approx(position, abs=1e-10)
-    assert rows.orientation == pytest.approx(orientation, abs=1e-10)
-    assert np.append(one.position, one.orientation) == pytest.approx(np.append(position[60], orientation[60]), abs=1e-9)
 
 
 def test_files_and_circles_have_shared_joints() -> None:

@@ -1,5 +1,4 @@
-#include "law.h"
-
+/* A control law that a user wrote, on eight members at a time: compiled for one law, called by c/loop. */
 #include "elementary.h"
 
 /* no fused operations, so that the law has the bits of the user's */
@@ -36,7 +35,10 @@
 
 #include "law_step.h"
 
-void law_step(const double *memory, double *next, int64_t stride)
+/* From `memory` (N_MEMORY, 8): its states, all signals of the reference, all readings, the time of the sample, the
+   accelerations of the reference, and coefficients; to `next` (6 + states, 8): forces and the next states. Rows are
+   `stride` numbers apart. */
+OFFERED void law_step(const double *memory, double *next, int64_t stride)
 {
     lanes inputs[N_MEMORY], outputs[N_NEXT];
     for (int i = 0; i < N_MEMORY; i++)

@@ -39,7 +39,7 @@ typedef struct {
 } kept_rows;
 
 /* Who takes the rows as they come, in the cache, so that they need not be written: folds, see `folds_rows` of
-   c/folds/folds.h, and what is kept of some rows. */
+   c/folds/folds.c, and what is kept of some rows. */
 typedef struct {
     void (*fold)(const void *folding, int64_t vector, int64_t first, int64_t rows, int64_t elements, const int64_t *ends,
                  const double *chunk); /* NULL: none */
@@ -67,7 +67,7 @@ typedef struct {
     int64_t kinds;   /* parts of u: errors; references, measurements; these and the excess. 0: no controller */
     int64_t size;    /* number of signals that it uses */
     int64_t n_states;
-    void (*law)(const double *memory, double *next, int64_t stride); /* a user's, see c/law/law.h, with kinds = 2 and
+    void (*law)(const double *memory, double *next, int64_t stride); /* a user's, see c/law/law.c, with kinds = 2 and
                                                                         all signals; NULL: the linear one */
     int64_t entries;
     const int64_t *entry_row, *entry_column;
@@ -97,7 +97,7 @@ typedef struct {
     double *signals;     /* 24: at the present row */
     double *measured;    /* 24 */
     int64_t *streams;    /* 4: of the noise, words of 32 bits, see noise.h */
-    double *memory;      /* n_states + size of u: x and u; of a user's law what law.h says */
+    double *memory;      /* n_states + size of u: x and u; of a user's law what law.c says */
     double *next;        /* 6 + n_states: y and the next x */
     double *pose;        /* 6: in task space */
     double *lengths;     /* 6: at the last sample, in task space */
