@@ -152,11 +152,6 @@ class CompiledLaw:
 
     used = signals.NAMES
 
-    @property
-    def address(self) -> int:
-        """Of its function, see c/law/law.h."""
-        return ctypes.cast(self.library.law_step, ctypes.c_void_p).value or 0
-
 
 def are_traced(controllers: Iterable[Controller | None]) -> bool:
     """Whether controllers are, or make, CasADi functions that machine code can have together."""
