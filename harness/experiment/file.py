@@ -187,23 +187,23 @@ def text_with_settings(  # noqa: PLR0912 - one road, in sections
     experiment = experiment_from(expected, where, origin)
     if folder is not None:
         names = dict[str, str]()
-        for key, file_name in file_names(experiment).items():
+        for path, file_name in file_names(experiment).items():
             name, in_folder = Path(file_name), origin / file_name
-            is_recording = key[0] == "reference" and isinstance(experiment.reference, FromFile)
+            is_recording = path[0] == "reference" and isinstance(experiment.reference, FromFile)
             if name.is_absolute():
-                names[".".join(key)] = str(name)
+                names[".".join(path)] = str(name)
             elif is_recording and recording_path(origin, str(name)) != in_folder:  # a shipped one
                 if (folder / name).exists():
                     raise ExperimentError(
                         where,
-                        ".".join(key),
+                        ".".join(path),
                         f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would "
                         "read; choose another folder",
                     )
-                names[".".join(key)] = str(name)
+                names[".".join(path)] = str(name)
             else:
                 # resolved first: ".." leads elsewhere from a folder that is a link
-                names[".".join(key)] = _from(in_folder.parent.resolve() / name.name, folder.resolve())
+                names[".".join(path)] = _from(in_folder.parent.resolve() / name.name, folder.resolve())
         all_settings.append(names)
         expected = with_settings(expected, names)
     try:

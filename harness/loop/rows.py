@@ -86,7 +86,6 @@ class Observer(Protocol):
 class AllRows(RowBlock, Observer):
     """Keeps all rows of a run as one block, with all results and inputs, and its samples, arrays (m, size, N).
 
-    It does nothing with the block, whose rows it has already.
     `state` gets room for the states of controllers when these are known.
     """
 
@@ -116,6 +115,9 @@ class AllRows(RowBlock, Observer):
         k = self.count + 1
         self.results[k], self.inputs[k], self.rate_limited[k] = self._plant.results().T, inputs.T, rate_limited.T
         self.count = k  # at last, since the plant may fail
+
+    def block(self, rows: RowBlock) -> None:
+        """Nothing: the rows are kept already."""
 
 
 class RowMonitor:
