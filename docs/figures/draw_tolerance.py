@@ -10,7 +10,7 @@ from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.report.plotting import COLOURS, files_of
-from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.sampling.variation import EnsembleChoice
 from gough_stewart.model.vectors import FloatArray
 
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)

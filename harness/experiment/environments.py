@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 from gough_stewart.harness.experiment.file import experiment_of
@@ -80,10 +79,16 @@ def vector_env(
     3
     """
     chosen = experiment_of(experiment, settings)
-    environment: ExperimentVectorEnv = _classes().ExperimentVectorEnv(
-        chosen, n, actions, observations, reward, hold, autoreset
-    )
-    return environment
+    try:
+        from gough_stewart.harness.experiment.gymnasium_classes import ExperimentVectorEnv
+    except ModuleNotFoundError as error:
+        if error.name != "gymnasium":
+            raise
+        text = (
+            "not installed: gymnasium (environments for learning); install the extra: pip install 'gough-stewart[gym]'"
+        )
+        raise NotInstalledError(text) from None
+    return ExperimentVectorEnv(chosen, n, actions, observations, reward, hold, autoreset)
 
 
 def env(
@@ -124,18 +129,6 @@ def env(
     """
     options: Any = {"actions": actions, "observations": observations, "reward": reward, "hold": hold}
     members = vector_env(experiment, 1, settings, **options, autoreset="disabled")
-    environment: ExperimentEnv = _classes().ExperimentEnv(members)
-    return environment
+    from gough_stewart.harness.experiment.gymnasium_classes import ExperimentEnv  # which `vector_env` has imported
 
-
-def _classes() -> ModuleType:
-    try:
-        from gough_stewart.harness.experiment import gymnasium_classes
-    except ModuleNotFoundError as error:
-        if error.name != "gymnasium":
-            raise
-        text = (
-            "not installed: gymnasium (environments for learning); install the extra: pip install 'gough-stewart[gym]'"
-        )
-        raise NotInstalledError(text) from None
-    return gymnasium_classes
+    return ExperimentEnv(members)

@@ -157,7 +157,9 @@ def experiment_from(
         raise ExperimentError(where, "", complaints(error, Experiment, tables)) from None
 
 
-def text_with_settings(source: Experiment | Path | str, *settings: Settings, folder: Path | None = None) -> str:
+def text_with_settings(  # noqa: PLR0912 - one road, in sections
+    source: Experiment | Path | str, *settings: Settings, folder: Path | None = None
+) -> str:
     """The TOML text of an experiment with keys set, which `load_experiment` accepts from a file in a folder.
 
     Comments and order of an experiment's file, or of a shipped experiment, are kept. A file whose keys cannot be set in
@@ -184,7 +186,24 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
         expected = with_settings(expected, keys)
     experiment = experiment_from(expected, where, origin)
     if folder is not None:
-        names = {".".join(key): name for key, name in names_from(experiment, folder).items()}
+        names = dict[str, str]()
+        for path, file_name in file_names(experiment).items():
+            name, in_folder = Path(file_name), origin / file_name
+            is_recording = path[0] == "reference" and isinstance(experiment.reference, FromFile)
+            if name.is_absolute():
+                names[".".join(path)] = str(name)
+            elif is_recording and recording_path(origin, str(name)) != in_folder:  # a shipped one
+                if (folder / name).exists():
+                    raise ExperimentError(
+                        where,
+                        ".".join(path),
+                        f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would "
+                        "read; choose another folder",
+                    )
+                names[".".join(path)] = str(name)
+            else:
+                # resolved first: ".." leads elsewhere from a folder that is a link
+                names[".".join(path)] = _from(in_folder.parent.resolve() / name.name, folder.resolve())
         all_settings.append(names)
         expected = with_settings(expected, names)
     try:
@@ -251,28 +270,3 @@ def _from(file: Path, folder: Path) -> str:
         return Path(os.path.relpath(file, folder)).as_posix()
     except ValueError:  # on another drive
         return file.as_posix()
-
-
-def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], str]:
-    """The names, by key, under which an experiment file in a folder finds the same files.
-
-    Absolute names, and names of shipped recordings, stay as they are; a file of that name in the folder is refused.
-    """
-    names = dict[tuple[str, ...], str]()
-    for key, text in file_names(experiment).items():
-        name, is_recording = Path(text), key[0] == "reference" and isinstance(experiment.reference, FromFile)
-        if name.is_absolute():
-            names[key] = str(name)
-        elif is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name:  # a shipped one
-            if (folder / name).exists():
-                raise ExperimentError(
-                    experiment.where,
-                    ".".join(key),
-                    f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would "
-                    "read; choose another folder",
-                )
-            names[key] = str(name)
-        else:
-            # resolved first: ".." leads elsewhere from a folder that is a link
-            names[key] = _from((experiment.folder / name.parent).resolve() / name.name, folder.resolve())
-    return names

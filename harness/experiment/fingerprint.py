@@ -33,7 +33,7 @@ def fingerprint(controller: Any) -> str:
     return f"{name or name_of(controller)}, {digest.hexdigest()[:16]}"
 
 
-def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
+def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:  # noqa: PLR0912 - a section for each kind
     if id(thing) in seen:
         return
     seen.add(id(thing))
@@ -42,9 +42,27 @@ def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
         yield from _parts(thing.__func__, seen)
     elif isinstance(thing, FunctionType):
         yield from _of_code(thing.__code__)
-        for name, value in _held_by(thing):
-            yield name.encode()
-            yield from _parts(value, seen) if isinstance(value, FunctionType) else _of_value(value)
+        # what it encloses and reads, its defaults and attributes: values, and functions of the same module
+        code, known_globals = thing.__code__, thing.__globals__
+        names, codes = set[str](), [code]
+        while codes:  # the globals that it names, also in the functions inside it
+            inside = codes.pop()
+            steps = dis.get_instructions(inside)
+            names |= {step.argval for step in steps if step.opname.endswith(("_GLOBAL", "_NAME"))}
+            codes += [constant for constant in inside.co_consts if isinstance(constant, CodeType)]
+        held: list[tuple[str, Any]] = [(name, known_globals[name]) for name in sorted(names & known_globals.keys())]
+        for name, cell in zip(code.co_freevars, thing.__closure__ or (), strict=True):
+            with suppress(ValueError):  # not bound yet
+                held.append((name, cell.cell_contents))
+        held += [("default", value) for value in thing.__defaults__ or ()]
+        held += [*(thing.__kwdefaults__ or {}).items(), *vars(thing).items()]
+        for name, value in held:
+            # objects of this package, such as platforms, are constant, but keep what they compute on demand
+            is_ours = type(value).__module__.partition(".")[0] == _PACKAGE
+            is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known_globals
+            if not (is_ours or is_elsewhere or isinstance(value, type | ModuleType | BuiltinFunctionType)):
+                yield name.encode()
+                yield from _parts(value, seen) if isinstance(value, FunctionType) else _of_value(value)
     elif inspect.isclass(thing):
         yield thing.__qualname__.encode()
         for base in thing.__mro__:
@@ -63,30 +81,6 @@ def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
         if not is_control_system(thing):
             yield from _parts(type(thing), seen)
         yield from _of_value(thing)
-
-
-def _held_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """What a function encloses and reads, its defaults and attributes: values, and functions of the same module.
-
-    Objects of this package, such as platforms, do not count: they are constant, but keep what they compute on demand.
-    """
-    code, known_globals = function.__code__, function.__globals__
-    names, codes = set[str](), [code]
-    while codes:  # the globals that it names, also in the functions inside it
-        inside = codes.pop()
-        names |= {step.argval for step in dis.get_instructions(inside) if step.opname.endswith(("_GLOBAL", "_NAME"))}
-        codes += [constant for constant in inside.co_consts if isinstance(constant, CodeType)]
-    held: list[tuple[str, Any]] = [(name, known_globals[name]) for name in sorted(names & known_globals.keys())]
-    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
-        with suppress(ValueError):  # not bound yet
-            held.append((name, cell.cell_contents))
-    held += [("default", value) for value in function.__defaults__ or ()]
-    held += [*(function.__kwdefaults__ or {}).items(), *vars(function).items()]
-    for name, value in held:
-        is_ours = type(value).__module__.partition(".")[0] == _PACKAGE
-        is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known_globals
-        if not (is_ours or is_elsewhere or isinstance(value, type | ModuleType | BuiltinFunctionType)):
-            yield name, value
 
 
 def _of_code(code: CodeType) -> Iterator[bytes]:

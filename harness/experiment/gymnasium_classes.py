@@ -23,7 +23,7 @@ from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values
-from gough_stewart.harness.experiment.preparation import Batch, Preparation
+from gough_stewart.harness.experiment.preparation import Preparation
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import AT, error_between
 from gough_stewart.harness.loop.libraries import loop_kernel
@@ -110,7 +110,25 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
                     f"observations has {name!r}, and the experiment has no reference; add one, or remove it"
                 )
             self._observed.append(("measured" if signal == name else "reference", AT[signal]))
-        self._reward = self._metric_reward(reward) if isinstance(reward, str) else reward
+        self._reward: Reward
+        if not isinstance(reward, str):
+            self._reward = reward
+        elif reward not in _SQUARES or self._reference is None:
+            raise ArgumentError(
+                f"reward is {reward!r}; expected a function, or of an experiment with a reference one of "
+                f"{', '.join(_SQUARES)}"
+            )
+        else:
+            name, a_step = _SQUARES[reward], self._every * hold
+
+            def minus_square(after: Transition) -> FloatArray:
+                # what terminates counts its last error for all the rest of the episode, so that an early end is no gain
+                error = error_between(name, after.reference[name].T, after.state[name].T)
+                square = np.add.reduce(error * error, axis=0)
+                left = np.where(after.terminated, (self._steps - self._row) // a_step, 0)
+                return np.asarray(-square * (1 + left))
+
+            self._reward = minus_square
         self._sense(None)
         self._observe()
 
@@ -159,7 +177,27 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._reference = members_last(self._loop.reference)
         planned = np.zeros((len(self._timing.samples), N_LEGS)) if self._follows_poses else self._loop.feedforward
         self._known: Any = members_last(planned if self._loop.injection is None else planned + self._loop.injection)
-        self._law = self._law_of(batch) if self._follows_poses else None
+        # the controllers of all, with the memory of rest in the start state
+        self._law: LinearLaw | None = None
+        if self._follows_poses:
+            controllers, where = [setup.controller for setup in batch.setups], experiment.where
+            if not all(isinstance(controller, LinearController) for controller in controllers):
+                text = "follows no poses; expected a linear one, such as type = 'pd', or actions of forces"
+                raise ExperimentError(where, "controller", text)
+            if any(setup.platform is not self._platform for setup in batch.setups):
+                raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
+            assert self._loop.reference is not None  # a controller has one
+            jacobians = np.stack([setup.jacobians[:1] for setup in batch.setups], axis=1)
+            make = laws_of(
+                [controller for controller in controllers if controller is not None],
+                self._timing.sample_time,
+                jacobians,
+            )
+            silent = replace(self._loop, sensors=replace(self._loop.sensors, noise={}))
+            sensors = SensorReadings(silent, self.num_envs, np.zeros((self.num_envs, N_FAULTS)))
+            law = make(self._loop.reference[0], sensors.read(0, seen(self._plant, silent.sensors.side)))
+            assert isinstance(law, LinearLaw)
+            self._law = law
 
         # limits, commands that wait for their delay, and drives, members last, as in the host of a run
         self._start_force = start = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T.copy()
@@ -175,25 +213,6 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         # of each member its row, and whether and why its episode has ended; samples and rows since machines were made
         self._row, self._samples, self._rows = np.zeros(n, dtype=np.intp), 0, 0
         self._ended, self._causes = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)
-
-    def _law_of(self, batch: Batch) -> LinearLaw:
-        """The controllers of all, with the memory of rest in the start state."""
-        controllers, where = [setup.controller for setup in batch.setups], self._experiment.where
-        if not all(isinstance(controller, LinearController) for controller in controllers):
-            text = "follows no poses; expected a linear one, such as type = 'pd', or actions of forces"
-            raise ExperimentError(where, "controller", text)
-        if any(setup.platform is not self._platform for setup in batch.setups):
-            raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
-        assert self._loop.reference is not None  # a controller has one
-        jacobians = np.stack([setup.jacobians[:1] for setup in batch.setups], axis=1)
-        make = laws_of(
-            [controller for controller in controllers if controller is not None], self._timing.sample_time, jacobians
-        )
-        silent = replace(self._loop, sensors=replace(self._loop.sensors, noise={}))
-        sensors = SensorReadings(silent, self.num_envs, np.zeros((self.num_envs, N_FAULTS)))
-        law = make(self._loop.reference[0], sensors.read(0, seen(self._plant, silent.sensors.side)))
-        assert isinstance(law, LinearLaw)
-        return law
 
     def _sense(self, seed: int | None) -> None:
         """Sensors with the noise of a seed, from their first reading on."""
@@ -211,26 +230,6 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._read += 1
         parts = {"measured": self._reading.T, "reference": self._reference_now()}
         return np.ascontiguousarray(np.concatenate([parts[kind][at] for kind, at in self._observed]).T)
-
-    def _metric_reward(self, path: str) -> Reward:
-        """Minus the squared norm of an error, so that the mean over an episode is minus the metric's square.
-
-        What terminates counts its last error for all the rest of the episode, so that an early end is no gain.
-        """
-        if path not in _SQUARES or self._reference is None:
-            raise ArgumentError(
-                f"reward is {path!r}; expected a function, or of an experiment with a reference one of "
-                f"{', '.join(_SQUARES)}"
-            )
-        name, a_step = _SQUARES[path], self._every * self._hold
-
-        def reward(after: Transition) -> FloatArray:
-            error = error_between(name, after.reference[name].T, after.state[name].T)
-            square = np.add.reduce(error * error, axis=0)
-            left = np.where(after.terminated, (self._steps - self._row) // a_step, 0)
-            return np.asarray(-square * (1 + left))
-
-        return reward
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -273,7 +272,9 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if self._law is not None:
             self._law.restart(members)
 
-    def step(self, actions: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+    def step(  # noqa: PLR0912, PLR0915 - one road, in sections
+        self, actions: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Take actions (N, 6); members whose episode had ended begin the next, or stay, with reward 0.
 
         Raises
@@ -320,7 +321,32 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             target = self._slots[(j - self._delay) % len(self._slots), :, self._members].T
             for _ in range(self._every):
                 self._driven, (force, _) = Drive.step(self._drive, self._driven, (target,))
-                self._advance(force, going, terminated)
+                # the plant, and who ends there
+                ended, step = np.zeros(n, dtype=bool), self._timing.plant_step
+                self._inputs[:, :N_LEGS] = force.T
+                self._plant.set_inputs(self._inputs)
+                try:
+                    self._plant.do_step(self._rows * step, step)
+                except MembersError as error:
+                    for member, failure in error.failures.items():
+                        ended[member], self._causes[member] = True, str(failure)
+                self._row += going
+                self._rows += 1
+                now, limits = self._plant.signals(), self._loop.limits
+                if limits.on_stroke == "stop":
+                    beyond = limits.beyond_stroke(now[:, LENGTHS]).any(axis=1) & going
+                    ended |= beyond
+                    self._causes[beyond] = "a leg is beyond its stroke"
+                if self._reference is not None and np.min(limits.largest_position_error) < np.inf:
+                    gap = self._reference_now()[:3] - now.T[:3]
+                    away = ~(np.add.reduce(gap * gap, axis=0) <= np.square(limits.largest_position_error)) & going
+                    ended |= away
+                    self._causes[away] = "the platform is too far from its reference"
+                terminated |= ended
+                ended |= self._row == self._steps
+                if ended.any():
+                    going &= ~ended
+                    self._plant.freeze(ended)
 
         self._ended = ~going
         truncated = self._ended & ~waiting & ~terminated
@@ -337,34 +363,6 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP and waiting.any():
             self._restart(waiting)
         return self._observe(), rewards, terminated, truncated, infos
-
-    def _advance(self, force: FloatArray, going: BoolArray, terminated: BoolArray) -> None:
-        """Step the plant once under forces (6, N), and end members in both flags (N,) there."""
-        ended, step = np.zeros(self.num_envs, dtype=bool), self._timing.plant_step
-        self._inputs[:, :N_LEGS] = force.T
-        self._plant.set_inputs(self._inputs)
-        try:
-            self._plant.do_step(self._rows * step, step)
-        except MembersError as error:
-            for member, failure in error.failures.items():
-                ended[member], self._causes[member] = True, str(failure)
-        self._row += going
-        self._rows += 1
-        now, limits = self._plant.signals(), self._loop.limits
-        if limits.on_stroke == "stop":
-            beyond = limits.beyond_stroke(now[:, LENGTHS]).any(axis=1) & going
-            ended |= beyond
-            self._causes[beyond] = "a leg is beyond its stroke"
-        if self._reference is not None and np.min(limits.largest_position_error) < np.inf:
-            gap = self._reference_now()[:3] - now.T[:3]
-            away = ~(np.add.reduce(gap * gap, axis=0) <= np.square(limits.largest_position_error)) & going
-            ended |= away
-            self._causes[away] = "the platform is too far from its reference"
-        terminated |= ended
-        ended |= self._row == self._steps
-        if ended.any():
-            going &= ~ended
-            self._plant.freeze(ended)
 
     def _reference_now(self) -> Any:
         """The reference at each member's row (30, N)."""

@@ -202,10 +202,33 @@ class LoopMargins(Margins):
         Report
             Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
         """
-        sections = [Section("Margins", _margin_tables(self)), Section("Design", _design_tables(self))]
+        sections = [*_tables(self)]
         if charts:
             sections.append(Section("Responses", _responses(self)))
-        numbers, disk, common = _numbers(self), self.disk, self.common
+        doubt, structure = self.doubt, self.structure
+        numbers = _numbers_of_margins(self, "", doubt)
+        numbers += (
+            Number("modes.slowest", "slowest mode", self.modes[0].frequency, FREQUENCY,
+                   explanation="of the closed loop", doubt=doubt),
+            Number("modes.damping_ratio", "least damping ratio", min(mode.damping_ratio for mode in self.modes),
+                   explanation="of all modes of the closed loop", doubt=doubt),
+        )  # fmt: skip
+        if self.believed is not None:
+            numbers += _numbers_of_margins(self.believed, "believed ", doubt)
+        if structure is not None and structure.modes:
+            first = structure.modes[0]
+            gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
+            numbers += (
+                Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
+                       explanation="of the platform on its legs, with motors that are free"),
+                Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
+                Number("structure.gain", "gain of L at a structural mode",
+                       None if gain is None else decibels(gain), DECIBEL,
+                       explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
+                Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
+                       explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
+            )  # fmt: skip
+        disk, common = self.disk, self.common
         by_path = {number.path: number for number in numbers}
         gain, guaranteed = (by_path[path].value for path in ("margins.gain", "margins.disk_gain"))
         alone = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
@@ -234,7 +257,7 @@ class LoopMargins(Margins):
             lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}"
             + (", controller linearised numerically" if self.is_numerical else ""),
             settings=settings_of(self.changed),
-            numbers=numbers,
+            numbers=tuple(numbers),
             notes=(
                 *(Note(text, "warning") for text in self.warnings),
                 Note(_LINEAR),
@@ -536,33 +559,6 @@ def decibels(factor: float) -> float:
     return 20 * math.log10(factor) if 0 < factor < math.inf else math.inf
 
 
-def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
-    doubt, structure = analysis.doubt, analysis.structure
-    numbers = _numbers_of_margins(analysis, "", doubt)
-    numbers += (
-        Number("modes.slowest", "slowest mode", analysis.modes[0].frequency, FREQUENCY,
-               explanation="of the closed loop", doubt=doubt),
-        Number("modes.damping_ratio", "least damping ratio", min(mode.damping_ratio for mode in analysis.modes),
-               explanation="of all modes of the closed loop", doubt=doubt),
-    )  # fmt: skip
-    if analysis.believed is not None:
-        numbers += _numbers_of_margins(analysis.believed, "believed ", doubt)
-    if structure is None or not structure.modes:
-        return tuple(numbers)
-    first = structure.modes[0]
-    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
-    return (
-        *numbers,
-        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
-               explanation="of the platform on its legs, with motors that are free"),
-        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
-        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
-               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
-        Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
-               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
-    )  # fmt: skip
-
-
 def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> list[Number]:
     """The numbers of the loop that runs, or of the "believed " one."""
     disk, at_once = margins.disk, "which all legs may have at once, independently of each other"
@@ -598,9 +594,9 @@ def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> list[Number
     ]
 
 
-def _margin_tables(analysis: LoopMargins) -> tuple[Table, ...]:
-    """Of one leg at a time with the same change of all, and of independent changes of all legs."""
-    columns = (
+def _tables(analysis: LoopMargins) -> tuple[Section, Section]:
+    """Margins of one leg at a time and of all at once; gains, modes, and what the structure does to the bandwidth."""
+    heads = (
         Column("leg"),
         Column("gain", _FACTOR, "smallest factor on the gain at which the loop is stable"),
         Column("to", _FACTOR, "largest factor"),
@@ -620,14 +616,14 @@ def _margin_tables(analysis: LoopMargins) -> tuple[Table, ...]:
         ("peak of σ(S)", Value(analysis.sensitivity_peak, _THREE)),
         ("peak of σ(T)", Value(analysis.complementary_peak, _THREE)),
     )
-    return (
-        Table("Margins, one leg at a time, and the same change of all", columns, alone),
-        Table("Margins, independent changes of all legs at once", (Column("measure"), Column("value")), together),
+    of_margins = Section(
+        "Margins",
+        (
+            Table("Margins, one leg at a time, and the same change of all", heads, alone),
+            Table("Margins, independent changes of all legs at once", (Column("measure"), Column("value")), together),
+        ),
     )
 
-
-def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
-    """Gains, modes of the closed loop, and the structural modes with what the first does to the bandwidth."""
     parts: list[Table | Note] = []
     if (gains := analysis.gains) is not None:
         five = Quantity("", "", digits=5)
@@ -648,7 +644,7 @@ def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
     parts.append(Table("Modes of the closed loop", columns, tuple(of_modes), first_shown=_SHOWN_MODES))
     structure = analysis.structure
     if structure is None or not structure.modes:
-        return tuple(parts)
+        return of_margins, Section("Design", tuple(parts))
     columns = (
         Column("mode", explanation="of the platform on its legs, the slowest first"),
         Column("frequency", FREQUENCY, "with motors that are free: a resonance of the loop"),
@@ -675,7 +671,7 @@ def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
             f"{about(FREQUENCY, bandwidth, 3)}, {bandwidth / first:.2g} of {first_mode}."
         )
         parts.append(Note(text))
-    return tuple(parts)
+    return of_margins, Section("Design", tuple(parts))
 
 
 def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:

@@ -19,9 +19,8 @@ from gough_stewart.harness.experiment.overrides import Place, Values, place_of
 from gough_stewart.harness.experiment.preparation import Batch, Preparation, PreparedMembers, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.design import SamplingDesign, correlated, correlation_of, reordered
-from gough_stewart.harness.sampling.variation import Spread, VariedValue, normal
+from gough_stewart.harness.sampling.variation import MEMBERS, EnsembleChoice, Spread, VariedValue, normal
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.units import PLAIN
 from gough_stewart.model.vectors import FloatArray
@@ -91,7 +90,9 @@ class Members:
     An `ExperimentError` names the place of an unknown key or an invalid distribution.
     """
 
-    def __init__(self, experiment: Experiment, controller: Any = None) -> None:
+    def __init__(  # noqa: PLR0912, PLR0915 - inputs, correlations, design
+        self, experiment: Experiment, controller: Any = None
+    ) -> None:
         self.nominal, self.controller = experiment, controller
         self.preparation = Preparation(experiment, controller)
         choice = experiment.ensemble
@@ -101,7 +102,32 @@ class Members:
             raise self._error("limits.stroke", "is 'stop', which is for single runs only; expected 'warn' or 'ignore'")
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
-        self.inputs = self._inputs()
+
+        # inputs in order of their places, independent of the order in the file
+        inputs = list[Input]()
+
+        def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
+            try:
+                place = self.place_of(key)
+                inputs.append(Input(key, place, spread(place.target)))
+            except ValueError as error:
+                raise self._error(key, str(error)) from None
+            return inputs[-1].spread
+
+        for key, variation in choice.varied.items():
+            add(key, variation.spread)
+        for table in choice.covariance:
+            deviations = np.sqrt(np.diag(table.values))
+            for key in table.of:
+                if key in choice.varied:
+                    raise self._error(key, "has a distribution and a covariance; expected only one of them")
+                deviations = deviations[add(key, partial(_normal, deviations)).size :]
+        paths = [varied.place.path for varied in inputs]
+        for varied in inputs:
+            if paths.count(varied.place.path) > 1:
+                raise self._error(varied.key, "varies twice; expected one distribution")
+            self.check_acts(varied.key, varied.place)
+        self.inputs = tuple(sorted(inputs, key=lambda varied: varied.place.path))
         keys = [varied.key for varied in self.inputs]
         # where each input's columns begin, and the end
         self._ends = np.cumsum([0, *(varied.spread.size for varied in self.inputs)])
@@ -143,33 +169,6 @@ class Members:
             self.design = SamplingDesign(choice.sampling, self.seed, self.count, places, sizes, self.groups)
         except ValueError as error:
             raise self._error("", str(error)) from None
-
-    def _inputs(self) -> tuple[Input, ...]:
-        """Inputs in order of their places, independent of the order in the file."""
-        inputs = list[Input]()
-
-        def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
-            try:
-                place = self.place_of(key)
-                inputs.append(Input(key, place, spread(place.target)))
-            except ValueError as error:
-                raise self._error(key, str(error)) from None
-            return inputs[-1].spread
-
-        for key, variation in self.choice.varied.items():
-            add(key, variation.spread)
-        for table in self.choice.covariance:
-            deviations = np.sqrt(np.diag(table.values))
-            for key in table.of:
-                if key in self.choice.varied:
-                    raise self._error(key, "has a distribution and a covariance; expected only one of them")
-                deviations = deviations[add(key, partial(_normal, deviations)).size :]
-        paths = [varied.place.path for varied in inputs]
-        for varied in inputs:
-            if paths.count(varied.place.path) > 1:
-                raise self._error(varied.key, "varies twice; expected one distribution")
-            self.check_acts(varied.key, varied.place)
-        return tuple(sorted(inputs, key=lambda varied: varied.place.path))
 
     def place_of(self, key: str) -> Place:
         """The place that a key of `[ensemble]` or a search names; a `ValueError` if it is none, or common to all."""

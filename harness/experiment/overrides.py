@@ -20,8 +20,7 @@ from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.quantities import Vector, quantity_in
 from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
-from gough_stewart.harness.sampling.choice import EnsembleChoice
-from gough_stewart.harness.sampling.variation import VariedValue
+from gough_stewart.harness.sampling.variation import EnsembleChoice, VariedValue
 from gough_stewart.harness.section import TableSection, complaints
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest

@@ -299,7 +299,7 @@ def record_of(
         **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
         "host": run.host,
         "rows": len(run.time),
-        "outcome": run.outcome._asdict(),
+        "outcome": run.outcomes[0]._asdict(),
         "duration": timing.duration,
         "sample_time": timing.sample_time,
         "plant_step": timing.plant_step,

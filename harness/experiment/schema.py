@@ -35,7 +35,7 @@ from gough_stewart.harness.quantities import (
     Velocity,
 )
 from gough_stewart.harness.report.requirements import required
-from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.sampling.variation import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE

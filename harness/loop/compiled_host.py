@@ -144,7 +144,8 @@ class CompiledHost:
             traced = law.law
             memory = rows(traced.function.numel_in(0))
             memory[len(memory) - len(traced.coefficients) :, :n] = traced.coefficients
-            c.law, c.kinds, c.n_states = law.address, 2, traced.n_states
+            address = ctypes.cast(law.library.law_step, ctypes.c_void_p).value or 0  # see c/law/law.h
+            c.law, c.kinds, c.n_states = address, 2, traced.n_states
         elif law is not None:
             positions = law.positions
             c.kinds, c.n_states = law.kinds, law.state.shape[1]

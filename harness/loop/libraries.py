@@ -6,7 +6,7 @@ is data. A user's law is compiled when it runs for the first time.
 
 import ctypes
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -152,19 +152,17 @@ class CompiledLaw:
 
     used = signals.NAMES
 
-    @property
-    def address(self) -> int:
-        """Of its function, see c/law/law.c."""
-        return ctypes.cast(self.library.law_step, ctypes.c_void_p).value or 0
-
 
 def are_traced(controllers: Iterable[Controller | None]) -> bool:
     """Whether controllers are, or make, CasADi functions that machine code can have together."""
     try:
-        made = [controller.peek() if isinstance(controller, Maker) else controller for controller in controllers]
+        made: list[Any] = [
+            controller.peek() if isinstance(controller, Maker) else controller for controller in controllers
+        ]
     except ControllerError:  # the run says so
         return False
-    return all(map(is_casadi_function, made)) and _compiled_law(made) is not None
+    law = traced_law_of(made) if all(map(is_casadi_function, made)) else None
+    return law is not None and _library(law.function.serialize()) is not None
 
 
 def compiled_form(law: Law) -> LinearLaw | CompiledLaw | None:
@@ -172,13 +170,9 @@ def compiled_form(law: Law) -> LinearLaw | CompiledLaw | None:
     if isinstance(law, LinearLaw):
         return law
     functions = law.traced
-    return None if functions is None else _compiled_law(functions)
-
-
-def _compiled_law(functions: Sequence[Any]) -> CompiledLaw | None:
-    law = traced_law_of(functions)
-    library = None if law is None else _library(law.function.serialize())
-    return None if law is None or library is None else CompiledLaw(law, library)
+    together = None if functions is None else traced_law_of(functions)
+    library = None if together is None else _library(together.function.serialize())
+    return None if together is None or library is None else CompiledLaw(together, library)
 
 
 @lru_cache(64)

@@ -152,7 +152,11 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                 if not monitor.all_go:
                     force_limited = force_limited & going[:, None]
                 if isinstance(monitor.rows, AllRows):
-                    monitor.rows.add_sample(j, commanded, reading, state, command, force_limited)
+                    of_due = slice(None) if commanded is None else commanded
+                    rows = monitor.rows
+                    rows.measured[j][:, of_due], rows.state[j][:, of_due] = reading.T[:, of_due], state.T[:, of_due]
+                    rows.command[j][:, of_due] = command.T[:, of_due]
+                    rows.limited[j][:, of_due] = force_limited.T[:, of_due]
                 if not monitor.all_go and not (monitor.counting > row).any():
                     # all controllers have failed: this row does not count
                     if law is not None and isinstance(plant, PlantOfOne) and not row:

@@ -54,12 +54,6 @@ class RowBlock:
         self.signals[k], self.forces[k] = now.T, inputs.T[:6]
         self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
 
-    def clear(self) -> None:
-        """Begin the next block."""
-        for values in (self.signals, self.forces, self.force_limited, self.rate_limited, self.motors):
-            values[0] = values[self.count]
-        self.first, self.count = self.first + self.count, 0
-
 
 @dataclass
 class RowSink:
@@ -124,23 +118,6 @@ class AllRows(RowBlock, Observer):
 
     def block(self, rows: RowBlock) -> None:
         """Nothing: the rows are kept already."""
-
-    def add_sample(
-        self,
-        j: int,
-        due: BoolArray | None,
-        measured: FloatArray,
-        state: FloatArray,
-        command: FloatArray,
-        force_limited: BoolArray,
-    ) -> None:
-        """Keep sample j of the members that are due (N,); None means all."""
-        kept = (self.measured, measured), (self.state, state), (self.command, command), (self.limited, force_limited)
-        for samples, values in kept:
-            if due is None:
-                samples[j] = values.T
-            else:
-                samples[j][:, due] = values.T[:, due]
 
 
 class RowMonitor:
@@ -232,7 +209,10 @@ class RowMonitor:
         if rows.count:
             rows.counting = np.clip(self.counting - rows.first, 0, rows.count)
             self.observer.block(rows)
-            rows.clear()
+            # the next block begins with the last row of this one
+            for values in (rows.signals, rows.forces, rows.force_limited, rows.rate_limited, rows.motors):
+                values[0] = values[rows.count]
+            rows.first, rows.count = rows.first + rows.count, 0
 
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes of all members at the end of the run."""

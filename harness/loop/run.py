@@ -114,12 +114,6 @@ class Run:
     used: tuple[str, ...] = ()  # the measured signals that controllers use
     host: str = "Python"  # what ran the loop, see `RowBlock`
 
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome of a single run."""
-        (only,) = self.outcomes
-        return only
-
     def of_member(self, member: int) -> "Run":
         """The history of one of many members, up to its end."""
         outcome = self.outcomes[member]

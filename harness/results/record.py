@@ -243,8 +243,7 @@ def read_record(path: Path | str) -> Record:
             # the first rows of a float column may all be integers
             table = polars.read_csv(readable(path), infer_schema_length=None, glob=False)
             record = Record(table, json.loads(path.with_name("metadata.json").read_bytes()))
-        _check_metadata(record.metadata)
-        _check_table(record.table, record.metadata.get("rows"))
+        _check(record)
     except RecordError as error:
         raise RecordError(f"{path}: {error}; {expected}") from None
     except OSError as error:
@@ -302,20 +301,17 @@ def contents(folder: Path) -> str:
     return f"it has {some(names)}" if names else "it is empty"
 
 
-def _check_metadata(metadata: Any) -> None:
-    """Refuse metadata with a value of another type than `gough-stewart run` writes."""
-    if not isinstance(metadata, dict):
+def _check(record: Record) -> None:
+    """Refuse metadata with a value of another type than a run's, and a table that cannot be a whole run."""
+    if not isinstance(record.metadata, dict):
         raise RecordError("has no metadata of a run")
     try:
-        _Metadata.model_validate(metadata)
+        _Metadata.model_validate(record.metadata)
     except ValidationError as error:
         first = error.errors()[0]
         where, message = ".".join(map(str, first["loc"])), first["msg"]
         raise RecordError(f"metadata: {where} is {first['input']!r:.60}; {message[:1].lower()}{message[1:]}") from None
-
-
-def _check_table(table: polars.DataFrame, rows: int | None) -> None:
-    """Refuse a table that cannot be a whole run with this number of rows (None: unknown)."""
+    table, rows = record.table, record.metadata.get("rows")
     if "time" not in table.columns:
         raise RecordError("has no column 'time'; expected one with the times of the rows")
     if not table.height:

@@ -15,7 +15,7 @@ from gough_stewart.harness.experiment.preparation import Batch, PreparedMembers
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
-from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.sampling.variation import EnsembleChoice
 from gough_stewart.harness.tuning.search import Evaluation, Goal, Point
 from gough_stewart.harness.tuning.space import SearchAxis
 from gough_stewart.model.errors import GoughStewartError

@@ -24,9 +24,7 @@ def written(folder: Path, text: str) -> Path:
 # What is set in a good experiment, and the whole message, or its beginning.
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"titel": "y"}, "titel: unknown key (= 'y'); did you mean 'title'?"),
-    ({"sensor": {}}, "sensor: unknown key (= {}); did you mean 'sensors'?"),
     ({"loop.latency": 1}, "loop.latency: unknown key (= 1)"),
-    ({"reference.when": 1}, "reference.when: unknown key (= 1)"),
     ({"reference": {"type": "sine", "frequency": 1, "fase": 2}}, "reference.fase: unknown key (= 2); did you mean 'ph"),
     ({"controller.damping": 1}, "controller.damping: unknown key (= 1); did you mean 'damping_ratio'?"),
     # a key that is named like its kind, and one that another kind has
@@ -47,9 +45,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"loop.duration": "-2 s"}, "loop.duration: is '-2 s'; expected > 0 s"),
     ({"reference.at": 0}, "reference.at: is 0; expected > 0 s"),
     ({"controller.bandwidth": "2 rad"}, "controller.bandwidth: is '2 rad'; expected a number of Hz, or a string with"),
-    ({"controller.damping_ratio": True}, "controller.damping_ratio: is True; expected a number"),
     ({"plant.tolerance": "1e-10"}, "plant.tolerance: is '1e-10'; expected a number"),
-    ({"limits.condition_number": np.inf}, "limits.condition_number: is inf"),
     ({"start.velocity": [1e200, 0, 0]}, "start.velocity: is [1e+200, 0, 0]; value 1 of 3: expected a number of at mo"),
     ({"reference.position_change": [0, 1]}, "reference.position_change: is [0, 1]; expected a list of 3 [m]; found 2"),
     ({"reference.position_change": 0.05}, "reference.position_change: is 0.05; expected a list of 3 [m]; found one v"),
@@ -66,7 +62,6 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"limits.stroke": "end"}, "limits.stroke: is 'end'; expected 'ignore', 'warn' or 'stop'"),
     ({"actuators.force_limit": "weak"}, "actuators.force_limit: is 'weak'; expected a number of N, or a string with "),
     ({"sensors.seed": 1.5}, "sensors.seed: is 1.5; expected a valid integer"),
-    ({"loop.delay": 1.5}, "loop.delay: is 1.5; expected a valid integer"),
     ({"loop.delay": -1}, "loop.delay: is -1; expected greater than or equal to 0"),
     ({"loop.delay": 1001}, "loop.delay: is 1001; expected less than or equal to 1000"),
     ({"sensors.noise": {"legs": 1}}, f"sensors.noise: no signal 'legs'; expected {SIGNALS}"),

@@ -9,13 +9,10 @@ from typing import Any
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import gough_stewart as gs
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-
-FloatArray = NDArray[np.float64]
-
 
 T = 1e-3
 # A small step without limits, quantisation and Coulomb friction: the loop is linear.

@@ -11,17 +11,15 @@ from zlib import crc32
 import numpy as np
 import pytest
 from allpairspy import AllPairs
-from numpy.typing import NDArray
-from scipy import stats
 
 import gough_stewart as gs
+from tests.support.arrays import FloatArray
 from tests.support.covering import covering
 from tests.support.documented_loop import Documented, simulate
 from tests.support.foreign_controller import NAMES, foreign_controller
 from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
 
-FloatArray = NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("units_in_process")
 
 
@@ -278,7 +276,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], _Both]:
     def made(number: int) -> _Both:
         row = ROWS[number]
         record = _recorded(row, tmp_path_factory.mktemp("options"))
-        # what noise was there is no matter of the loop: see the test of its size
+        # what noise was there is no matter of the loop
         readings = record["measured.leg_length"] if row["noise"] else None
         return _Both(row, record, _expected(row, readings, _samples(record) if row["jitter"] else None))
 
@@ -362,56 +360,6 @@ def _check_parameters(row: dict[str, Any], record: gs.Record) -> None:
         )
         both_coms = np.array([_MACHINE["platform_com"], _CHANGED["platform_com"]])
         assert (record["platform_com"] == both_coms[later.astype(int)]).all()
-
-
-def test_noise_has_its_size_on_every_leg(both: Callable[[int], _Both]) -> None:
-    """Expected: the variance σ² + q²/12 of noise that is rounded, so a sum of squares like χ²; independent legs.
-
-    Two-sided, false alarm of 1 in 1000; of 15 correlations of legs the largest below 4.2/√n, 1 in 2500.
-    """
-    errors = []
-    for number, row in ((k, ROWS[k]) for k in ALWAYS):
-        if row["noise"]:
-            record = both(number).record
-            clock = row["sensor_time"] or SAMPLE_TIME
-            read = np.arange(0, DURATION - 1e-9, clock) / row["plant_step"]
-            read = seen = np.rint(read).astype(int)
-            if row["jitter"]:
-                seen = np.array(_samples(record))[:: round(clock / SAMPLE_TIME)]
-                read = read if row["sensor_time"] else seen
-            off = record["measured.leg_length"][seen] - record["leg_length"][read]
-            errors.append(off / np.sqrt(row["noise"] ** 2 + row["quantisation"] ** 2 / 12))
-    z = np.concatenate(errors)
-    assert len(z) > 50
-    assert 0.0005 < stats.chi2.cdf((z**2).sum(), z.size) < 0.9995
-    assert np.abs(np.corrcoef(z.T) - np.eye(6)).max() < 4.2 / np.sqrt(len(z))
-
-
-def test_jitter_delays_samples_by_whole_steps_at_random(both: Callable[[int], _Both]) -> None:
-    """Expected: floor(3.5 u) steps with u uniform: 0, 1 and 2 in 2 of 7 samples, 3 in 1 of 7; the first is in time.
-
-    Two-sided by χ² with three degrees of freedom, false alarm of 1 in 1000.
-    """
-    late = []
-    for number, row in ((k, ROWS[k]) for k in ALWAYS):
-        if row["jitter"]:
-            samples = np.array(_samples(both(number).record)) % _STEPS
-            assert samples[0] == 0
-            late.append(samples[1:])
-    counts = np.bincount(np.concatenate(late), minlength=_STEPS)
-    assert counts[4] == 0
-    expected = counts.sum() * np.array([2, 2, 2, 1]) / 7
-    assert counts.sum() > 50
-    assert 0.0005 < stats.chi2.cdf(((counts[:4] - expected) ** 2 / expected).sum(), 3) < 0.9995
-
-
-def test_every_pair_of_values_is_in_a_row() -> None:
-    """Expected: counted; a library that leaves pairs out would make the test above smaller unseen."""
-    units = [row for row in ROWS if row["type"] == "fmu"]
-    for options, rows in ((OPTIONS, [row for row in ROWS if row not in units]), (_UNIT_OPTIONS, units)):
-        for a, b in combinations(options, 2):
-            met = {(str(row[a]), str(row[b])) for row in rows}
-            assert met == {(str(x), str(y)) for x, y in product(options[a], options[b]) if _can_be({a: x, b: y})}
 
 
 def test_the_limits_of_the_rows_are_reached(both: Callable[[int], _Both]) -> None:
