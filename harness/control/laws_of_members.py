@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.harness.control.linear_controller import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, copied, name_of, place_in_code
@@ -101,7 +100,7 @@ def laws_of(
         if linear:
             # a member without a controller ends at once; until then it counts with that of another
             law_of_all = LinearLaw([fresh.get(k, linear[0]) for k in members.tolist()], jacobians, reference, measured)
-            law_of_all.failures = _of_copies(failures, members)
+            law_of_all.failures = {k: failures[m] for k, m in enumerate(members.tolist()) if m in failures}
             return law_of_all
         called: list[CalledLaw | UnitLaw | None] = [
             CalledLaw(fresh[k], known[k] if known else None) if k in fresh else None for k in range(len(controllers))
@@ -134,10 +133,6 @@ def _check(controllers: Sequence[Controller], sample_time: float) -> None:
             for one in structures
         ]
         raise ControllerError(f"controllers of different structure, {'; '.join(sorted(words))}; expected one for all")
-
-
-def _of_copies(failures: Mapping[int, ControllerError], members: NDArray[np.intp]) -> dict[int, ControllerError]:
-    return {k: failures[member] for k, member in enumerate(members.tolist()) if member in failures}
 
 
 def shared_by_members(controller: Controller | None) -> Any:
@@ -262,7 +257,7 @@ class SeparateLaws:
                     self._forces[member] = force(k, time, references[member], measured[member], excess[member])
                 except ControllerError as error:
                     failures[member] = error
-        self.failures = _of_copies(failures, self._members)
+        self.failures = {k: failures[m] for k, m in enumerate(self._members.tolist()) if m in failures}
         return self._forces[self._members]
 
 

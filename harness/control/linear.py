@@ -86,13 +86,14 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     kernel, p = Kernel(variant), parameter_vector(platform, variant)
     names, rows = _rows(outputs, variant)
 
-    def update(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
-        return kernel.derivatives(x, u, p).copy()
-
-    def output(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
-        return np.asarray(kernel.outputs(x, u, p)[rows])
-
-    return nlsys(update, output, states=_state_names(variant), inputs=INPUT_NAMES, outputs=names, name="plant")
+    return nlsys(
+        lambda _t, x, u, _params: kernel.derivatives(x, u, p).copy(),
+        lambda _t, x, u, _params: kernel.outputs(x, u, p)[rows],
+        states=[name for v in variant.states for name in v.scalar_names],
+        inputs=INPUT_NAMES,
+        outputs=names,
+        name="plant",
+    )
 
 
 def trim(
@@ -192,7 +193,8 @@ def linearise(
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
     names, _ = _rows(outputs, variant)
     linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
-    labels = {"states": _state_names(variant), "inputs": INPUT_NAMES, "outputs": names}
+    states = [name for v in variant.states for name in v.scalar_names]
+    labels = {"states": states, "inputs": INPUT_NAMES, "outputs": names}
     return ss(linear.A, linear.B, linear.C, linear.D, **labels, name="plant")
 
 
@@ -286,10 +288,6 @@ def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
         return real_array(value, shape)
     except ValueError as error:
         raise InterfaceError(name, str(error)) from None
-
-
-def _state_names(variant: Variant) -> list[str]:
-    return [name for v in variant.states for name in v.scalar_names]
 
 
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:

@@ -8,7 +8,7 @@ import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -249,16 +249,13 @@ def _eigenvalue_loci(L: StateSpace, omega: FloatArray, on_grid: ComplexArray) ->
     for before, after in pairwise(values):
         after[:] = after[linear_sum_assignment(np.abs(before[:, None] - after))[1]]
 
-    def locus(k: int) -> Locus:
-        def at(frequencies: FloatArray) -> ComplexArray:
-            between = np.interp(frequencies, omega, values[:, k])
-            eigenvalues = np.linalg.eigvals(response(L, frequencies))
-            nearest = np.abs(eigenvalues - between[:, None]).argmin(axis=1)
-            return np.asarray(eigenvalues[np.arange(len(nearest)), nearest])
+    def at(k: int, frequencies: FloatArray) -> ComplexArray:
+        between = np.interp(frequencies, omega, values[:, k])
+        eigenvalues = np.linalg.eigvals(response(L, frequencies))
+        nearest = np.abs(eigenvalues - between[:, None]).argmin(axis=1)
+        return np.asarray(eigenvalues[np.arange(len(nearest)), nearest])
 
-        return np.asarray(values[:, k]), at
-
-    return [locus(k) for k in range(L.noutputs)]
+    return [(np.asarray(values[:, k]), partial(at, k)) for k in range(L.noutputs)]
 
 
 def _classical_margins(L: StateSpace, omega: FloatArray, loci: Sequence[Locus]) -> ClassicalMargins:
@@ -340,13 +337,15 @@ def _peak(
     """Largest value over frequency of a function of S and T, and its frequency [rad/s]."""
     from scipy.optimize import minimize_scalar
 
-    def falling(logarithm: float) -> float:
-        return -float(size(*sensitivities(L, np.array([math.exp(logarithm)])))[0])
-
     values = size(*on_grid)
     best = int(values.argmax())
     bracket = (math.log(grid[max(best - 1, 0)]), math.log(grid[min(best + 1, len(grid) - 1)]))
-    peak = minimize_scalar(falling, bounds=bracket, method="bounded", options={"xatol": 1e-9})
+    peak = minimize_scalar(
+        lambda logarithm: -float(size(*sensitivities(L, np.array([math.exp(logarithm)])))[0]),
+        bounds=bracket,
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
     if -peak.fun > values[best]:
         return float(-peak.fun), math.exp(peak.x)
     return float(values[best]), float(grid[best])

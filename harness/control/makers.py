@@ -92,16 +92,18 @@ class Design:
     parameters: Mapping[str, Any] = field(default_factory=dict)  # from `[controller.parameters]`
 
 
+@dataclass(eq=False)
 class Maker:
     """Makes controllers of one design; a host asks it once for each real member, at that member's first sample.
 
-    Copies that fill a vector of members and records never ask. `fresh` makes a controller that shares no memory with
-    those made before; `original` is what they are copies of, if they are.
+    Copies that fill a vector of members and records never ask.
     """
 
-    def __init__(self, fresh: Callable[[], Any], original: Any = None) -> None:
-        self._fresh, self.original = fresh, original
-        self._ahead: tuple[Any, ...] = ()
+    fresh: Callable[[], Any]
+    """Makes a controller that shares no memory with those made before."""
+    original: Any = None
+    """What they are copies of, if they are."""
+    _ahead: tuple[Any, ...] = field(default=(), init=False)
 
     def make(self) -> Any:
         """A controller that shares no memory with those made before; the user's code may fail."""
@@ -111,7 +113,7 @@ class Maker:
     def peek(self) -> Any:
         """The controller that `make` will give next, made by now and not called."""
         if not self._ahead:
-            self._ahead = (self._fresh(),)
+            self._ahead = (self.fresh(),)
         return self._ahead[0]
 
 
@@ -223,12 +225,12 @@ def _binds(signature: inspect.Signature, *arguments: Any, **keywords: Any) -> bo
     return True
 
 
+@dataclass(eq=False)
 class UserFolder:
     """The folder of a user's Python file: inside, imports find its modules first and relative file names resolve."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._modules = dict[str, ModuleType]()  # of the user, while others run
+    path: Path
+    _modules: dict[str, ModuleType] = field(default_factory=dict, init=False)  # of the user, while others run
 
     def defined(self, file: Path, name: str) -> Any:
         """The object that a file of the folder defines under a name; the file is executed with the user's rights."""

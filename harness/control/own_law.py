@@ -42,6 +42,13 @@ _NUMBERS = (
     "float(), int() and elements of arrays of numbers hold no symbol: write arithmetic of whole signals, "
     "np.concatenate, or a list of six forces"
 )
+# Why a call with symbols fails, by the words of CasADi and NumPy, the first that fits.
+_CAUSES = {
+    "truth value": "a condition depends on a signal",
+    r"'SX' object has no attribute '(\w+)'": "a signal has no '{}' in equations",
+    "imension": "sizes do not fit each other",
+    "SX|(?i:casadi)": "a function or an index takes numbers only",
+}
 _START = "give it its start value in __init__, such as np.zeros(6)"
 
 # Where a number is in a controller: names of attributes, keys and places, from the outside in.
@@ -338,7 +345,9 @@ def _trace(
         except (Exception, SystemExit) as error:  # user code may raise anything when it is called with symbols
             of_user = [at for at in traceback.walk_tb(error.__traceback__) if is_of_user(at[0])]
             line = (of_user[-1][0].f_code.co_filename, of_user[-1][1]) if of_user else ("", 0)
-            raise _refusal(name, line, _why_not(error), _BRANCHES) from None
+            causes = ((re.search(pattern, str(error)), words) for pattern, words in _CAUSES.items())
+            why = next((words.format(*at.groups()) for at, words in causes if at), f"{type(error).__name__}: {error}")
+            raise _refusal(name, line, why, _BRANCHES) from None
         finally:
             sys.settrace(tracer)
     after = dict(numbers_in(holder))
@@ -373,20 +382,6 @@ def _column(value: Any, shape: Sequence[int]) -> Any:
     if matrix.shape != tuple(shape):
         raise TypeError
     return matrix
-
-
-def _why_not(error: BaseException) -> str:
-    """Why a call with symbols failed, without the words of CasADi."""
-    text = str(error)
-    if "truth value" in text:
-        return "a condition depends on a signal"
-    if lacks := re.search(r"'SX' object has no attribute '(\w+)'", text):
-        return f"a signal has no '{lacks[1]}' in equations"
-    if "imension" in text:
-        return "sizes do not fit each other"
-    if "SX" in text or "casadi" in text.lower():
-        return "a function or an index takes numbers only"
-    return f"{type(error).__name__}: {text}"
 
 
 def _refusal(name: str, line: Line, why: str, remedy: str) -> ControllerError:

@@ -115,13 +115,6 @@ def matrices_of(system: Any) -> StateSpace:
     return StateSpace(named.A, named.B, named.C, named.D, float(named.dt or 0.0))
 
 
-def control_system(system: StateSpace) -> Any:
-    """The same as a python-control system, for users."""
-    import control
-
-    return control.ss(*system.blocks, system.dt)
-
-
 def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
     """The continuous system at a sample time T [s].
 

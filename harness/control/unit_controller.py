@@ -59,28 +59,23 @@ class UnitController:
         return UnitLaw(unit.step, unit.close, sample_time)
 
 
+@dataclass(eq=False)
 class UnitLaw:
     """The FMU as control law of one member."""
 
     used = signals.NAMES
-
-    def __init__(self, step: Callable[..., FloatArray], close: Callable[[], None], sample_time: float) -> None:
-        self._step, self.close, self._sample_time = step, close, sample_time
-        self.limited: NDArray[np.bool_] = np.zeros(6, dtype=bool)
+    step: Callable[..., FloatArray]
+    close: Callable[[], None]
+    sample_time: float
+    limited: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(6, dtype=bool), init=False)
 
     def force(
         self, k: int, _time: float, reference: FloatArray, measured: FloatArray, _excess: FloatArray
     ) -> FloatArray:
         """The forces that the FMU outputs at the end of the sample."""
-        outputs = self._step(k * self._sample_time, self._sample_time, np.concatenate([measured, reference]))
+        outputs = self.step(k * self.sample_time, self.sample_time, np.concatenate([measured, reference]))
         self.limited = outputs[6:] > 0.5
         return outputs[:6]
-
-    def __enter__(self) -> "UnitLaw":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class ControllerUnit:

@@ -34,7 +34,7 @@ from gough_stewart.harness.control.loop_transfer import (
 )
 from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.pid import Gains
-from gough_stewart.harness.control.state_space import StateSpace, control_system
+from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
@@ -171,7 +171,9 @@ class LoopMargins(Margins):
     @property
     def loop(self) -> Any:
         """The loop transfer L as a python-control system."""
-        return control_system(self.transfer)
+        from control import ss
+
+        return ss(*self.transfer.blocks, self.transfer.dt)
 
     def __repr__(self) -> str:
         """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""

@@ -5,7 +5,7 @@ What members have in common, such as a planned motion, is made once for the same
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -120,7 +120,7 @@ class Prepared(Setup):
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
         """The factory of the control law; resources are closed at the end."""
         if isinstance(self.controller, UnitController):
-            with self.controller.open(self.loop.timing.sample_time) as law:
+            with closing(self.controller.open(self.loop.timing.sample_time)) as law:
                 yield lambda _reference, _measured: SeparateLaws([law])
         else:
             yield None if self.controller is None else self.law

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.model.operations import maximum, minimum, numbers_or_symbols, reached
+from gough_stewart.model.operations import maximum, minimum, numbers_or_symbols
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
@@ -54,14 +54,10 @@ class Reference(Protocol):
         """The motion at times (n,) [s]."""
 
 
-class Piecewise(ABC):
+class Piecewise(Reference, ABC):
     """A motion that is piecewise polynomial, exactly or up to rounding, so that it can be exported as a table."""
 
     rests: ClassVar[bool] = True  # after its end; else it is not defined there
-
-    @abstractmethod
-    def __call__(self, time: ArrayLike) -> Motion:
-        """The motion at times (n,) [s]."""
 
     @property
     @abstractmethod
@@ -189,12 +185,6 @@ class Profile(NamedTuple):
     def faded(self, time: Array, fade_in: float | Array) -> "Profile":
         """Multiplied by a quintic from 0 to 1 over the fade-in [s]; unchanged for 0 s, which no symbol is."""
         return self.times(quintic(time, fade_in)) if isinstance(fade_in, np.ndarray) or fade_in > 0 else self
-
-
-def step(time: Array) -> Profile:
-    """From 0 to 1 at time 0 (1 at time 0 itself); rates are zero on both sides."""
-    value = reached(time, -ROUNDING)
-    return Profile(value, 0 * value, 0 * value)
 
 
 def quintic(time: Array, duration: float | Array) -> Profile:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import Motion, Profile, Reference, motion_of, quintic, sine, slower, step
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, Profile, Reference, motion_of, quintic, sine, slower
 from gough_stewart.harness.motion.recorded.from_table import FromTable, check_speed, resampled, smoothed
 from gough_stewart.harness.motion.recorded.recording import (
     AtHome,
@@ -55,6 +55,7 @@ class ReferenceChoice(Kind):
         Impossible values; names the key, its value, and what was expected.
     """
 
+    error: ClassVar[type[MotionError]] = MotionError
     time_scale: PositiveNumber = 1.0
     amplitude_scale: Number = 1.0
 
@@ -74,11 +75,6 @@ class ReferenceChoice(Kind):
     def highest_frequency(self) -> float:
         """The highest frequency of the motion [Hz]; 0 if it has none."""
         return float(max((getattr(self, key) for key in self.frequencies), default=0.0) / self.time_scale)
-
-    @classmethod
-    def refusal(cls, message: str) -> MotionError:
-        """The error for wrong values."""
-        return MotionError(message)
 
 
 class AboutPose(ReferenceChoice):
@@ -161,7 +157,8 @@ class Step(_Change):
 
     def _at(self, time: Array) -> Motion:
         # at the time of the jump, the value after it
-        return self._by((step(time - self.at), self._along("change")))
+        value = reached(time - self.at, -ROUNDING)
+        return self._by((Profile(value, 0 * value, 0 * value), self._along("change")))
 
 
 class PointToPoint(_Change):

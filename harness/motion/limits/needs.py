@@ -254,15 +254,12 @@ def leg_tables(shares: Shares, needs: Needs) -> list[Table]:
 
 def largest_needs(needs: Needs) -> str:
     """The largest of each need over all legs."""
-
-    def largest(name: str) -> str:
-        return number_text(plain(float(np.abs(needs[name]).max())))
-
+    largest = {name: number_text(plain(float(np.abs(need.of_leg).max()))) for name, need in needs.of.items()}
     texts = {
-        "stroke": f"{largest('stroke')} m",
-        "speed": f"{largest('leg_velocity_peak')} m/s (RMS {largest('leg_velocity_rms')})",
-        "force": f"{largest('actuator_force_peak')} N (RMS {largest('actuator_force_rms')})",
-        "power": f"{largest('motoring_power_peak')} W (RMS {largest('actuator_power_rms')})",
-        "regenerated": f"{largest('regenerated_power_peak')} W",
+        "stroke": f"{largest['stroke']} m",
+        "speed": f"{largest['leg_velocity_peak']} m/s (RMS {largest['leg_velocity_rms']})",
+        "force": f"{largest['actuator_force_peak']} N (RMS {largest['actuator_force_rms']})",
+        "power": f"{largest['motoring_power_peak']} W (RMS {largest['actuator_power_rms']})",
+        "regenerated": f"{largest['regenerated_power_peak']} W",
     }
     return f"needs: {', '.join(f'{name} {value}' for name, value in texts.items())}"

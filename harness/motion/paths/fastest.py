@@ -12,8 +12,7 @@ linearised about the last plan; whoever plans again and again finds limits that 
 
 import logging
 import math
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,9 +37,6 @@ from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 _PIECES = 1500
 # Share of the grid spacing that follows a cosine: ṡ is zero at the ends, where pieces take the longest.
@@ -102,12 +98,9 @@ class LegsAlong:
         self.c = forces(zero, zero)
         self.a = forces(zero, ones) - self.c
         self.b = (forces(ones, zero) + forces(-ones, zero)) / 2 - self.c
-
-    @cached_property
-    def _spline(self) -> "CubicSpline":
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self.grid, np.stack([self.l, self.k, self.a, self.b, self.c], axis=1))
+        self._spline = CubicSpline(grid, np.stack([self.l, self.k, self.a, self.b, self.c], axis=1))
 
     def shares(self, limits: DynamicLimits, at: AlongPath) -> FloatArray:
         """|L̇|, |L̈|, |F| and |F L̇| relative to their limits (4, n, 6), at any points of the path."""

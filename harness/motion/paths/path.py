@@ -148,12 +148,7 @@ def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
     a, b, c = np.sin(theta) / theta, (1 - np.cos(theta)) / safe, (theta - np.sin(theta)) / (safe * theta)
     # db/dq = (a − 2 b)/(2 q), dc/dq = (b − 3 c)/(2 q)
     exact = (a, b, c, (a - 2 * b) / (2 * safe), (b - 3 * c) / (2 * safe))
-    return tuple(where(is_small, _series(k, q), formula) for k, formula in enumerate(exact))
-
-
-def _series(k: int, q: FloatArray) -> FloatArray:
-    """Σ (−q)ⁿ/(2n + 1 + k)! for k up to 2, to the fourth term, then the derivatives for k = 1 and 2."""
-    if k < 3:
-        return np.asarray(sum((-q) ** n / math.factorial(2 * n + 1 + k) for n in range(4)))
-    terms = range(1, 5)
-    return np.asarray(sum(-n * (-q) ** (n - 1) / math.factorial(2 * n + k - 1) for n in terms))
+    # Σ (−q)ⁿ/(2n + 1 + k)! to the fourth term, and the derivatives for k = 1 and 2
+    series = [sum((-q) ** n / math.factorial(2 * n + 1 + k) for n in range(4)) for k in range(3)]
+    series += [sum(-n * (-q) ** (n - 1) / math.factorial(2 * n + 1 + k) for n in range(1, 5)) for k in (1, 2)]
+    return tuple(where(is_small, near, formula) for near, formula in zip(series, exact, strict=True))

@@ -3,9 +3,10 @@
 It is played and exported as piecewise polynomials, with identical numbers.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,39 +49,42 @@ class AlongPath(NamedTuple):
     acceleration: FloatArray  # s̈ [1/s²]
 
 
-class TimeLaw(Protocol):
+class TimeLaw(ABC):
     """From rest at s = 0 to rest at s = 1, where it stays."""
+
+    @property
+    @abstractmethod
+    def knots(self) -> FloatArray:
+        """Times between which s is smooth (m,) [s], from 0 to the duration."""
 
     @property
     def duration(self) -> float:
         """The time from start to end of the motion [s]."""
+        return float(self.knots[-1])
 
-    @property
-    def knots(self) -> FloatArray:
-        """Times between which s is smooth (m,) [s], from 0 to the duration."""
-
+    @abstractmethod
     def __call__(self, time: FloatArray) -> AlongPath:
         """S and its derivatives at times (n,) [s]; at a knot, the acceleration after it."""
 
 
 @dataclass(frozen=True)
-class Quintic:
-    """s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = t/duration."""
+class Quintic(TimeLaw):
+    """s = 10 τ³ − 15 τ⁴ + 6 τ⁵, τ = t/T."""
 
-    duration: float  # [s]
+    takes: float  # T [s]
 
     @property
     def knots(self) -> FloatArray:
         """Enough knots that the path bends little between them."""
-        return np.linspace(0.0, self.duration, 401)
+        return np.linspace(0.0, self.takes, 401)
 
     def __call__(self, time: FloatArray) -> AlongPath:
         """At times (n,) [s]."""
-        return AlongPath(*quintic(time, self.duration))
+        return AlongPath(*quintic(time, self.takes))
 
 
 @dataclass(frozen=True, eq=False)
-class Stepwise:
+class Stepwise(TimeLaw):
     """Constant s̈ between grid points: ṡ² is linear in s.
 
     With s_k and x_k = ṡ_k²: s̈ = (x_{k+1} − x_k)/(2 Δs), and each piece takes Δt = 2 Δs/(ṡ_k + ṡ_{k+1}).
@@ -96,11 +100,6 @@ class Stepwise:
         steps = np.diff(self.grid)
         times = np.concatenate([[0.0], np.cumsum(2 * steps / (rate[1:] + rate[:-1]))])
         return times, rate, np.append(np.diff(self.squared_rate) / (2 * steps), 0.0)
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return float(self._pieces[0][-1])
 
     @property
     def knots(self) -> FloatArray:
@@ -129,7 +128,7 @@ class Stepwise:
 
 
 @dataclass(frozen=True, eq=False)
-class Averaged:
+class Averaged(TimeLaw):
     """The moving average over a window T of another law: s(t) = 1/T ∫ s₀ over (t − T, t).
 
     So |d³s/dt³| is at most the change of s̈₀ within T, divided by T: a jump of the force is spread over that time.
@@ -137,11 +136,6 @@ class Averaged:
 
     law: Stepwise
     window: float  # T [s]
-
-    @property
-    def duration(self) -> float:
-        """The other law's duration plus the window [s]."""
-        return self.law.duration + self.window
 
     @property
     def knots(self) -> FloatArray:
@@ -159,16 +153,11 @@ class Averaged:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretched:
+class Stretched(TimeLaw):
     """Another law slowed down by a factor k: ṡ/k, s̈/k²."""
 
-    law: "TimeLaw"
+    law: TimeLaw
     factor: float  # k
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return self.law.duration * self.factor
 
     @property
     def knots(self) -> FloatArray:

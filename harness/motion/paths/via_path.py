@@ -118,12 +118,11 @@ class ViaPath(WrittenPoses):
         if beyond:
             first = min(beyond, key=lambda limited: limited.row)
             raise MotionError(f"pose {first.row + 1} of the path cannot be reached: {first.text}")
-        law = Stretched(self._law(platform, path), self.time_scale)
+        if isinstance(self.timing, str):
+            from gough_stewart.harness.motion.paths.fastest import fastest
+
+            law: TimeLaw = fastest(platform, path, self.margin, self.ramp)
+        else:
+            law = Quintic(self.timing)
+        law = Stretched(law, self.time_scale)
         return polynomials_of(TimedPath(path, law, self.at * self.time_scale, self.amplitude_scale))
-
-    def _law(self, platform: Platform, path: GeometricPath) -> TimeLaw:
-        if not isinstance(self.timing, str):
-            return Quintic(self.timing)
-        from gough_stewart.harness.motion.paths.fastest import fastest
-
-        return fastest(platform, path, self.margin, self.ramp)

@@ -1,6 +1,6 @@
 """Recorded motions: poses from logs, checked row by row, in SI units, and moved to the home pose of a platform."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -148,7 +148,7 @@ def _poses(values: Mapping[str, FloatArray], convention: PoseConvention) -> tupl
     position, turning = _stacked(values, names[:3]), _stacked(values, names[3:])
     kind = names[3].partition("[")[0]
     if convention == OURS:
-        return position, _ORIENTATION_FROM[kind](turning)
+        return position, orientation_from(kind, turning)
     return converted(position, turning, kind, convention)
 
 
@@ -167,7 +167,7 @@ def converted(
             f"rotation_order is '{convention.rotation_order}', about {convention.rotation_about} axes, but the "
             f"orientations are a {kind.replace('_', ' ')}; leave both keys out"
         )
-    place, rotation = convention.read_matrices(position, matrix_from_orientation(_ORIENTATION_FROM[kind](turning)))
+    place, rotation = convention.read_matrices(position, matrix_from_orientation(orientation_from(kind, turning)))
     return place, orientation_of(rotation)
 
 
@@ -213,30 +213,26 @@ def orientation_of(rotation: FloatArray, near: Scalars = 0.0) -> FloatArray:
     return continuous(orientation_from_matrix(rotation), near)
 
 
-def _of_quaternions(quaternion: FloatArray) -> FloatArray:
-    """Continuous roll, pitch, yaw (n, 3) [rad] of unit quaternions (n, 4), scalar last; q and −q are the same."""
-    length = np.linalg.norm(quaternion, axis=1)
+def orientation_from(kind: str, turning: FloatArray) -> FloatArray:
+    """Continuous roll, pitch, yaw (n, 3) [rad] of such angles, "orientation" (n, 3), or of another kind.
+
+    Of a unit "quaternion" (n, 4), scalar last; q and −q are the same. Of a "rotation_vector" (n, 3) [rad], axis times
+    angle.
+    """
+    if kind == "orientation":
+        return continuous(turning)
+    if kind == "rotation_vector":
+        from scipy.spatial.transform import Rotation  # rarely needed
+
+        return orientation_of(Rotation.from_rotvec(turning).as_matrix())
+    length = np.linalg.norm(turning, axis=1)
     bad = np.flatnonzero(~(np.abs(length - 1) <= _LENGTH_TOLERANCE))
     if bad.size:
         raise MotionError(
             f"the quaternion in row {bad[0] + 1} has the norm {length[bad[0]]:.6g}; expected 1 "
             f"within {_LENGTH_TOLERANCE:g}"
         )
-    return orientation_of(matrix_from_quaternion(quaternion))
-
-
-def _of_rotation_vectors(vector: FloatArray) -> FloatArray:
-    """Continuous roll, pitch, yaw (n, 3) [rad] of rotation vectors (n, 3) [rad]: axis times angle."""
-    from scipy.spatial.transform import Rotation  # rarely needed
-
-    return orientation_of(Rotation.from_rotvec(vector).as_matrix())
-
-
-_ORIENTATION_FROM: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "orientation": continuous,
-    "quaternion": _of_quaternions,
-    "rotation_vector": _of_rotation_vectors,
-}
+    return orientation_of(matrix_from_quaternion(turning))
 
 
 def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float) -> FromTable:

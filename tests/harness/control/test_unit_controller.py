@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def experiment(controller: Mapping[str, object], **loop: float) -> gs.Experiment
 
 
 def opened(path: Path, names: Mapping[str, str] = NAMES, sample_time: float = 2e-3, **parameters: Any) -> Any:
-    """The unit in this process; closed where it is left by `with`."""
+    """The unit in this process."""
     return UnitController(path, names, parameters, is_foreign=False).open(sample_time)
 
 
@@ -142,13 +143,13 @@ def test_what_fits_is_taken_as_it_is_meant(theirs: Path, tmp_path: Path) -> None
     r, y, measured, none = np.linspace(1.0, 2.5, 6), np.linspace(0.3, -0.7, 6), np.zeros(24), np.zeros(6)
     measured[12:18] = y
     names = {name: own for name, own in NAMES.items() if name != "reference_leg_length"}
-    with opened(theirs, names, gain=20.0, r=r) as unit:
+    with closing(opened(theirs, names, gain=20.0, r=r)) as unit:
         assert unit.force(0, 0.0, np.full(30, 9.0), measured, none) == pytest.approx(20 * (r - y))
     measured[12:18] = [-1.0, 0.4, -0.49, -0.51, 2.0, -0.7]
-    with opened(theirs, NAMES | {"force_limited": "u"}, gain=1.0) as unit:
+    with closing(opened(theirs, NAMES | {"force_limited": "u"}, gain=1.0)) as unit:
         unit.force(0, 0.0, np.zeros(30), measured, none)
         assert unit.limited.tolist() == [True, False, False, True, False, True]
-    with opened(theirs, sample_time=FAILS_AT, gain=REFUSES) as unit:
+    with closing(opened(theirs, sample_time=FAILS_AT, gain=REFUSES)) as unit:
         unit.force(0, 0.0, np.zeros(30), measured, none)
         with pytest.raises(gs.GoughStewartError, match=r"theirs\.fmu: at time 0\.5 s: .*3 \(error\)"):
             unit.force(1, FAILS_AT, np.zeros(30), measured, none)
