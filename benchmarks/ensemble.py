@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 
 from rich.console import Console
@@ -84,7 +85,7 @@ def scaling(plan: EnsemblePlan) -> float:
             pass
         return time.perf_counter() - start
 
-    with Workers(2) as two:
+    with closing(Workers(2)) as two:
         seconds(two, 8)  # imports modules
         return seconds(1, 12) / seconds(two, 12)
 

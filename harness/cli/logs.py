@@ -215,12 +215,13 @@ def identify_command(
     if validate and validation is not None:
         raise UsageError("--validate and --validation exclude each other; give one")
     nominal = opt.chosen_platform(preset, platform)
-    from gough_stewart.harness.identify.estimate import FILES, identification_files
+    from gough_stewart.harness.identify.estimate import FILES
     from gough_stewart.harness.identify.estimate_report import before_and_after, estimate_report
     from gough_stewart.harness.identify.identify import identify
     from gough_stewart.harness.identify.log import read_log
     from gough_stewart.harness.report.document import settings_of
     from gough_stewart.harness.results.metric_folds import METRICS
+    from gough_stewart.model.platform import platform_to_toml
 
     metrics = () if experiment is None else METRICS
     running.expect(["parameters", "condition_number", *(metric.path for metric in metrics)])
@@ -253,6 +254,7 @@ def identify_command(
     if result.not_excited:
         machine = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"
         then = f"gough-stewart excite {machine} --estimate {shlex.quote(estimate)}"
-    running.present(report, identification_files(result, nominal), then=then)
+    platform_text = platform_to_toml(result.platform(nominal)).encode()
+    running.present(report, dict(zip(FILES, (platform_text, result.to_json()), strict=True)), then=then)
     if result.alarms:
         raise typer.Exit(ExitCode.MISSED)

@@ -14,14 +14,7 @@ import polars
 
 from gough_stewart.harness.control.laws_of_members import shared_by_members
 from gough_stewart.harness.control.makers import name_of
-from gough_stewart.harness.ensemble.member_table import SHORT
-from gough_stewart.harness.errors import (
-    ControllerError,
-    ExperimentError,
-    RecordError,
-    SharedMemoryError,
-    UnstableLoopError,
-)
+from gough_stewart.harness.errors import ControllerError, SharedMemoryError, UnstableLoopError
 from gough_stewart.harness.experiment.members import EnsemblePlan, Members
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
@@ -36,7 +29,6 @@ from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
 from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import LIMITS
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.vectors import FloatArray
@@ -75,11 +67,6 @@ class LegErrors(KeptRows):
         self.every = ceil((timing.steps + 1) / MOST_ROWS)
         self.at = np.arange(0, timing.steps + 1, self.every)
         self.time = timing.times[:: self.every]
-
-    @property
-    def errors(self) -> FloatArray:
-        """What is kept (rows, 6, N)."""
-        return self.kept[self.needs[0]]
 
     def start(self, members: int) -> State:
         """None by member: whoever reads the errors knows who has ended."""
@@ -229,17 +216,6 @@ def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, Float
     return {name: np.zeros(0) for name in names}, Bands(signals, loop.timing, 0, first).samples()
 
 
-def check_names(plan: EnsemblePlan) -> None:
-    """Refuse unknown names in `signals` or `worst_by` before anything runs; suggests the nearest."""
-    by = plan.prepared.choice.worst_by
-    try:
-        columns = results_of_nobody(plan.prepared)[0]
-    except RecordError as error:
-        raise ExperimentError(plan.where, "ensemble.signals", str(error)) from None
-    if by is not None and SHORT.get(by, by) not in columns:
-        raise ExperimentError(plan.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
-
-
 def oscillations(
     batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors, threads: int = 1
 ) -> list[Oscillation | None]:
@@ -262,7 +238,7 @@ def oscillations(
     def judge(members: list[int], reference: FloatArray, excitation: SelfExcitation) -> None:
         # those of consecutive members without a copy
         together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
-        errors = kept.errors[..., together]
+        errors = kept.kept[LegErrors.needs[0]][..., together]
 
         def least_of(k: int) -> Callable[[float], float]:
             sensors, platform = batch.sensors[members[k]], batch.setups[members[k]].platform

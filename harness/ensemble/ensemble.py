@@ -13,9 +13,9 @@ from typing import Any
 
 import polars
 
-from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, check_names
+from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, results_of_nobody
 from gough_stewart.harness.ensemble.ensemble_report import Ensemble, read_ensemble
-from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES
+from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES, SHORT
 from gough_stewart.harness.ensemble.workers import (
     Range,
     Workers,
@@ -26,7 +26,7 @@ from gough_stewart.harness.ensemble.workers import (
     exact_versions,
     processes_for,
 )
-from gough_stewart.harness.errors import EnsembleError
+from gough_stewart.harness.errors import EnsembleError, ExperimentError, RecordError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.members import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.overrides import Settings
@@ -36,6 +36,7 @@ from gough_stewart.harness.report.quantities import fineness_of
 from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, bands_frame, joined_samples, samples_frame
 from gough_stewart.model.errors import OutputError
+from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
 
@@ -134,7 +135,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         chunks = ceil((asked or 0) / SIZE)
         useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
         alone = resume or scheduler is not None or useful < 2
-        processes: Workers | int = number if alone else stack.enter_context(Workers(useful))
+        processes: Workers | int = number if alone else stack.enter_context(closing(Workers(useful)))
         plan = _planned(chosen, controller, folder, files, resume)
         if plan is None:
             return read_ensemble(folder)
@@ -206,7 +207,14 @@ def _planned(
     requested = plan_of(experiment, controller)
     if not resume or begun is None:
         requested.prepared.possible()
-        check_names(requested)
+        # unknown names are refused before anything runs
+        by = requested.prepared.choice.worst_by
+        try:
+            columns, _ = results_of_nobody(requested.prepared)
+        except RecordError as error:
+            raise ExperimentError(requested.where, "ensemble.signals", str(error)) from None
+        if by is not None and SHORT.get(by, by) not in columns:
+            raise ExperimentError(requested.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
         return requested
     plan, made_with, is_finished = begun
     if requested.hash != plan.hash:

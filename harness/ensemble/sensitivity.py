@@ -106,7 +106,38 @@ def sensitivity_of(ensemble: MemberTable, metric: str) -> Sensitivity | None:
     merit = np.where(ensemble.is_complete, ensemble.values(metric), np.nan)
     if ensemble.block > 1:
         return _sobol(metric, merit, ensemble.metadata["groups"])
-    return _regression(ensemble, metric, merit)
+
+    # the coefficients of the inputs that are numbers and differ; strings and constants have none
+    usable = np.isfinite(merit)
+    y, columns = merit[usable], {name: ensemble.values(name)[usable] for name in ensemble.varied}
+    numeric = {name: x for name, x in columns.items() if len(x) and np.isfinite(x).all() and np.ptp(x) > 0}
+    n, p = len(y), len(numeric)
+    if not numeric or n < p + 3 or np.ptp(y) == 0:
+        return None
+
+    # a straight line through the values, or through ranks where that explains more
+    X = np.stack(list(numeric.values()), axis=1)
+    pairs: dict[Method, tuple[FloatArray, FloatArray]] = {"regression": (_standard(X), _standard(y))}
+    fits = {"regression": _fitted(*pairs["regression"])}
+    distance = np.abs(X - np.median(X, axis=0))
+    if fits["regression"][1] < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
+        from scipy.stats import rankdata  # slow to import, and seldom needed
+
+        pairs["ranks"] = _standard(rankdata(distance, axis=0)), _standard(rankdata(y))
+        fits["ranks"] = _fitted(*pairs["ranks"])
+    method: Method = max(pairs, key=lambda name: fits[name][1])
+    beta, r2 = fits[method]
+
+    again = _resampled(*pairs[method])
+    resamples = again[np.isfinite(again).all(axis=1)]
+    half = np.full(p, np.nan)
+    if len(resamples):
+        low, high = np.quantile(resamples, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
+        half = (high - low) / 2
+    alike = _alike(np.abs(beta), np.abs(resamples))
+    without = tuple(name for name in columns if name not in numeric)
+    left_out = len(merit) - n
+    return Sensitivity(metric, method, tuple(numeric), beta, half, None, None, r2, n, left_out, without, alike)
 
 
 def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity | None:
@@ -159,40 +190,6 @@ def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
     first, *following = np.argsort(-size, kind="stable").tolist()
     gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
     return tuple(k for k in following if not gap[k] > _BEYOND_DOUBT * spread[k])
-
-
-def _regression(ensemble: MemberTable, metric: str, merit: FloatArray) -> Sensitivity | None:
-    """Coefficients of the inputs that are numbers and differ; strings and constants have none."""
-    usable = np.isfinite(merit)
-    y, columns = merit[usable], {name: ensemble.values(name)[usable] for name in ensemble.varied}
-    numeric = {name: x for name, x in columns.items() if len(x) and np.isfinite(x).all() and np.ptp(x) > 0}
-    n, p = len(y), len(numeric)
-    if not numeric or n < p + 3 or np.ptp(y) == 0:
-        return None
-
-    # a straight line through the values, or through ranks where that explains more
-    X = np.stack(list(numeric.values()), axis=1)
-    pairs: dict[Method, tuple[FloatArray, FloatArray]] = {"regression": (_standard(X), _standard(y))}
-    fits = {"regression": _fitted(*pairs["regression"])}
-    distance = np.abs(X - np.median(X, axis=0))
-    if fits["regression"][1] < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
-        from scipy.stats import rankdata  # slow to import, and seldom needed
-
-        pairs["ranks"] = _standard(rankdata(distance, axis=0)), _standard(rankdata(y))
-        fits["ranks"] = _fitted(*pairs["ranks"])
-    method: Method = max(pairs, key=lambda name: fits[name][1])
-    beta, r2 = fits[method]
-
-    again = _resampled(*pairs[method])
-    resamples = again[np.isfinite(again).all(axis=1)]
-    half = np.full(p, np.nan)
-    if len(resamples):
-        low, high = np.quantile(resamples, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
-        half = (high - low) / 2
-    alike = _alike(np.abs(beta), np.abs(resamples))
-    without = tuple(name for name in columns if name not in numeric)
-    left_out = len(merit) - n
-    return Sensitivity(metric, method, tuple(numeric), beta, half, None, None, r2, n, left_out, without, alike)
 
 
 def _fitted(z: FloatArray, w: FloatArray) -> tuple[FloatArray, float]:

@@ -7,12 +7,13 @@ import platform
 import threading
 from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import closing
 from functools import cache, lru_cache
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Wor
         return
     number = processes_for(len(ranges), workers, plan.prepared.nominal, plan.prepared.preparation.controller)
     if number > 1:
-        with Workers(number) as started:
+        with closing(Workers(number)) as started:
             yield from started.chunks(plan, ranges)
         return
     for part in ranges:
@@ -101,11 +102,7 @@ class Workers:
         for _ in range(number - 1):
             self._threads.submit(self._worker)  # an error here recurs with the first chunk
 
-    def __enter__(self) -> Self:
-        """The starting processes."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Kill all processes; their work is lost."""
         self._threads.shutdown(wait=False, cancel_futures=True)
         with self._lock:

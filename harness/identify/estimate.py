@@ -16,7 +16,7 @@ from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.regressor import unit_of, value_of, with_values
 from gough_stewart.harness.quantities import plain
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.platform import Platform, platform_to_toml
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
@@ -114,16 +114,6 @@ class Diagnosis:
         errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
         sizes = np.abs(unseen.shifts) / errors
         return [(self.names[k], float(unseen.shifts[k]), float(sizes[k])) for k in np.argsort(-sizes)]
-
-    @property
-    def unseen_text(self) -> str:
-        """What no residual shows, by the example that moves an estimate most; empty if none moves one."""
-        moved = [(*self.moved(unseen)[0], unseen.name) for unseen in self.unseen]
-        name, shift, size, error = max(moved, key=lambda row: row[2], default=("", 0.0, 0.0, ""))
-        if size < 1:
-            return ""
-        amount = f"{shift:+.2g} {unit_of(name)}".rstrip()
-        return f"no residual shows what is wrong alike for all legs: {error}, {name} would be off by {amount}"
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -325,11 +315,6 @@ class Estimate(_WithCovariance):
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
         return (json.dumps(plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def identification_files(estimate: Estimate, nominal: Platform) -> dict[str, bytes]:
-    """Contents by file name: the platform file for `run`, and the numbers."""
-    return {"platform.toml": platform_to_toml(estimate.platform(nominal)).encode(), "estimate.json": estimate.to_json()}
 
 
 def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:

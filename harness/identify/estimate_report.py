@@ -66,7 +66,7 @@ def estimate_report(estimate: Estimate, platform: str, more: Sequence[Table] = (
     """The report of an estimate of a platform; `more` has further tables, such as an experiment before and after."""
     sections = [Section("Parameters", (*estimate_tables(estimate), *more))]
     if charts:
-        sections.append(Section("Fit", (*_parameter_charts(estimate), *_signal_charts(estimate))))
+        sections.append(Section("Fit", tuple(_charts(estimate))))
     notes = [Note(text) for text in estimate.notes]
     notes += [Note(_brief(text), "warning") for text in estimate.alarms]
     return Report(
@@ -119,7 +119,15 @@ def estimate_verdict(estimate: Estimate) -> Verdict:
             parts.append(f"{what}: {listed(list(elements))}")
     is_tested = diagnosis is not None and diagnosis.test is not None
     parts.append("the residuals are those of noise" if is_tested else "whether the model fits the log is not tested")
-    parts.append(diagnosis.unseen_text if diagnosis is not None else None)
+    if diagnosis is not None:
+        # what no residual shows, by the example that moves an estimate most
+        moved = [(*diagnosis.moved(unseen)[0], unseen.name) for unseen in diagnosis.unseen]
+        name, shift, size, error = max(moved, key=lambda row: row[2], default=("", 0.0, 0.0, ""))
+        if size >= 1:
+            amount = f"{shift:+.2g} {unit_of(name)}".rstrip()
+            parts.append(
+                f"no residual shows what is wrong alike for all legs: {error}, {name} would be off by {amount}"
+            )
     if estimate.validation is not None:
         v = estimate.validation
         parts.append(f"rows kept for validation are off by {v.rms:.3g} N, {v.expected:.3g} N are expected")
@@ -226,8 +234,8 @@ def estimate_tables(estimate: Estimate) -> list[Table]:
     return tables
 
 
-def _parameter_charts(estimate: Estimate) -> list[Chart]:
-    """By how much each estimate differs from nominal, of its scale, and how the estimates' errors go together."""
+def _charts(estimate: Estimate) -> list[Chart]:
+    """Changes of the parameters, of their scale; correlation of their errors; measured, fitted and residual signals."""
     charts, names = [], estimate.names
     change = (estimate.values - estimate.nominal) / estimate.scale
     half = (estimate.values - estimate.interval[:, 0]) / estimate.scale
@@ -241,20 +249,15 @@ def _parameter_charts(estimate: Estimate) -> list[Chart]:
         series = Series("correlation", NUMBER, estimate.correlation)
         other = replace(axis, name="with parameter")
         charts.append(Chart("correlation of the estimates", axis, (series,), "heat", y=other, group="parameters"))
-    return charts
 
-
-def _signal_charts(estimate: Estimate) -> list[Chart]:
-    """Measured and fitted signals of each channel, and their difference."""
     details = estimate.details
     if "time" not in details:
-        return []
+        return charts
     unit, channel = of_unit(estimate.residuals.unit), estimate.residuals.quantity
     fine = _MICROMETRE if estimate.residuals.unit == "m" else unit
     time, measured, fitted, before = (
         np.asarray(details[name], dtype=float) for name in ("time", "measured", "fitted", "before")
     )
-    charts = []
     for k in range(measured.shape[1]):
         both = (Series("measured", unit, measured[:, k], "measured"), Series("fitted", unit, fitted[:, k], "nominal"))
         charts.append(Chart(f"{channel} {k + 1}", time_axis(time), both, group="fit"))

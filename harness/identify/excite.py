@@ -8,8 +8,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
-from gough_stewart.harness.identify.blas import one_blas_thread
-from gough_stewart.harness.identify.fit import scales_of
+from gough_stewart.harness.identify.fit import one_blas_thread, scales_of
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
 from gough_stewart.harness.identify.poses import pose_charts

@@ -6,11 +6,16 @@ Slotine, IEEE RA-L 3(1), 2018]. If the best fit is not, Σ_G = L Lᵀ with expon
 diagonal, the log-Cholesky form [Rucker & Wensing, IEEE RA-L 7(2), 2022], enforces it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import ctypes
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
+import numpy.linalg._umath_linalg as numpy_library
+import scipy.linalg._fblas as scipy_library
 from scipy.optimize import least_squares
 from scipy.special import fdtrc
 
@@ -64,7 +69,34 @@ _DELAY, _TILT = 0.01, 0.1
 _SMALLEST = 1e-6
 # Magnitudes beyond which a log is not one of these instruments: the filters hardly reach further [s].
 _LARGEST = {"delay": 0.02}
+# NumPy and SciPy have an OpenBLAS each; other libraries of linear algebra keep their threads.
+_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
 Function = Callable[[FloatArray], FloatArray]
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit OpenBLAS to one thread: its matrices are small, and threads that wait for others cost 20 times as much."""
+    before = [(set_number, get_number()) for get_number, set_number in _controls()]
+    for set_number, _ in before:
+        set_number(1)
+    try:
+        yield
+    finally:
+        for set_number, number in before:
+            set_number(number)
+
+
+@cache
+def _controls() -> tuple[tuple[Any, Any], ...]:
+    """Functions that get and set the number of threads, of each OpenBLAS that is loaded."""
+    controls = []
+    for module in (numpy_library, scipy_library):
+        library = ctypes.CDLL(module.__file__)
+        for name in (f"{prefix}_{{}}_num_threads{suffix}" for prefix in _PREFIXES for suffix in _SUFFIXES):
+            if hasattr(library, name.format("set")) and hasattr(library, name.format("get")):
+                controls.append((getattr(library, name.format("get")), getattr(library, name.format("set"))))
+    return tuple(controls)
 
 
 def identify_linear(  # noqa: PLR0915 - one station after the other
@@ -94,12 +126,13 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     elements = with_estimated(elements_of(smooth), linear_names, nominal[linear].tolist())
 
     regression = Regression.of([segment_of(part, platform, cutoff) for part in parts])
+    highest = max(segment.cutoff for segment in regression.segments)
     where, times = parts[0].where, [segment.time for segment in regression.segments]
     fitted_times = [part.is_fitted(time) for part, time in zip(parts, times, strict=True)]
     is_fitted = np.concatenate(fitted_times)
     fitted = int(is_fitted.sum())
     if 6 * fitted < 3 * len(names):
-        raise LogError(f"{where}: only {fitted} rows after the filter of {regression.cutoff:.3g} Hz; record longer")
+        raise LogError(f"{where}: only {fitted} rows after the filter of {highest:.3g} Hz; record longer")
     scale = scales_of(regression.W, regression.force, platform, names)
     W, F = regression.W[is_fitted], regression.force[is_fitted]
     usable = regression.used(platform, names)
@@ -153,7 +186,7 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     white = whole.of(residual[is_fitted, :, None])[:, 0]
     freedom = int(used.sum()) - len(names)
     time, validating = on_one_axis(parts, times)
-    note = f"{fitted} rows of {regression.cutoff:.3g} Hz fitted, {len(is_fitted) - fitted} kept for validation"
+    note = f"{fitted} rows of {highest:.3g} Hz fitted, {len(is_fitted) - fitted} kept for validation"
     channels = Channels(
         "force of leg", "N", time, regression.force, residual, model.force(nominal), is_fitted, validating
     )  # fmt: skip
@@ -253,12 +286,10 @@ def _best_fit(
         by_eta = np.stack([values(eta + step).imag / 1e-30 for step in 1e-30j * np.eye(len(eta))], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)
 
-    def of_body(eta: FloatArray) -> FloatArray:
-        return residual(values(eta))
-
     start = np.maximum(eta, bound + 1e-9 * np.abs(units))
     options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
-    return np.asarray(values(least_squares(of_body, start, chained, **options).x)), (*held, "platform_inertia")
+    best = least_squares(lambda eta: residual(values(eta)), start, chained, **options)
+    return np.asarray(values(best.x)), (*held, "platform_inertia")
 
 
 def _start_of_friction(

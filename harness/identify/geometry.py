@@ -246,7 +246,8 @@ class _Calibration:
         _, S, V = np.linalg.svd(np.linalg.qr(tall, mode="r"))
         rank = int((S > 1).sum())
         geometry = self.start.geometry.copy()
-        geometry[self.unknowns] += self.scale * (V[:rank].T @ (V[:rank] @ self._change(near)))
+        change = (near.geometry - geometry)[self.unknowns]
+        geometry[self.unknowns] += V[:rank].T @ (V[:rank] @ change)
         best, is_best = self._minimised(near._replace(geometry=geometry), V[:rank], prior=0.0)
         now, _, Z, F = self._eliminated(best)
         if rank:
@@ -257,17 +258,13 @@ class _Calibration:
         cost, freedom = float((now.residual**2).sum()), redundant - rank - of_frames
         return GeometryFit(best, S, V, rank, cost, redundant, freedom, is_near and is_best)
 
-    def _change(self, now: CalibrationState) -> FloatArray:
-        """How far the unknowns d (p,) are from nominal, in units of `scale`."""
-        return (now.geometry - self.start.geometry)[self.unknowns] / self.scale
-
     def _minimised(self, now: CalibrationState, basis: FloatArray, prior: float) -> tuple[CalibrationState, bool]:
         """Gauss–Newton over d in the span of `basis` (k, p), frames and poses; whether it converged.
 
         Minimises the sum of squared residuals + prior |d|².
         """
         for _ in range(_MOST_STEPS):
-            d = self._change(now)
+            d = (now.geometry - self.start.geometry)[self.unknowns] / self.scale
             linear, z, Z, F = self._eliminated(now)
             columns = np.block([[Z @ basis.T, F], [np.sqrt(prior) * basis.T, np.zeros((len(d), F.shape[1]))]])
             x = np.linalg.lstsq(columns, np.concatenate([z, -np.sqrt(prior) * d]), rcond=1e-12)[0]

@@ -9,9 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
-from gough_stewart.harness.identify.blas import one_blas_thread
 from gough_stewart.harness.identify.estimate import Estimate, expand_to_requested, nominal_values
-from gough_stewart.harness.identify.fit import identify_linear, scales
+from gough_stewart.harness.identify.fit import identify_linear, one_blas_thread, scales
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
 from gough_stewart.harness.identify.lack_of_fit import MASSES
 from gough_stewart.harness.identify.log import VALIDATION, Log, check_poses, log_of, read_log

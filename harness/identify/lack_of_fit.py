@@ -130,11 +130,11 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
         together = tuple(k for stem, chosen in where.items() if stem != "leg_armature" for k in chosen)
         of_masses["payload, or several of the platform's masses"] = (PAYLOAD, together)
 
-    def size_of(name: str) -> float:
-        stem, _, index = name.partition("[")
+    sizes = {"platform_mass": _PAYLOAD * mass, "platform_com": _COM * rho, "leg_armature": _ARMATURE * mass}
+    mass_sizes = []
+    for stem, _, index in (name.partition("[") for name in masses):
         inertia = _MOMENT if index[:1] == index[2:3] else _PRODUCT
-        sizes = {"platform_mass": _PAYLOAD * mass, "platform_com": _COM * rho, "leg_armature": _ARMATURE * mass}
-        return sizes.get(stem, inertia * mass * rho**2)
+        mass_sizes.append(sizes.get(stem, inertia * mass * rho**2))
 
     steps = -fit.rate[..., None] * (elapsed[:, None, None] > _CHANGES)
     families = [
@@ -219,7 +219,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
         ),
         Family(
             "parameters not estimated", tuple(masses), tuple(map(unit_of, masses)), of_platform(*masses),
-            np.array([size_of(name) for name in masses]), of_masses,
+            np.array(mass_sizes), of_masses,
             "not what the platform's file has: estimate it, too", True,
         ),
     ]  # fmt: skip

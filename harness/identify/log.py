@@ -4,6 +4,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -205,7 +206,15 @@ def read_log(
             raise LogError(f"rotation_order is '{QUATERNION}'; expected that of angles; quaternions need none")
         convention = PoseConvention(rotation_order, rotation_about, frame, tuple(map(float, pivot)))
         table = _renamed(table, columns or {})
-        log = _log_of(table, _metadata(path), str(path), force_per_current, side, convention, gaps=gaps)
+        metadata: Any = None  # of a run's record; other logs have none
+        with suppress(OSError, ValueError, polars.exceptions.PolarsError):
+            if path.suffix == ".parquet":
+                text = polars.read_parquet_metadata(readable(path)).get("gough_stewart", "null")
+            else:
+                text = path.with_name("metadata.json").read_text("utf-8")
+            metadata = json.loads(text)
+        metadata = metadata if isinstance(metadata, dict) else {}
+        log = _log_of(table, metadata, str(path), force_per_current, side, convention, gaps=gaps)
     except ValueError as error:  # of the convention, a motion, a table
         raise LogError(f"{path}: {error}") from error
     return log if holds_force is None else replace(log, holds_force=holds_force)
@@ -353,19 +362,6 @@ def _renamed(table: polars.DataFrame, chosen: Mapping[str, str]) -> polars.DataF
         names[heading.column] = name if needs_none or heading.unit is None else f"{name} [{heading.unit}]"
     replaced = [column for column in table.columns if column not in names and name_of(column) in chosen]
     return table.drop(replaced).rename(names)
-
-
-def _metadata(path: Path) -> Mapping[str, Any]:
-    """The metadata of a run's record; empty for other logs."""
-    try:
-        if path.suffix == ".parquet":
-            text = polars.read_parquet_metadata(readable(path)).get("gough_stewart", "null")
-        else:
-            text = path.with_name("metadata.json").read_text("utf-8")
-        content = json.loads(text)
-    except (OSError, ValueError, polars.exceptions.PolarsError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def check_poses(log: Log, platform: Platform, leg_length: FloatArray | None = None) -> None:

@@ -190,33 +190,10 @@ class Regression:
         names = ("time", "force", "W", "sliding", "motion")
         return cls(tuple(segments), *(np.concatenate([getattr(s, name) for s in segments]) for name in names))
 
-    @property
-    def cutoff(self) -> float:
-        """The highest one [Hz]."""
-        return max(segment.cutoff for segment in self.segments)
-
     def used(self, platform: Platform, names: Sequence[str]) -> FloatArray:
         """1 for rows that a fit of these elements uses, else 0 (m, 6): with Coulomb friction not where it reverses."""
         has_coulomb = platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
         return self.sliding if has_coulomb else np.ones_like(self.sliding)
-
-    def force_if_late(self, delay: float) -> FloatArray:
-        """F (m, 6) [N] if the forces of the logs are late by this [s]."""
-        forces = []
-        for s in self.segments:
-            late = delay - s.part.step / 2 * s.part.holds_force
-            forces.append(smoothed(s.part.force, s.part.step, s.cutoff, 1, 0, late)[s.force_rows])
-        return np.concatenate(forces)
-
-    def rate(self, phi: FloatArray) -> FloatArray:
-        """d(W φ)/dt (m, 6) for φ (SIZE,) [N/s]."""
-        rates = []
-        for s in self.segments:
-            (every, thin), step = s.spacing, s.part.step
-            of_masses = smoothed(s.inertial @ phi[:INERTIAL], step * every, s.cutoff, thin, 1)
-            friction = (s.friction * phi[INERTIAL:].reshape(2, 6)).sum(axis=1)
-            rates.append(of_masses + smoothed(friction, step, s.cutoff, 1, 1)[s.velocity_rows])
-        return np.concatenate(rates)
 
     def filtered(self, function: OfVelocity, derivative: int = 0) -> FloatArray:
         """A function (k, 6, q) of velocities (k, 6) and their step [s], or its rate, filtered as forces (m, 6, q)."""
@@ -289,13 +266,23 @@ class RowModel:
 
     def rate(self, values: FloatArray) -> FloatArray:
         """How the forces of a level platform change (m, 6) [N/s]."""
-        rate = self.regression.rate(np.asarray(linear_parameters(self._elements(values)), dtype=float))
+        phi, rates = np.asarray(linear_parameters(self._elements(values)), dtype=float), []
+        for s in self.regression.segments:
+            (every, thin), step = s.spacing, s.part.step
+            of_masses = smoothed(s.inertial @ phi[:INERTIAL], step * every, s.cutoff, thin, 1)
+            friction = (s.friction * phi[INERTIAL:].reshape(2, 6)).sum(axis=1)
+            rates.append(of_masses + smoothed(friction, step, s.cutoff, 1, 1)[s.velocity_rows])
+        rate = np.concatenate(rates)
         return rate if self.friction is None else rate + self._sticking(values, 1)[:, :, 0]
 
     def residual(self, values: FloatArray) -> FloatArray:
         """What the log reads less what it should (m, 6) [N], at times that a delay shifts."""
         gain, offset, delay, _ = self.instruments(values)
-        return self.regression.force_if_late(delay) - (gain * self.force(values) + offset)
+        read = []
+        for s in self.regression.segments:
+            late = delay - s.part.step / 2 * s.part.holds_force
+            read.append(smoothed(s.part.force, s.part.step, s.cutoff, 1, 0, late)[s.force_rows])
+        return np.concatenate(read) - (gain * self.force(values) + offset)
 
     def columns(self, values: FloatArray) -> FloatArray:
         """Derivatives of the reading by each parameter (m, 6, p)."""

@@ -477,8 +477,12 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
             around = np.concatenate([before, after])
             usual = max(float(around.max(initial=0.0)), float(steps[leg]), _ROUNDING * size)
             jumps = is_continuous and end < len(values) and changes[end - 1, leg] > _JUMP * usual
-            is_noisy = len(around) >= 10 and (around == 0).mean() < 0.1 and _alternates(values[:, leg], begin, end)
-            silent = is_noisy and end - begin >= 2 * _FROZEN
+            is_noisy = len(around) >= 10 and (around == 0).mean() < 0.1
+            if silent := is_noisy and end - begin >= 2 * _FROZEN:
+                # second differences of noise change sign, those of motion do not
+                for side in (values[max(0, begin - 30) : begin + 1, leg], values[end : end + 31, leg]):
+                    bends = np.diff(side, 2)
+                    silent &= not (len(bends) >= 10 and (bends[1:] * bends[:-1]).sum() > -0.3 * (bends**2).sum())
             # up to the end of the log only the others tell that it should have moved
             stops = is_continuous and end == len(values) and end - begin >= 4 * _FROZEN
             if stops:
@@ -487,15 +491,6 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
             if jumps or silent or stops:
                 is_frozen[begin + 1 : end, leg] = True
     return is_frozen
-
-
-def _alternates(values: FloatArray, begin: int, end: int) -> bool:
-    """Whether readings around a run are noisy: second differences of noise change sign, those of motion do not."""
-    for side in (values[max(0, begin - 30) : begin + 1], values[end : end + 31]):
-        bends = np.diff(side, 2)
-        if len(bends) >= 10 and (bends[1:] * bends[:-1]).sum() > -0.3 * (bends**2).sum():
-            return False
-    return True
 
 
 def clipped(force: FloatArray, actuator_limit: FloatArray) -> Mask:

@@ -79,23 +79,16 @@ def agreement(
         for name, (states, bound) in poses.items()
     ]
     along = _relative(kane_run.joint_force, forces)
+    # largest |E(t) − E(0) − W(t)| over the larger of max |W| and max T, W = Σ F_i (L_i(t) − L_i(0)) less friction's
+    energy, legs = kernel["kinetic_energy"] + kernel["potential_energy"], kernel["leg_length"]
+    work = (legs - legs[0]) @ case.actuator_force - kernel.friction_work
+    largest = max(np.abs(work).max(), kernel["kinetic_energy"].max())
+    energy_error = float(np.abs(energy - energy[0] - work).max() / largest)
     others = [
         Agreement("joint forces along the run: multipliers of Kane's DAE against task space", along, 1e-6),
-        Agreement("energy minus work of the forces, largest over the run", _energy_error(case, kernel), 1e-9),
+        Agreement("energy minus work of the forces, largest over the run", energy_error, 1e-9),
     ]
     return [*rows, *ends[:3], *others, *ends[3:]]
-
-
-def _energy_error(case: OpenLoopCase, run: Trajectory) -> float:
-    """Largest |E(t) − E(0) − W(t)| over the larger of max |W| and max T.
-
-    W = Σ F_i (L_i(t) − L_i(0)) less the work lost in friction, T the kinetic energy.
-    """
-    energy = run["kinetic_energy"] + run["potential_energy"]
-    stroke = run["leg_length"] - run["leg_length"][0]
-    work = stroke @ case.actuator_force - run.friction_work
-    scale = max(np.abs(work).max(), run["kinetic_energy"].max())
-    return float(np.abs(energy - energy[0] - work).max() / scale)
 
 
 def _relative(a: FloatArray, b: FloatArray) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -17,9 +18,9 @@ from gough_stewart.harness.paper import readings
 from gough_stewart.harness.paper.agreement import Agreement, agreement
 from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.open_loop_figures import drift_figure, open_loop_figures
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.page import PAGE, page_of
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panels, png
 from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
@@ -51,6 +52,26 @@ FILES = (
     "gough_stewart_fmi2.fmu",
     "gough_stewart_fmi3.fmu",
 )
+_LEGS = tuple(f"leg {k}" for k in range(1, 7))
+# Title by number of the figure, and its panels: result, names of its components, title, unit.
+_FIGURES: dict[int, tuple[str, tuple[tuple[str, tuple[str, ...], str, str], ...]]] = {
+    4: (
+        "Position and orientation of the platform",
+        (
+            ("position", ("x", "y", "z"), "position of Op", "m"),
+            ("orientation", ("roll α", "pitch β", "yaw γ"), "roll, pitch, yaw", "rad"),
+        ),
+    ),
+    5: (
+        "Linear and angular velocities of the platform",
+        (
+            ("velocity", ("v_x", "v_y", "v_z"), "velocity of Op", "m/s"),
+            ("angular_velocity", ("ω_x", "ω_y", "ω_z"), "angular velocity, world", "rad/s"),
+        ),
+    ),
+    6: ("The length of legs", (("leg_length", _LEGS, "leg length", "m"),)),
+    7: ("Sliding velocities between two parts of legs", (("leg_velocity", _LEGS, "sliding velocity", "m/s"),)),
+}
 _INPUT_COLUMNS = [name for variable in interface.INPUTS for name in variable.scalar_names]
 
 
@@ -167,18 +188,16 @@ def reproduce(
                     advance()
         advance = counted("drift", len(_DRIFT_RUNS))
         drift = {}
-        for label, (rtol, baumgarte) in _DRIFT_RUNS.items():
-            drift[label] = run_kane(case, baumgarte, rtol, own_steps=True)
+        for name, (rtol, baumgarte) in _DRIFT_RUNS.items():
+            drift[name] = run_kane(case, baumgarte, rtol, own_steps=True)
             advance()
         others, weight = [], None
         if case.is_published:
             advance = counted("other readings of the paper", readings.NUMBER_OF_RUNS)
             others = readings.other_readings(case.minus_first, advance)
             weight = readings.weight_of_the_published_forces()
-        advance = counted("figures", 2)
-        pictures = open_loop_figures(case, kernel)
-        advance()
-        pictures["drift.png"] = drift_figure(drift)
+        advance = counted("figures", 1)
+        pictures = _pictures(case, kernel, drift)
         advance()
         progress.add_task("comparisons and report", total=None)
         content = _content(
@@ -206,6 +225,37 @@ def reproduce(
         if page:
             files[PAGE] = page_of(case_report(content, record))
     return Reproduction(content, files, record)
+
+
+def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTrajectory]) -> dict[str, bytes]:
+    """File name to PNG: the paper's figures 4 to 7, and the drift of Kane's DAE at the integrator's steps, by label."""
+    pictures = {}
+    for number, (title, shown) in _FIGURES.items():
+
+        def draw(figure: Figure, heading: str = f"Fig. {number} — {title}", shown: Any = shown) -> None:
+            all_axes = panels(figure, f"{heading} ({case.platform.name})", len(shown))
+            for axes, (name, components, what, unit) in zip(all_axes, shown, strict=True):
+                for k, component in enumerate(components):
+                    style = {"color": COLOURS[k], "linestyle": DASHES[k], "label": component}
+                    axes.plot(run.time, run[name][:, k], **style)
+                label(axes, what, unit)
+                axes.legend(ncols=2 if len(components) > 3 else 1)
+
+        pictures[f"figure-{number}.png"] = png(draw, 8.0 if len(shown) > 1 else 6.0)
+
+    def draw_drift(figure: Figure) -> None:
+        left, right = panels(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45", 2)
+        for k, (name, drifting) in enumerate(drift.items()):
+            style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": name}
+            style.update(marker="o", markersize=3)
+            # the consistent start has no violation, which a logarithmic axis cannot show
+            left.semilogy(drifting.time[1:], drifting.position_violation[1:], **style)
+            right.semilogy(drifting.time[1:], drifting.velocity_violation[1:], **style)
+        label(left, "gap in the closures, largest |Φ|", "m")
+        label(right, "slip of the constraints, largest |Φ_q y|", "m/s, rad/s")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+
+    return {**pictures, "drift.png": png(draw_drift, 9.0, 4.4)}
 
 
 def _content(
@@ -238,12 +288,12 @@ def _content(
         },
         "agreement": [{**asdict(comparison), "holds": comparison.holds} for comparison in comparisons],
         "drift": {
-            label: {
+            name: {
                 "steps": len(kane.time) - 1,
                 "closure_gap_end": float(kane.position_violation[-1]),
                 "slip_end": float(kane.velocity_violation[-1]),
             }
-            for label, kane in drift.items()
+            for name, kane in drift.items()
         },
         "readings": [asdict(reading) for reading in others],
         "published_forces": weight,

@@ -16,8 +16,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.variation import EnsembleChoice
-from gough_stewart.harness.tuning.search import Evaluation, Goal, Point
-from gough_stewart.harness.tuning.space import SearchAxis
+from gough_stewart.harness.tuning.search import Evaluation, Goal, Point, SearchAxis
 from gough_stewart.model.errors import GoughStewartError
 
 RunsProgress = Callable[[int], None]
@@ -42,21 +41,14 @@ class Candidates:
         impossible = self._prepared([({}, k) for k in range(self.members.count)]).errors
         self.left_out = len(impossible)
         self._kept = [k for k in range(self.members.count) if k not in impossible]
+        self.count = len(self._kept)  # of members that evaluate a candidate
+        # whether other seeds give other members
+        noise, jitter = self.members.nominal.sensors.noise, self.members.nominal.loop.jitter
+        self.is_random = bool(self.members.inputs or any(noise.values()) or jitter)
         if not self._kept:
             raise TuningError(
                 f"{self.members.nominal.where}: no member is possible; the first: {impossible[min(impossible)]}"
             )
-
-    @property
-    def count(self) -> int:
-        """Number of members that evaluate a candidate."""
-        return len(self._kept)
-
-    @property
-    def is_random(self) -> bool:
-        """Whether other seeds give other members."""
-        sensors, clocks = self.members.nominal.sensors, self.members.nominal.loop
-        return bool(self.members.inputs or any(sensors.noise.values()) or clocks.jitter)
 
     def metrics(self) -> tuple[str, ...]:
         """The metrics of the runs."""

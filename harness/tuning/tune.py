@@ -14,8 +14,7 @@ from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import too_late
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.tuning.candidates import Candidates, RunsProgress
-from gough_stewart.harness.tuning.search import Goal, Search, check_metric, condition_of
-from gough_stewart.harness.tuning.space import axes_of
+from gough_stewart.harness.tuning.search import Goal, Search, axes_of, check_metric, condition_of
 from gough_stewart.harness.tuning.tuning import Tuning
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.vectors import FloatArray
@@ -132,7 +131,7 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
     axis_values = tuple(axis.now for axis in axes if axis.now is not None)
     original = axis_values if len(axis_values) == len(axes) else None
     first: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(size)
-    if original is not None and all(axis.is_within for axis in axes):
+    if original is not None and all(axis.low <= value <= axis.high for axis, value in zip(axes, original, strict=True)):
         first[0] = [axis.share(value) for axis, value in zip(axes, original, strict=True)]
     history = Search(axes, goal)
 

@@ -139,11 +139,7 @@ class _Result:
     note: str
     shown: _Shown
     values: FloatArray  # in the shape of the grid, SI units
-
-    @property
-    def is_best_low(self) -> bool:
-        """Whether less is better."""
-        return self.name == "condition_number"
+    is_best_low: bool
 
 
 def _results(workspace: Workspace) -> Iterator[_Result]:
@@ -155,7 +151,7 @@ def _results(workspace: Workspace) -> Iterator[_Result]:
             shown = _shown(workspace, unit)
             if unit == "N" and values[q.reachable & np.isfinite(values)].max(initial=0.0) >= _STRONG:
                 shown = _Shown("kN", 1e-3)
-            yield _Result(name, title, note, shown, values)
+            yield _Result(name, title, note, shown, values, name == "condition_number")
 
 
 def workspace_csv(workspace: Workspace) -> bytes:
@@ -209,7 +205,7 @@ def workspace_report(workspace: Workspace, *, surface: bool = True) -> Report:
                 "log",
             ),
         )
-    tables = [table for table in (_swept(workspace), _limits(workspace), _extremes(workspace)) if table.rows]
+    tables = [table for table in _tables(workspace) if table.rows]
     source = (Note(f"{platform.name}: {platform.source}"),) if platform.source else ()
     swept, fixed = [], []
     for name, values in workspace.swept.items():
@@ -327,47 +323,41 @@ def _maps(workspace: Workspace) -> list[Chart]:
 # --- tables -----------------------------------------------------------------------------------------------------
 
 
-def _swept(workspace: Workspace) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for axis, (name, values) in enumerate(workspace.swept.items()):
-        quantity = _coordinate(workspace, name).quantity()
-        reached = rows_reached(workspace.qualities.reachable, axis)
-        ends = [_without_rounding(values[k]) for k in (reached[0], reached[-1])] if reached.size else [None, None]
-        origin = "computed" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
-        low, high, *reaches = (Value(end, quantity) for end in (*map(_without_rounding, values[[0, -1]]), *ends))
-        rows.append((name, low, high, len(values), *reaches, origin))
-    heads = ("", "from", "to", "points", "reached from", "reached to", "range")
-    return Table("Swept", tuple(map(Column, heads)), tuple(rows))
-
-
 def _without_rounding(value: float) -> float:
     """A coordinate of the grid, whose middle is 0 up to rounding."""
     return round(float(value), 12) + 0.0
 
 
-def _limits(workspace: Workspace) -> Table:
-    code = workspace.qualities.limit
-    rows: list[tuple[Cell, ...]] = []
+def _tables(workspace: Workspace) -> list[Table]:
+    """What was swept; the limits; the best and the worst value of each result, with the swept coordinates there."""
+    reached, code = workspace.qualities.reachable, workspace.qualities.limit
+    swept: list[tuple[Cell, ...]] = []
+    for axis, (name, values) in enumerate(workspace.swept.items()):
+        quantity, within = _coordinate(workspace, name).quantity(), rows_reached(reached, axis)
+        ends = [_without_rounding(values[k]) for k in (within[0], within[-1])] if within.size else [None, None]
+        origin = "computed" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
+        low, high, *reaches = (Value(end, quantity) for end in (*map(_without_rounding, values[[0, -1]]), *ends))
+        swept.append((name, low, high, len(values), *reaches, origin))
+    heads = ("", "from", "to", "points", "reached from", "reached to", "range")
+    tables = [Table("Swept", tuple(map(Column, heads)), tuple(swept))]
+
+    stated: list[tuple[Cell, ...]] = []
     for row in LIMITS:
         title, value = row.description.removeprefix("maximum "), getattr(workspace.platform, row.name)
         if value is None:
-            rows.append((title, "not stated", "nothing" if row.name in _KEPT else ""))
+            stated.append((title, "not stated", "nothing" if row.name in _KEPT else ""))
         else:
             kept = float(np.isin(code, _KEPT[row.name]).mean()) if row.name in _KEPT else ""
             shown = _shown(workspace, row.unit)
-            rows.append((title, ", ".join(shown.text(float(number)) for number in np.ravel(value)), kept))
+            stated.append((title, ", ".join(shown.text(float(number)) for number in np.ravel(value)), kept))
     for limit in (Limit.SINGULAR, Limit.PITCH):
         if (code == limit).any():
-            rows.append((limit.text, "", float((code == limit).mean())))
+            stated.append((limit.text, "", float((code == limit).mean())))
     keeps = Column("keeps from", replace(SHARE, digits=3), "share of the poses of the grid")
-    return Table("Limits of the platform", (Column(""), Column("value"), keeps), tuple(rows))
+    tables.append(Table("Limits of the platform", (Column(""), Column("value"), keeps), tuple(stated)))
 
-
-def _extremes(workspace: Workspace) -> Table:
-    """The best and the worst value of each result, with the swept coordinates there."""
-    reached = workspace.qualities.reachable
-    rows: list[tuple[Cell, ...]] = []
-    ends = []
+    extremes: list[tuple[Cell, ...]] = []
+    group_ends = []
     for result in _results(workspace) if reached.any() else ():
         known, sign = reached & ~np.isnan(result.values), -1 if result.is_best_low else 1
         ends_at_border = result.name in ("leg_length_margin", "joint_angle_margin")  # where it is 0
@@ -375,11 +365,12 @@ def _extremes(workspace: Workspace) -> Table:
             k = int(first_of_largest(np.where(known, side * result.values, -np.inf).ravel()))
             at = np.unravel_index(k, workspace.shape)
             places = [_without_rounding(values[i]) for i, values in zip(at, workspace.swept.values(), strict=True)]
-            rows.append((result.title, word, Value(float(result.values[at]), result.shown.quantity()), *places))
-        ends.append(len(rows) - 1)
-    columns = [Column(name, _coordinate(workspace, name).quantity(3)) for name in workspace.swept]
-    heads = (Column(""), Column(""), Column("value"))
-    return Table("Where it can be reached", (*heads, *columns), tuple(rows), group_ends=tuple(ends))
+            extreme = Value(float(result.values[at]), result.shown.quantity())
+            extremes.append((result.title, word, extreme, *places))
+        group_ends.append(len(extremes) - 1)
+    coordinates = [Column(name, _coordinate(workspace, name).quantity(3)) for name in workspace.swept]
+    columns = (Column(""), Column(""), Column("value"), *coordinates)
+    return [*tables, Table("Where it can be reached", columns, tuple(extremes), group_ends=tuple(group_ends))]
 
 
 # --- notices ----------------------------------------------------------------------------------------------------

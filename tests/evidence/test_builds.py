@@ -1,7 +1,6 @@
 """Builds for all targets, with cold caches: the same bytes, small enough, of the right kind."""
 
 import struct
-import time
 import zipfile
 from pathlib import Path
 
@@ -31,19 +30,6 @@ def test_a_cold_cache_elsewhere_gives_the_same_bytes(
     monkeypatch.chdir(tmp_path)
     again = build(tmp_path / "again", targets=["all"])
     assert [p.read_bytes() for p in again] == [p.read_bytes() for p in everything]
-
-
-def test_a_cold_native_build_says_how_long_it_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Says how long; the same bytes again from the warm cache."""
-    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
-        monkeypatch.setenv(name, str(tmp_path / "cache"))
-    archives = []
-    for cache in ("cold", "warm"):
-        begun = time.monotonic()
-        (path,) = build(tmp_path / cache, fmi=["3.0"])
-        print(f"native build of one FMU, {cache} cache: {time.monotonic() - begun:.1f} s")
-        archives.append(path.read_bytes())
-    assert archives[0] == archives[1]
 
 
 def test_five_binaries_fit_into_a_megabyte(everything: list[Path]) -> None:

@@ -29,16 +29,8 @@ ROOT = Path(__file__).parents[2]
 FOLDERS = ("model", "fmu_build", "harness")
 PREBUILT = "gough_stewart/prebuilt/"
 PACKED = (
-    *FOLDERS,
-    "build_backend",
-    "gough_stewart",
-    "tests",
-    "pyproject.toml",
-    "MANIFEST.in",
-    "README.md",
-    "LICENSE",
-    "CHANGELOG.md",
-    "CITATION.cff",
+    *(*FOLDERS, "build_backend", "gough_stewart", "tests", "pyproject.toml", "MANIFEST.in"),
+    *("README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"),
 )
 
 
@@ -187,16 +179,7 @@ def test_a_plain_install_builds_runs_varies_and_plays_without_a_compiler(install
     for command in (
         ["build", "--check", "--preset", "motion_base", "--out", str(out / "units")],
         ["run", "heave_step", "--plant", "fmu3", "--set", "loop.duration=0.1", "--out", str(out / "run")],
-        [
-            "ensemble",
-            "heave_tolerances",
-            "--members",
-            "8",
-            "--set",
-            "loop.duration=0.1",
-            "--out",
-            str(out / "ensemble"),
-        ],
+        ["ensemble", "heave_tolerances", "--members=8", "--set", "loop.duration=0.1", "--out", str(out / "ensemble")],
         ["live", "heave_step", "--no-open", "--out", str(out / "heave_live.html")],
         ["export", "pitch_sine", "--as", "page", "--out", str(out / "page")],
     ):

@@ -13,14 +13,7 @@ SLOPES = np.array([3.0, -2.0, 1.0, 0.0])
 INPUTS = ("platform_mass", "controller.bandwidth", "base_points[1,2]", "leg_coulomb_friction")
 PEAK = "tracking.position.norm_peak"
 LEVELS = {"lowest": 0.0, "q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95, "highest": 1.0}
-_SIGNALS = (
-    "position[1]",
-    "position[2]",
-    "position[3]",
-    "error.position.norm",
-    "actuator_force[1]",
-    "actuator_force[2]",
-)
+_SIGNALS = (*(f"position[{k}]" for k in (1, 2, 3)), "error.position.norm", "actuator_force[1]", "actuator_force[2]")
 
 
 def normal(n: int, seed: int = 2) -> FloatArray:

@@ -54,12 +54,7 @@ _SIZES = {
     "platform_mass": 1,
     "platform_com": 3,
     "platform_inertia": 9,
-    "leg_lower_mass": 6,
-    "leg_upper_mass": 6,
-    "leg_lower_com": 6,
-    "leg_upper_com": 6,
-    "leg_lower_inertia": 6,
-    "leg_upper_inertia": 6,
+    **{f"leg_{part}_{name}": 6 for name in ("mass", "com", "inertia") for part in ("lower", "upper")},
     "leg_armature": 6,
     "gravity": 3,
 }

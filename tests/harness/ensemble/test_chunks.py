@@ -5,7 +5,7 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from tests.support.small_ensemble import MANY, SIZE, small
+from tests.support.small_ensemble import small
 
 
 @pytest.fixture(scope="module")
@@ -21,14 +21,6 @@ def test_a_member_has_the_same_bits_alone_and_among_others(whole: polars.DataFra
     assert found.schema == whole.schema
     assert found.equals(whole.head(first + 1), null_equal=True)
     assert whole["outcome"].to_list().count("impossible") > 1
-
-
-def test_a_member_of_a_later_chunk_does_not_know_how_many_come_after_it() -> None:
-    """Expected: of 512 and 2, or of 512 and 8 members, the same rows, whose numbers go on."""
-    few, many = (gs.ensemble("heave_step", MANY, members=SIZE + n, workers=1).members for n in (2, 8))
-    assert few.equals(many.head(SIZE + 2), null_equal=True)
-    assert many["member"].to_list() == list(range(SIZE + 8))
-    assert len(set(many["varied.platform_mass"])) == SIZE + 8
 
 
 def test_an_ensemble_of_impossible_members_has_the_columns_of_any_other() -> None:

@@ -78,18 +78,7 @@ def test_parameters_are_searched_and_written(file: Path, tmp_path: Path) -> None
     """Expected: the value of the written file, run for the same members, is the value that the search says."""
     out, settings = tmp_path / "out", {**SHORT, "ensemble.members": 2}
     words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
-    few = (
-        "--fresh",
-        "1",
-        "--generations",
-        "1",
-        "--population",
-        "5",
-        "--over-ensemble",
-        "quantile=1",
-        "--out",
-        str(out),
-    )
+    few = ("--fresh=1", "--generations=1", "--population=5", "--over-ensemble=quantile=1", f"--out={out}")
     done = invoke("tune", str(file), "--vary", f"{KP}=5e4..9e4", "--minimise", RMS, *words, *few)
     assert done.exit_code == 0, done.stderr
     found = json.loads((out / "tuning.json").read_text())
@@ -141,20 +130,3 @@ def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path) -> N
     # its records cannot be made from the files alone
     with pytest.raises(gs.GoughStewartError, match=r"another experiment: controller is .* here and 'class Pid, "):
         gs.ensemble(EXPERIMENT, SHORT, members=2, workers=1, out=tmp_path, resume=True)
-
-
-def test_records_of_the_worst_members_agree_with_their_table(file: Path, tmp_path: Path) -> None:
-    """Expected: to 1e-12 each number of the table, of three members that run together and remember."""
-    words = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
-    out = tmp_path / "out"
-    few = ("--members", "6", "--set", "ensemble.worst=3", "--workers", "1", "--out", str(out))
-    assert invoke("ensemble", str(file), *words, *few).exit_code == 0
-    found = gs.read_ensemble(out)
-    folders = [*(out / "worst").glob("member-*")]
-    assert len(folders) == 3
-    for folder in folders:
-        member = int(folder.name.removeprefix("member-"))
-        known = {k: v for k, v in metrics_of(gs.read_record(folder)).items() if k in found.metrics and v is not None}
-        assert len(known) > 8
-        for name, value in known.items():
-            assert value == pytest.approx(found.values(name)[member], rel=1e-12), name

@@ -13,7 +13,7 @@ from scipy.stats import binom, binomtest
 
 import gough_stewart as gs
 from gough_stewart import Ensemble
-from tests.support.ensembles import INPUTS, LEVELS, PEAK, SLOPES, ensemble_of, judged_by, normal, with_columns
+from tests.support.ensembles import INPUTS, LEVELS, PEAK, ensemble_of, judged_by, normal, with_columns
 from tests.support.reports import tables_of
 
 
@@ -471,38 +471,3 @@ def test_the_metric_is_drawn_against_the_most_influential_inputs(uneven: Ensembl
     assert bars.x.labels == tuple(chart.x.name for chart in charts)
     slopes = 2.0 ** -np.arange(17)
     np.testing.assert_allclose(bars.series[0].values, (slopes / np.linalg.norm(slopes))[:15], atol=0.05)
-
-
-def test_all_of_very_many_members_are_drawn() -> None:
-    """Expected: a point for each, and a note on quantiles of the first 10,000."""
-    n = 10_100
-    outcome = ["completed"] * (n - 100) + ["diverged"] * 100
-    made = ensemble_of(normal(n), outcome, [None if each == "completed" else "the loop diverged" for each in outcome])
-    found = Ensemble(made.members, made.bands, made.metadata)
-    points = charts_of(found, "dependence")
-    assert points[0].series[0].members.tolist() == list(range(n))
-    np.testing.assert_array_equal(np.isnan(points[0].series[0].values), np.arange(n) >= n - 100)
-    assert points[0].x.name == INPUTS[int(np.abs(SLOPES).argmax())]
-    assert "Quantiles are of the first 10,000 members." in charts_of(found, "bands")[0].note
-    small = ensemble_of(normal(30)).report()
-    assert not re.search("Quantiles are without|first 10,000|Not completed", repr([*small.parts()]))
-
-
-def test_each_step_of_an_ensemble_is_reported(tmp_path: Any) -> None:
-    """Expected: what it does, in order; a resumed one that is finished only plans."""
-    keys, said, done = {"loop.duration": 0.01}, list[str](), list[tuple[int, int]]()
-
-    def run(resume: bool) -> gs.Ensemble:
-        return gs.ensemble(
-            "heave_tolerances", keys, members=3, seed=4, out=tmp_path / "out", workers=1, resume=resume,
-            status=said.append, progress=lambda k, total: done.append((k, total)),
-        )  # fmt: skip
-
-    first = run(resume=True)
-    assert said == ["planning", "checking finished chunks", "running", "tables"]
-    assert done == [(3, 3)]
-    assert run(resume=True).members.equals(first.members)
-    assert said[4:] == ["planning"]
-    said.clear()
-    run(resume=False)
-    assert said == ["planning", "running", "running", "tables"]

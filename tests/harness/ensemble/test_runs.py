@@ -34,18 +34,12 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]
     """The files of a run in one process."""
     folder = tmp_path_factory.mktemp("undisturbed")
     run(out=folder)
-    return files_in(folder)
-
-
-def test_it_leaves_its_files(undisturbed: Mapping[str, bytes]) -> None:
-    assert set(undisturbed) == FILES
-    said = json.loads(undisturbed["ensemble.json"])
+    files = files_in(folder)
+    assert set(files) == FILES
+    said = json.loads(files["ensemble.json"])
     assert sum(said["outcomes"].values()) == 2 * SIZE + 40
     assert said["outcomes"]["impossible"] > 20
-    assert said["seed"] == 3
-    assert len(said["features"]) == 1
-    of_small = gs.ensemble(small(), members=4, workers=1).metadata
-    assert [len(group) for group in of_small["groups"]] == [1, 3, 1, 18, 1, 1, 1, 1]
+    return files
 
 
 # A controller that ends the other processes, once or always, in the middle of a chunk.
@@ -195,18 +189,6 @@ def test_a_full_disk_keeps_what_is_finished(
     run(out=tmp_path, resume=True, progress=lambda members, _: done.append(members))
     assert done == [2 * SIZE, 2 * SIZE + 40]
     assert files_in(tmp_path) == undisturbed
-
-
-def test_causes_are_counted_the_most_frequent_first() -> None:
-    """Expected: counts of the table; by name the other one would be the first."""
-    many, few = {"choice": [-3.0, -3.0, 1000.0]}, {"choice": [0, 0, 2000]}
-    found = gs.ensemble(small(platform_mass=many, loop={"delay": few}), members=16, workers=1)
-    causes = found.members["cause"].drop_nulls().to_list()
-    first, second = found.metadata["causes"].items()
-    assert first == (next(each for each in causes if "platform_mass" in each), sum("mass" in each for each in causes))
-    assert second == (next(each for each in causes if "delay" in each), sum("delay" in each for each in causes))
-    assert first[1] > second[1] > 0
-    assert found.metadata["outcomes"]["impossible"] == first[1] + second[1]
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {

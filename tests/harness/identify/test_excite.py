@@ -22,18 +22,8 @@ NAMES = "platform_mass,platform_com,platform_inertia"
 ELEMENTS = ("platform_mass", *(f"platform_com[{k}]" for k in (1, 2, 3)))
 ELEMENTS += tuple(f"platform_inertia[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3"))
 # The stroke is the only limit.
-PLATFORM = replace(
-    UNEVEN,
-    leg_length_min=None,
-    leg_length_max=3.4,
-    leg_viscous_friction=0.0,
-    leg_coulomb_friction=0.0,
-    leg_velocity_max=None,
-    leg_acceleration_max=None,
-    actuator_force_max=None,
-    actuator_power_max=None,
-    joint_angle_max=None,
-)
+_LIMITS: dict[str, Any] = dict.fromkeys(("leg_length_min", "actuator_force_max", "joint_angle_max"))
+PLATFORM = replace(UNEVEN, leg_length_max=3.4, leg_viscous_friction=0.0, leg_coulomb_friction=0.0, **_LIMITS)
 
 
 def along(motion_of: Any, time: FloatArray, h: float = 1e-4) -> Pose:

@@ -13,6 +13,7 @@ from tests.support.machine_logs import MACHINE, NAMES, NOMINAL, Course, Sensing,
 
 OTHER = Course(duration=4.0, swing=Swing(seed=9))
 NOISY = Sensing(force_noise=0.002, length_noise=4e-6)
+NOISELESS = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
 
 
 def test_payload_com_and_friction_are_found_to_half_a_percent_a_millimetre_and_three_percent() -> None:
@@ -24,6 +25,18 @@ def test_payload_com_and_friction_are_found_to_half_a_percent_a_millimetre_and_t
     assert abs(estimate["leg_coulomb_friction"][0] / 130.0 - 1) < 0.03
     assert estimate.residuals.validation_rms is not None
     assert (estimate.residuals.validation_rms < 0.02 * estimate.residuals.signal_rms).all()
+
+
+def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() -> None:
+    """Expected: 1 % noise within the filter's band, 10 to 11 N; without noise and reversals of legs, 1e-6 of forces."""
+    estimate = identify(machine_log(), NOMINAL, NAMES)
+    assert 9.0 < estimate.residuals.rms.mean() < 12.0
+    sliding = replace(MACHINE, leg_coulomb_friction=0.0)
+    names = [name for name in NAMES if name != "leg_coulomb_friction"]
+    exact = identify(machine_log(sliding, sensing=NOISELESS), replace(NOMINAL, leg_coulomb_friction=0.0), names)
+    assert exact.residuals.rms.max() < 0.01
+    np.testing.assert_allclose(exact["platform_mass"], MACHINE.platform_mass, rtol=1e-6)
+    np.testing.assert_allclose(exact["platform_inertia"][[0, 1, 4]], [380.0, 12.0, 8.0], atol=0.02)
 
 
 def test_intervals_are_those_of_student_s_t_and_the_order_of_logs_does_not_matter() -> None:

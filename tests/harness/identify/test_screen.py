@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from gough_stewart import Estimate, GoughStewartError, Log, identify, load_preset, read_log, run
 from gough_stewart.harness.identify import screen
-from gough_stewart.harness.identify.blas import _controls, one_blas_thread
+from gough_stewart.harness.identify.fit import _controls, one_blas_thread
 from tests.support.arrays import FloatArray
 from tests.support.machine_logs import (
     HEAVE,
@@ -54,11 +54,6 @@ def late() -> Log:
     """Two seconds that begin at 7.3 s."""
     time = np.asarray(np.arange(ROWS) * 1e-3 + 7.3, dtype=float)
     return replace(machine_log(course=Course(duration=2.0), seed=4), time=time, where="late.csv")
-
-
-def remarks(log: Log) -> list[str]:
-    """What is said of the data of a log."""
-    return [note for note in identify(log, MACHINE, "platform_mass").notes if note.startswith(f"{log.where}: ")]
 
 
 FAULTS: dict[str, tuple[Callable[[Log], Log], str]] = {
@@ -188,21 +183,6 @@ def test_mended_and_missing_rows_are_noted_then_alarm_then_refuse(
         assert f"{missing - 1} frozen readings of the leg length of every leg, at 8.101 to" in usable.notes[0]
         assert [len(part.time) for part in usable.parts] == [801, ROWS - 800 - missing]
         assert [part.time[0] for part in usable.parts] == pytest.approx([7.3, 8.1 + 1e-3 * missing])
-
-
-def test_one_spike_is_told_in_the_singular_and_many_with_their_first_times() -> None:
-    """Expected: leg 5 at row 1200, 8.5 s; four spikes apart: three times and how many more."""
-    length = late().leg_length.copy()
-    length[1200, 4] += 1e-3
-    assert remarks(replace(late(), leg_length=length)) == [
-        "late.csv: 1 spike in the leg length of leg 5, at 8.5 s; interpolated; check the encoder and its cable"
-    ]
-    force = force_of(late()).copy()
-    force[[300, 600, 900, 1200], [1, 1, 5, 5]] += 4e3
-    assert remarks(replace(late(), actuator_force=force)) == [
-        "late.csv: 4 spikes in the force of legs 2, 6, at 7.6 s, 7.9 s, 8.2 s and 1 more times; interpolated; check "
-        "the force sensor and its cable"
-    ]
 
 
 def test_spikes_are_eight_standard_deviations_of_up_to_seven_rows_and_no_steps() -> None:

@@ -16,19 +16,9 @@ from tests.support.uneven_search import CONDITIONS, METRIC, VARY
 
 @pytest.fixture(scope="module")
 def found(folder: Path) -> gs.Tuning:
-    return gs.tune(
-        folder / "mine.toml",
-        VARY,
-        METRIC,
-        {"loop.delay": 0},
-        subject_to=CONDITIONS,
-        quantile=0.6,
-        members=3,
-        fresh=2,
-        generations=2,
-        population=6,
-        seed=3,
-    )
+    numbers: dict[str, Any] = {"members": 3, "fresh": 2, "generations": 2, "population": 6, "seed": 3}
+    options = {"subject_to": CONDITIONS, "quantile": 0.6, **numbers}
+    return gs.tune(folder / "mine.toml", VARY, METRIC, {"loop.delay": 0}, **options)
 
 
 @pytest.fixture(scope="module")
@@ -132,17 +122,9 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     out, metric = folder / "one", "step_response.z.rise_time"
     # the experiment as it is leaves the motion
     short = ("--set", "loop.duration=0.28", "--set", "controller.bandwidth=0.05")
-    free = gs.tune(
-        folder / "mine.toml",
-        ["controller.bandwidth=0.2..2Hz"],
-        metric,
-        {"loop.duration": 0.28, "ensemble": {}},
-        subject_to=["force.rms > 0 N"],
-        members=1,
-        fresh=1,
-        generations=1,
-        population=6,
-    ).candidates
+    vary, settings = ["controller.bandwidth=0.2..2Hz"], {"loop.duration": 0.28, "ensemble": {}}
+    once: dict[str, Any] = {"members": 1, "fresh": 1, "generations": 1, "population": 6}
+    free = gs.tune(folder / "mine.toml", vary, metric, settings, subject_to=["force.rms > 0 N"], **once).candidates
     forces = sorted(row["force.rms"] for row in free.to_dicts() if np.isfinite(row["value"]))
     bound = (forces[-1] + forces[-2]) / 2
     done = invoke(
@@ -171,23 +153,3 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     assert f"z: rise time: {best['value']:.4g} s in the search; not evaluated again: nothing is random" in done.stdout
     assert "runs that failed" in done.stdout
     assert "\nMetric and conditions\n" in done.stdout
-
-
-def test_progress_and_status_count_what_is_done(folder: Path) -> None:
-    """Expected: three members of five candidates in each of two generations."""
-    runs: list[int] = []
-    generations: list[tuple[int, int]] = []
-    gs.tune(
-        folder / "mine.toml",
-        [VARY[0]],
-        METRIC,
-        {"loop.duration": 0.1},
-        members=3,
-        fresh=2,
-        generations=2,
-        population=5,
-        progress=runs.append,
-        status=lambda search: generations.append((search.generation[-1], len(search.tried))),
-    )
-    assert sum(runs) == 30
-    assert generations == [(0, 5), (1, 10)]

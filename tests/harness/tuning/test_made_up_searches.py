@@ -84,30 +84,6 @@ def test_the_best_meets_all_conditions_and_the_one_that_most_break_is_named_with
         assert replace(search, tried=some).broken_most() == said
 
 
-ON_THREE = "2.5 mm on the 3 members of the search; 60 % of 5 fresh members have at most 3.1 mm."
-
-
-@pytest.mark.parametrize(
-    ("parts", "conditions", "says"),
-    [
-        ({}, (94.5, NAN), f"{ON_THREE} On these, 'stroke.margin >= 10 µm' does not hold."),
-        ({"members": 1}, (94.9, 1e-5), ON_THREE.replace("the 3 members", "the one run")),
-        ({}, (95.0, 9e-6), f"{ON_THREE} On these, 'force.rms < 95 N' and 'stroke.margin >= 10 µm' does not hold."),
-        ({"fresh": None}, (),
-         "2.5 mm in the search; not evaluated again: nothing is random, so other runs are the same."),
-    ],
-)  # fmt: skip
-def test_the_statement_names_the_members_and_what_does_not_hold(
-    real: gs.Tuning, parts: dict[str, Any], conditions: tuple[float, ...], says: str
-) -> None:
-    """Expected: the whole sentence."""
-    found = tuned(real)
-    assert found.fresh is not None
-    found = replace(found, **{"fresh": found.fresh._replace(conditions=conditions), **parts})
-    text = " ".join(repr(found).split())
-    assert text[text.rindex("position error, peak: ") :] == f"position error, peak: {says}"
-
-
 def test_fresh_members_carry_the_verdict_and_doubts_are_said(real: gs.Tuning) -> None:
     """Expected: from 9 to 7 mm is 22 % less; the search's own 6 mm is a number, not the verdict.
 

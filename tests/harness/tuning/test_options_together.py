@@ -206,19 +206,10 @@ def test_every_pair_of_options_gives_what_single_runs_give(row: dict[str, Any], 
     upper = {row["minimise"]: True} | {name: "<" in sign for name, sign, _, _ in conditions}
 
     def tune(generations: int, subject_to: list[str]) -> gs.Tuning:
-        return gs.tune(
-            path,
-            [f"{key}={bounds}" for key, bounds, _, _ in axes],
-            row["minimise"],
-            _settings(row),
-            controller=alone.controller,
-            subject_to=subject_to,
-            quantile=row["quantile"],
-            generations=generations,
-            population=5,
-            seed=len(row["vary"]),
-            **numbers,
-        )
+        vary = [f"{key}={bounds}" for key, bounds, _, _ in axes]
+        options = {"controller": alone.controller, "subject_to": subject_to, "quantile": row["quantile"], **numbers}
+        options |= {"generations": generations, "population": 5, "seed": len(row["vary"])}
+        return gs.tune(path, vary, row["minimise"], _settings(row), **options)
 
     first, bounds, texts = [], {}, []
     if conditions:

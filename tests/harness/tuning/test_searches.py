@@ -35,10 +35,12 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
         if search.generation[-1] == 1:
             raise KeyboardInterrupt
 
-    several: dict[str, Any] = {"members": 2, "fresh": 2, "generations": 9, "status": stop}
+    runs: list[int] = []
+    several: dict[str, Any] = {"members": 2, "fresh": 2, "generations": 9, "status": stop, "progress": runs.append}
     found = tune(folder, VARY[0], METRIC, {"loop.duration": 0.1}, **several)
     assert found.is_interrupted
-    assert found.candidates.height == 10
+    assert found.candidates["generation"].to_list() == [0] * 5 + [1] * 5
+    assert sum(runs) == 20
     best = min(found.candidates.to_dicts(), key=lambda row: row["value"])
     assert found.values == {"controller.bandwidth": best["controller.bandwidth"]}
     assert found.seen.value == best["value"]

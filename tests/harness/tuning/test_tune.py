@@ -48,15 +48,8 @@ def test_conditions_bound_the_optimum(found: gs.Tuning) -> None:
     free = step["overshoot_percent"]
     bound = 0.4 * free
     assert bound > 0
-    bounded = gs.tune(
-        "heave_step",
-        [f"{DAMPING}=0.3..1.5"],
-        RMS,
-        SHORT,
-        subject_to=[f"{overshoot} <= {bound:.6f}"],
-        generations=8,
-        population=8,
-    )
+    vary, allowed = [f"{DAMPING}=0.3..1.5"], [f"{overshoot} <= {bound:.6f}"]
+    bounded = gs.tune("heave_step", vary, RMS, SHORT, subject_to=allowed, generations=8, population=8)
     assert 0.7 * bound < bounded.seen.conditions[0] <= bound
     assert bounded.seen.value > found.seen.value
     assert not bounded.candidates["kept"].all()
