@@ -11,8 +11,8 @@ from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.formulations.cases import paper_case
 from tests.support.arrays import FloatArray

@@ -594,7 +594,7 @@ def test_the_sources_compile_without_a_warning(files: Units) -> None:
 def controller_unit(folder: Path) -> Any:
     """The component of the controller, for hosts that link it."""
     from gough_stewart.harness.export.design import designed
-    from gough_stewart.harness.export.fmu import component_of
+    from gough_stewart.harness.export.controller_units import component_of
 
     return component_of(designed(uneven_experiment(folder), reference="inputs"), "uneven", 0.25)
 
