@@ -134,6 +134,11 @@ class Designed:
     carried: Carried = NOTHING  # of the machine around it
 
     @property
+    def step(self) -> float:
+        """Of its clock [s]."""
+        return self.sample_time / self.carried.steps_a_sample
+
+    @property
     def measured(self) -> tuple[Variable, ...]:
         """The signals that it uses, in the interface's order."""
         used = () if self.law is None else self.law.signals

@@ -203,9 +203,8 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
             is_in_a_system=True,
         )
         report("SSP")
-        step = law.sample_time / law.carried.steps_a_sample
         files[f"{name}.ssp"] = loop_archive(
-            *(name, plant, unit_of("ssp"), duration, step, systems, notes["ssp"].inside),
+            *(name, plant, unit_of("ssp"), duration, law.step, systems, notes["ssp"].inside),
             fmi_version=in_ssp,
             ssp_version=ssp,
             side=prepared.loop.sensors.side,
