@@ -51,7 +51,9 @@ def test_the_demo_runs(demo: Demo) -> None:
 
 def test_the_pages_name_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
-    page = "".join((ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file", "motion"))
+    page = "".join(
+        (ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file", "motion", "ensembles")
+    )
     keys = keys_of(gs.Experiment) - {"platform", "reference", "controller", "start"}
     assert {"position_amplitude", "proportional_gain", "leg_lengths", "lines_at_most"} <= keys
     assert [key for key in sorted(keys) if not re.search(rf"[`\[.]{key}[`\].]", page)] == []

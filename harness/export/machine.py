@@ -33,7 +33,7 @@ from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopB
 from gough_stewart.harness.loop.libraries import coefficients_of
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.loop.python_host import SensorReadings
-from gough_stewart.harness.motion.motion import Piecewise, Reference
+from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, BatchPlant
@@ -89,7 +89,7 @@ _MACHINE_FIELDS = {
 }
 _PLAN_FIELDS = {
     "WHOLE": ("kind", "n_pieces", "feedforward"),
-    "NUMBER": ("end", "ahead"),
+    "NUMBER": ("end", "last", "ahead"),
     "PLACE": (
         *("coefficients", "begins", "pieces", "platform", "given", "given_at", "target", "smoothing", "smoothed"),
         *("samples", "reference", "forces", "jacobians", "inverses"),
@@ -368,7 +368,12 @@ def planned_motion(reference: Reference) -> dict[str, Any] | None:
     else:
         return None
     arrays = {"coefficients": coefficients, "begins": begins, "pieces": pieces}
-    return {"kind": kinds.index(name), **arrays, "end": float(getattr(reference, "end", math.inf))}
+    return {
+        "kind": kinds.index(name),
+        **arrays,
+        "end": float(getattr(reference, "end", math.inf)),
+        "last": end_of(reference),
+    }
 
 
 def motion_variants() -> list[tuple[str, AboutPose]]:

@@ -336,6 +336,10 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     ExperimentError, ReachError
         As `run`.
 
+    See Also
+    --------
+    identify, run, margins
+
     Examples
     --------
     >>> nominal = gs.load_preset("liu2000")

@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,6 +57,8 @@ class Reference(Protocol):
 class Piecewise(ABC):
     """A motion that is piecewise polynomial, exactly or up to rounding, so that it can be exported as a table."""
 
+    rests: ClassVar[bool] = True  # after its end; else it is not defined there
+
     @abstractmethod
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
@@ -78,7 +80,7 @@ class Piecewise(ABC):
 def end_of(reference: Reference) -> float:
     """The last time at which a motion is defined [s]: that of a table; infinite for others, paths rest after theirs."""
     moves = reference.reference if isinstance(reference, Scaled) else reference
-    return math.inf if isinstance(moves, Piecewise) else float(getattr(reference, "end", math.inf))
+    return math.inf if getattr(moves, "rests", False) else float(getattr(reference, "end", math.inf))
 
 
 def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:

@@ -25,6 +25,7 @@ typedef struct {
     int64_t n_pieces;           /* of a table: when each begins [s], and its polynomials (6, 6), highest power first */
     const double *begins, *pieces;
     double end;             /* of the last piece [s] */
+    double last;            /* forces look no further: the end of a table [s] */
     const double *platform; /* (N_PARAMETERS), the nominal model */
     int64_t feedforward;    /* 0 none, 1 gravity, 2 computed torque */
     double ahead;           /* [s] */
@@ -201,7 +202,7 @@ static void plan_rows(machine *m, int64_t row, int64_t to)
             motion_at(p, (double)at * l->plant_step, motion);
             plan_signals(motion, p->platform, p->reference + (at - first * l->every) * N_REFERENCE);
         }
-        motion_at(p, later, motion);
+        motion_at(p, later < p->last || p->kind == GIVEN ? later : p->last, motion);
         double *force = p->forces + (k - first) * N_LEGS;
         if (p->feedforward == 1)
             plan_gravity(motion, p->platform, force);

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +42,7 @@ _NAMES = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": 
 class FromTable(Piecewise):
     """Poses at given times with quintic splines between them, differentiated exactly."""
 
+    rests: ClassVar[bool] = False
     time: FloatArray  # (n,) [s]
     position: FloatArray  # (n, 3) [m]
     orientation: FloatArray  # (n, 3) [rad]

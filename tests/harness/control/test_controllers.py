@@ -108,6 +108,14 @@ def test_the_feedforward_is_that_of_rest_once_a_path_without_a_ramp_has_ended() 
     assert np.abs(record["controller.feedforward"][~ended] - rest).max() > 0.1 * np.abs(rest).max()
 
 
+def test_the_feedforward_looks_no_further_than_the_end_of_a_recording() -> None:
+    """Expected: a run as long as the recording, whose last forces follow those before them."""
+    record = gs.run("recorded_ride", {"controller.feedforward": "computed_torque"})
+    assert record.metadata["outcome"]["status"] == "completed"
+    last = record["controller.feedforward"][-4:]
+    assert np.abs(np.diff(last, axis=0)).max() < 0.01 * np.abs(last).max()
+
+
 def test_an_open_loop_adds_its_forces_to_the_feedforward() -> None:
     """Expected: the sum, and in the record the same as the force that acts."""
     settings: dict[str, Any] = {"loop.duration": 0.01, "controller": {"type": "open_loop", "feedforward": "gravity"}}
