@@ -151,7 +151,7 @@ def _unit_of(
     if controller not in FMI_VERSIONS:
         warn(f"the stability of the loop with {controller} is not judged: an FMU has no linear form")
         return nullcontext(opt.path(controller))
-    from gough_stewart.harness.export.fmu import exported_controller
+    from gough_stewart.harness.export.controller_units import exported_controller
 
     version = FMI_VERSIONS[controller]
     return exported_controller(experiment, version, running.step, allow_unstable=allow_unstable, warn=warn)

@@ -92,11 +92,6 @@ class Carried:
         """Whether its clock is the plant's step, be it as long as a sample."""
         return self.drives or self.steps_a_reading is not None
 
-    @property
-    def words(self) -> str:
-        """What it carries of the machine, in words."""
-        return " and ".join(part for part in self.parts if part != "manual")
-
 
 def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:
     """The parts of a prepared experiment."""

@@ -27,7 +27,6 @@ from gough_stewart.harness.export.choices import (
 )
 from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.harness.export.notes import in_short, notes_of, refusal, robustness_of
-from gough_stewart.harness.export.ssp import loop_archive
 from gough_stewart.harness.export.stability import Host, LoopStability, MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.installed import TRACER
@@ -166,8 +165,8 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
     # the controller, and how its loops are judged; what traces is imported for controllers only, since a page's code is
     # carried
     check_installed(TRACER)
+    from gough_stewart.harness.export.controller_units import component_of, loop_archive
     from gough_stewart.harness.export.design import designed
-    from gough_stewart.harness.export.fmu import component_of
     from gough_stewart.harness.export.write import c_files
 
     prepared = prepare(chosen, controller)

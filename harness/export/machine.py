@@ -353,6 +353,7 @@ def planned_motion(reference: Reference) -> dict[str, Any] | None:
 
     None for a motion that C lacks.
     """
+    kinds = (_GIVEN, _PIECES, *(name for name, _ in motion_variants()))
     coefficients = begins = pieces = np.zeros(0)
     if isinstance(reference, Piecewise):
         name = _PIECES
@@ -360,7 +361,7 @@ def planned_motion(reference: Reference) -> dict[str, Any] | None:
     elif isinstance(reference, AboutPose):
         parts = [str(getattr(reference, "type", "")), str(getattr(reference, "plane", ""))]
         name = "_".join(filter(None, [*parts, _FADED if getattr(reference, "fade_in", 0.0) > 0 else ""]))
-        if name not in kinds():
+        if name not in kinds:
             return None
         values = [np.ravel(getattr(reference, key)) for key in keys_of(type(reference), name)]
         coefficients = np.concatenate(values).astype(float)
@@ -368,16 +369,11 @@ def planned_motion(reference: Reference) -> dict[str, Any] | None:
         return None
     arrays = {"coefficients": coefficients, "begins": begins, "pieces": pieces}
     return {
-        "kind": kinds().index(name),
+        "kind": kinds.index(name),
         **arrays,
         "end": float(getattr(reference, "end", math.inf)),
         "last": end_of(reference),
     }
-
-
-def kinds() -> tuple[str, ...]:
-    """The kinds of motions by number."""
-    return (_GIVEN, _PIECES, *(name for name, _ in motion_variants()))
 
 
 def motion_variants() -> list[tuple[str, AboutPose]]:

@@ -4,7 +4,7 @@ All are traced from their one description in Python: `plan.h` has shipped motion
 gains of a bandwidth, laws of gains, coefficients of components.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import casadi
@@ -25,7 +25,7 @@ from gough_stewart.harness.control.pid import (
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.machine import N_MOTION, VARIANTS, TurnableLaw, keys_of, motion_variants
+from gough_stewart.harness.export.machine import N_MOTION, VARIANTS, keys_of, motion_variants
 from gough_stewart.harness.export.trace import feedforward_of, motion_in, solve_by_orthogonal, vector_of
 from gough_stewart.harness.loop.libraries import traced, widths_of
 from gough_stewart.harness.motion.limits.reach import legs_of
@@ -49,8 +49,42 @@ def plan_header() -> str:
         with_symbols = type(choice).model_construct(**{"fade_in": 0.0, **fields})
         motion = casadi.cse([vector_of(with_symbols(symbols.elements(time)))])
         functions.append(casadi.Function(name, [c, time], motion, ["coefficients", "time"], ["motion"]))
-    texts = [in_lanes(function, "static void plan_", exact=True) for function in (*functions, *_along())]
-    names = ", ".join(["0", "0", *(f"plan_{function.name()}" for function in functions)])
+    motions = [f"plan_{function.name()}" for function in functions]
+
+    # what follows from a motion (18), and a pose with its rates, and the platform's parameters
+    vector = casadi.SX.sym("motion", N_MOTION)
+    p = casadi.SX.sym("platform", interface.size_of(interface.PLATFORM_PARAMETERS))
+    ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
+    by_name = {v.name: p[a:b] for v, a, b in zip(interface.PLATFORM_PARAMETERS, ends, ends[1:], strict=False)}
+    parameters: Any = symbols.parameters_of(by_name)
+    at = motion_in(vector)
+    legs: Any = legs_of(parameters, at)
+    J = leg_jacobian(parameters, at.position, at.orientation)
+    transposed = np.swapaxes(J, -1, -2)
+    rows = [solve_by_orthogonal(transposed, np.eye(6)[k : k + 1].astype(object)) for k in range(6)]
+    forces = {
+        kind: {"force": symbols.elements(feedforward_of(kind, parameters, at))}
+        for kind in ("gravity", "computed_torque")
+    }
+    results: dict[str, dict[str, Any]] = {
+        "signals": {"reference": np.concatenate([*at[:4], *legs, *at[4:]], axis=-1)},
+        "maps": {"jacobian": J, "inverse": np.concatenate(rows, axis=0)},
+        **forces,
+    }
+    for name, arrays in results.items():
+        outputs = casadi.cse([casadi.densify(symbols.column(array)) for array in arrays.values()])
+        functions.append(casadi.Function(name, [vector, p], outputs, ["motion", "platform"], [*arrays]))
+    ahead = casadi.SX.sym("ahead")
+    later = vector_of(extrapolated(at, symbols.row(ahead)))
+    functions.append(casadi.Function("extrapolated", [vector, ahead], [later], ["motion", "ahead"], ["later"]))
+    parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
+    coordinates = casadi.densify(casadi.vertcat(*map(symbols.column, coordinates_of(at))))
+    functions.append(casadi.Function("coordinates", [vector], [coordinates], ["motion"], ["coordinates"]))
+    of_pose = vector_of(motion_of(*map(symbols.row, parts.values())))
+    functions.append(casadi.Function("motion_of_pose", [*parts.values()], [of_pose], [*parts], ["motion"]))
+
+    texts = [in_lanes(function, "static void plan_", exact=True) for function in functions]
+    names = ", ".join(["0", "0", *motions])
     by_hand, size, _ = traced(Smoothing, "smoothing", 3)
     return (
         f"#define N_SMOOTHING {size}\n{by_hand}"
@@ -59,43 +93,30 @@ def plan_header() -> str:
     )
 
 
-def _along() -> Iterator[casadi.Function]:
-    """What follows from a motion (18), and a pose with its rates, and the platform's parameters."""
-    vector = casadi.SX.sym("motion", N_MOTION)
-    p = casadi.SX.sym("platform", interface.size_of(interface.PLATFORM_PARAMETERS))
-    ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
-    by_name = {v.name: p[a:b] for v, a, b in zip(interface.PLATFORM_PARAMETERS, ends, ends[1:], strict=False)}
-    parameters: Any = symbols.parameters_of(by_name)
-    at = motion_in(vector)
-
-    def function(name: str, **outputs: Any) -> casadi.Function:
-        results = casadi.cse([casadi.densify(symbols.column(array)) for array in outputs.values()])
-        return casadi.Function(name, [vector, p], results, ["motion", "platform"], [*outputs])
-
-    legs: Any = legs_of(parameters, at)
-    yield function("signals", reference=np.concatenate([*at[:4], *legs, *at[4:]], axis=-1))
-    J = leg_jacobian(parameters, at.position, at.orientation)
-    transposed = np.swapaxes(J, -1, -2)
-    rows = [solve_by_orthogonal(transposed, np.eye(6)[k : k + 1].astype(object)) for k in range(6)]
-    yield function("maps", jacobian=J, inverse=np.concatenate(rows, axis=0))
-    for kind in ("gravity", "computed_torque"):
-        yield function(kind, force=symbols.elements(feedforward_of(kind, parameters, at)))
-    ahead = casadi.SX.sym("ahead")
-    later = vector_of(extrapolated(at, symbols.row(ahead)))
-    yield casadi.Function("extrapolated", [vector, ahead], [later], ["motion", "ahead"], ["later"])
-    parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
-    coordinates = casadi.vertcat(*map(symbols.column, coordinates_of(at)))
-    yield casadi.Function("coordinates", [vector], [casadi.densify(coordinates)], ["motion"], ["coordinates"])
-    of_pose = vector_of(motion_of(*map(symbols.row, parts.values())))
-    yield casadi.Function("motion_of_pose", [*parts.values()], [of_pose], [*parts], ["motion"])
-
-
 # ---- design.h ----
 
 
 def design_header() -> str:
     """`design.h`."""
-    laws = [law_function(f"law_{k}", variant) for k, variant in enumerate(VARIANTS)]
+    # laws: (kp, kd, ki, Tf, Tt) of a channel, its notch, the sample time -> its [C D; A B], row by row
+    laws = []
+    for number, variant in enumerate(VARIANTS):
+        values, notch, T = (
+            casadi.SX.sym(key, n) for key, n in (("values", 5), ("notch", len(Notch.keys)), ("period", 1))
+        )
+        gains = symbols.elements(values)
+        actions = [np.array([True]), np.array([variant.integrates])]
+        channel_gains = ChannelGains(*[*(gains[k : k + 1] for k in range(5)), *actions])
+        continuous, period = channel_matrices(channel_gains, variant.derivative_on), symbols.elements(T)
+        channel = matrices_at(continuous, period, variant.discretisation, symbols.solve)
+        notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]
+        s = with_links(channel, notches if variant.has_notch else [], period, symbols.solve)
+        whole = np.concatenate([np.concatenate([s.C, s.D], axis=1), np.concatenate([s.A, s.B], axis=1)])
+        matrices = casadi.cse(casadi.densify(symbols.column(whole)))
+        names_in = ["values", "notch", "period"]
+        laws.append(casadi.Function(f"law_{number}", [values, notch, T], [matrices], names_in, ["matrices"]))
+
+    # gains and times of a design, and coefficients of components
     masses = {"masses": N_LEGS, "bandwidth": 1, "damping": 1, "integral_time": 1}
     functions = [
         _of_elements("gains", masses, gains_of_masses, "gains"),
@@ -131,23 +152,6 @@ def design_header() -> str:
             f"static void (*const LAWS[])({signature}) = {{{names}}};\n",
         ]
     )
-
-
-def law_function(name: str, variant: TurnableLaw) -> casadi.Function:
-    """`values` (kp, kd, ki, Tf, Tt) of a channel, `notch` (3), `sample_time` -> [C D; A B] of it, row by row."""
-    values, notch, T = (casadi.SX.sym(key, n) for key, n in (("values", 5), ("notch", len(Notch.keys)), ("period", 1)))
-    gains = symbols.elements(values)
-    actions = [np.array([True]), np.array([variant.integrates])]
-    continuous = channel_matrices(
-        ChannelGains(*[*(gains[k : k + 1] for k in range(5)), *actions]), variant.derivative_on
-    )
-    period = symbols.elements(T)
-    channel = matrices_at(continuous, period, variant.discretisation, symbols.solve)
-    notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]
-    s = with_links(channel, notches if variant.has_notch else [], period, symbols.solve)
-    whole = np.concatenate([np.concatenate([s.C, s.D], axis=1), np.concatenate([s.A, s.B], axis=1)])
-    matrices = casadi.cse(casadi.densify(symbols.column(whole)))
-    return casadi.Function(name, [values, notch, T], [matrices], ["values", "notch", "period"], ["matrices"])
 
 
 def _of_elements(

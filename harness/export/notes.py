@@ -1,7 +1,7 @@
 """What is said of an export: its delay, the stability of its loops, what it leaves out; inside it and to its maker."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -38,7 +38,8 @@ def notes_of(  # noqa: PLR0912, PLR0915 - a note after the other
     experiment: Experiment, host: Host, judged: StabilityReport, carried: Carried = NOTHING
 ) -> Notes:
     """The notes of a form of an experiment, as judged, with what it carries of the machine."""
-    name, words, inside, warnings = _NAMES[host], carried.words, list[str](), list[str]()
+    name, inside, warnings = _NAMES[host], list[str](), list[str]()
+    words = " and ".join(part for part in carried.parts if part != "manual")
     step = 1000 * experiment.loop.sample_time / carried.steps_a_sample  # [ms]
 
     # what it carries
@@ -227,9 +228,17 @@ def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> 
     """
     around = () if host == "ssp" else _OF_PLANT
     carried = {key for part in parts for key in _CARRIES[part]}
-    missing = [
-        key for key in _set(experiment) if key not in _HAS | carried and key.split(".")[0] not in (*_HAS, *around)
-    ]
+    missing = list[str]()
+    for section, table in experiment.model_dump(exclude_defaults=True).items():
+        if section in _HAS or section in (*around, "ensemble"):
+            continue
+        # keys that are not at their defaults; a section of a kind, such as an injection, is one thing
+        is_one = not isinstance(table, dict) or isinstance(getattr(experiment, section), Kind)
+        for key, value in {section: table}.items() if is_one else table.items():
+            path = section if is_one else f"{section}.{key}"
+            is_set = any(value.values()) if isinstance(value, dict) else value not in (None, [], 0)
+            if is_set and path not in _HAS | carried and value not in _HARMLESS.get(path, ()):
+                missing.append(path)
     if experiment.ensemble is not None:
         together = (key for inputs in experiment.ensemble.covariance for key in inputs.of)
         for key in (*experiment.ensemble.varied, *together):
@@ -238,17 +247,6 @@ def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> 
             if section not in around and not any(path.startswith(name) for name in missing):
                 missing.append(_OTHER_MACHINES if section in _OF_PLANT else f"ensemble.{key}")
     return list(dict.fromkeys(missing))
-
-
-def _set(experiment: Experiment) -> Iterator[str]:
-    """Keys that are not at their defaults, as `section.key`; lists and choices of a kind by their section."""
-    for section, table in experiment.model_dump(exclude_defaults=True).items():
-        # a section of a kind, such as an injection, is one thing
-        is_one = not isinstance(table, dict) or section in _HAS or isinstance(getattr(experiment, section), Kind)
-        for key, value in ((section, table),) if is_one else ((f"{section}.{name}", v) for name, v in table.items()):
-            is_set = any(value.values()) if isinstance(value, dict) else value not in (None, [], 0)
-            if is_set and section != "ensemble" and value not in _HARMLESS.get(key, ()):
-                yield key
 
 
 # --- the report -----------------------------------------------------------------------------------------

@@ -149,17 +149,15 @@ def traced_component(
     x = casadi.SX.sym(f"{name}_states", sum(state.size for state in at_rest))
     following, outputs = component.step(coefficients, tuple(_shaped_as(at_rest, x)), columns)
     by_name = dict(zip(component.outputs, outputs, strict=True))
-    results = {f"{name}_next": _joined(following)} if x.numel() else {}
+    results = {f"{name}_next": casadi.vertcat(*map(symbols.column, following))} if x.numel() else {}
     results |= {key: symbols.column(by_name[key]) for key in (wanted or component.outputs)}
     return TracedComponent(
-        symbols.function(f"coefficients_of_{name}", settings, {name: _joined(parts.values())}),
+        symbols.function(
+            f"coefficients_of_{name}", settings, {name: casadi.vertcat(*map(symbols.column, parts.values()))}
+        ),
         symbols.function(name, {f"{name}_coefficients": c, f"{name}_states": x, **vectors}, results),
         int(x.numel()),
     )
-
-
-def _joined(arrays: Iterable[Any]) -> casadi.SX:
-    return casadi.vertcat(*map(symbols.column, arrays))
 
 
 def _shaped_as(arrays: Any, vector: casadi.SX) -> list[Array]:
@@ -216,16 +214,12 @@ class _Maps:
     """
 
     def __init__(self, J: Array) -> None:
-        self._J = symbols.sparse(J[0])
-        self._Q, self._R = casadi.qr(self._J)
+        self.J = symbols.sparse(J[0])
+        self._Q, self._R = casadi.qr(self.J)
 
     def to_pose(self, change: casadi.SX) -> casadi.SX:
         """J⁻¹ v: from legs [m] to the platform [m, rad]."""
         return casadi.solve(self._R, self._Q.T @ change)
-
-    def to_wrench(self, force: casadi.SX) -> casadi.SX:
-        """Jᵀ F: from leg forces [N] to a wrench [N, N m]."""
-        return self._J.T @ force
 
     def to_force(self, wrench: casadi.SX) -> casadi.SX:
         """J⁻ᵀ w: from a wrench to leg forces."""
@@ -331,7 +325,7 @@ def _linear(
         memory_at_rest = casadi.vertcat(pose, lengths)
         r, y = displacements(maps.to_pose, pose, before, r, lengths)
         memory = casadi.vertcat(y, lengths) if home is None else casadi.vertcat(y - pose, lengths - before)
-        excess = maps.to_wrench(excess)
+        excess = maps.J.T @ excess  # as a wrench [N, N m]
     u = casadi.vertcat(*inputs_of(law.kinds, r, y, excess))
     of_x = np.asarray(law.system.A) - np.eye(n) if home is not None else np.asarray(law.system.A)
     A, B, C, D = (symbols.sparse(np.asarray(block)) for block in (of_x, law.system.B, law.system.C, law.system.D))

@@ -403,21 +403,13 @@ _ROOM = 1 << 20
 def c_files(
     experiment: Experiment, designed: Designed, name: str, prepared: Prepared, controller: Any = None
 ) -> dict[str, bytes]:
-    """The C of an experiment's controller and an example program, by file name; what float costs is in the header."""
-    sources = controller_sources(designed, name)
-    deviation = _deviation(experiment, designed, sources, prepared, controller)
-    texts = {**sources.units, **dict.fromkeys(sources.headers, sources.header(deviation)), EXAMPLE: sources.example}
-    return {file: text.encode() for file, text in texts.items()}
+    """The C of an experiment's controller and an example program, by file name; what float costs is in the header.
 
-
-def _deviation(
-    experiment: Experiment, designed: Designed, sources: ControllerSources, prepared: Prepared, controller: Any
-) -> str:
-    """What single precision costs, in words: forces of the code compiled here, on what a run in the harness measured.
-
-    The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's, but
-    for the rounding of a path, which is stated too.
+    That is of the forces of the code compiled here, on what a run in the harness measured without disturbances. Both
+    precisions are compiled; the forces of double precision are the harness's, but for the rounding of a path, which is
+    stated too.
     """
+    sources = controller_sources(designed, name)
     has_path, duration = path_of(designed.reference) is not None, experiment.loop.duration
     if not has_path and duration > _COMPARED:
         loop = experiment.loop.model_copy(update={"duration": _COMPARED})
@@ -434,20 +426,24 @@ def _deviation(
     try:
         expected, forces = (_forces(designed, sources, real, rows) for real in ("double", "float"))
     except BuildError as error:
-        return f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
-    deviation, largest = forces - expected, float(np.abs(expected).max())
-    most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
-    text = (
-        f"With {Path(next(iter(sources.units))).stem.upper()}_REAL=float, forces deviate from those in double "
-        f"precision, in {samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, "
-        f"{f'{most / largest:.2g}' if largest > 0 else 'all'} of the largest "
-        f"force; in root mean square by {mean_square**0.5:.2g} N."
-    )
-    if has_path and not designed.carried.has_steps:
-        commanded = np.clip(run.command[:samples], -designed.force_limit, designed.force_limit)
-        share = float(np.abs(expected - commanded).max()) / largest
-        text += f" The path is rounded: in double precision, forces differ from those of a run by {share:.2g} of these."
-    return text
+        text = f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
+    else:
+        deviation, largest = forces - expected, float(np.abs(expected).max())
+        most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
+        text = (
+            f"With {name.upper()}_REAL=float, forces deviate from those in double precision, in "
+            f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, "
+            f"{f'{most / largest:.2g}' if largest > 0 else 'all'} of the largest force; in root mean square by "
+            f"{mean_square**0.5:.2g} N."
+        )
+        if has_path and not designed.carried.has_steps:
+            commanded = np.clip(run.command[:samples], -designed.force_limit, designed.force_limit)
+            share = float(np.abs(expected - commanded).max()) / largest
+            text += (
+                f" The path is rounded: in double precision, forces differ from those of a run by {share:.2g} of these."
+            )
+    texts = {**sources.units, **dict.fromkeys(sources.headers, sources.header(text)), EXAMPLE: sources.example}
+    return {file: content.encode() for file, content in texts.items()}
 
 
 def _forces(designed: Designed, sources: ControllerSources, real: str, rows: list[FloatArray]) -> FloatArray:

@@ -27,8 +27,8 @@ from scipy.integrate import solve_ivp
 import gough_stewart as gs
 from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.plant_component import plant_component
+from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from tests.support.exported_loop import EXPORTED
 from tests.support.sampled_unit import run_source

@@ -13,8 +13,8 @@ from gough_stewart import load_preset
 from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, native
+from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.formulations.cases import paper_case
 from tests.support.c_hosts import (
     FUZZ,

@@ -65,10 +65,16 @@ def uneven_experiment(**tables: Any) -> gs.Experiment:
 
 
 def source_of(experiment: Any, controller: Any = None, folder: Path | None = None, **options: Any) -> Path:
-    """The C of a controller, beside its header and its example, however its loop does."""
+    """The C of a controller, beside its header and its example, however its loop does; once, if nobody says where."""
     options = {"allow_unstable": True, **options}
-    folder = folder or Path(tempfile.mkdtemp(dir=_scratch()))
-    return gs.export(experiment, forms="c", out=folder, controller=controller, **options)[0]
+    key = repr((experiment, options)) if folder is None and controller is None else None
+    if key is None or key not in _WRITTEN:
+        folder = folder or Path(tempfile.mkdtemp(dir=_scratch()))
+        source = gs.export(experiment, forms="c", out=folder, controller=controller, **options)[0]
+        if key is None:
+            return source
+        _WRITTEN[key] = source
+    return _WRITTEN[key]
 
 
 def words_of(path: Path) -> str:
@@ -217,4 +223,5 @@ def _scratch() -> str:
     return _SCRATCH[0].name
 
 
+_WRITTEN: dict[str, Path] = {}
 _SCRATCH: list[tempfile.TemporaryDirectory[str]] = []

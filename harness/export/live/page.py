@@ -47,7 +47,7 @@ from gough_stewart.model.kinematics import leg_geometry
 # Scripts of the report's page that all pages share, and of its 3-D view; the machine starts before both are read.
 _FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "colours.js", "shapes.js", "bodies.js")
 _VIEW = ("viewer.js", "scene.js")
-_LIVE = ("charts.js", "stage.js", "fields.js", "reference.js", "tune.js", "download.js", "live.js")
+_LIVE = ("pictures.js", "controls.js", "download.js", "live.js")
 _PACKAGES = ("gough-stewart", "numpy", "casadi", "ziglang")
 # Rows that a call computes at most.
 KEPT = 512
@@ -123,6 +123,8 @@ def _live(experiment: Experiment) -> dict[str, Any]:
             if (tried > shortest + free).all() and (tried < longest - free).all():
                 reach[axis] = share * most
                 break
+    raw = shipped_wasm(block.variant), block.words.astype("<i8").tobytes()
+    code, words = (base64.b64encode(zlib.compress(content, 9)).decode() for content in raw)
     return {
         "fields": {name: fields()[name] for name in _FIELDS},
         "plantStep": timing.plant_step,
@@ -173,18 +175,14 @@ def _live(experiment: Experiment) -> dict[str, Any]:
             "lower": lower,
             "upper": min(0.97 * short, 1.06 * long - lower),
         },
-        "wasm": _packed(shipped_wasm(block.variant)),
-        "block": _packed(block.words.astype("<i8").tobytes()),
+        "wasm": code,
+        "block": words,
         "worker": _script("session.js") + _script("worker.js"),
     }
 
 
 def _script(name: str) -> str:
     return (files("gough_stewart.harness.export.live") / "web" / name).read_text(encoding="utf-8")
-
-
-def _packed(raw: bytes) -> str:
-    return base64.b64encode(zlib.compress(raw, 9)).decode()
 
 
 def _download(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:

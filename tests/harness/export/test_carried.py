@@ -13,7 +13,6 @@ from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
-from tests.support.commands import invoke
 from tests.support.exported import PD, Exported, source_of, uneven_experiment
 from tests.support.exported import PID as UNFED
 from tests.support.exported import SINE as UNFADED
@@ -281,25 +280,3 @@ def test_what_is_carried_is_not_left_out_and_the_loop_with_drives_is_judged_with
         assert ("Drives: the forces are those that act" in text) == ("drives" in parts)
         assert ("The lag of the drives was part of it" in text) == ("drives" in parts)
         assert ("(output_delay = 3)" in text) == (form != "c" and "drives" in parts)
-
-
-def test_a_lag_that_makes_the_loop_unstable_refuses_an_ssp_with_drives_alone(tmp_path: Path) -> None:
-    settings = {"controller.bandwidth": 8, "actuators.lag": 0.03}
-    (loop,), _, _ = judged(settings, "ssp", (), tmp_path)
-    assert (loop.nominal.loop.lag, loop.is_stable) == (0.0, True)
-    with pytest.raises(gs.UnstableLoopError, match=r"in the SSP the closed loop is unstable .* a lag of 30 ms"):
-        gs.export("heave_step", settings, forms="ssp", parts="drives", out=tmp_path / "with")
-
-
-def test_the_command_takes_parts(tmp_path: Path) -> None:
-    """Expected: the settings in the header, and what is still left out on the terminal."""
-    options = ["--as", "c", "--with", "sensors, drives", "--set", "actuators.lag=3 ms", "--set", "loop.jitter=0"]
-    done = invoke("export", "heave_step", *options, "--out", str(tmp_path))
-    assert done.exit_code == 0, done.output
-    header = (tmp_path / "heave_step_controller.h").read_text()
-    for text in ("controller_real force_lag; /* [s] time constant of the drives; 0: none */", "STEPS_A_SAMPLE = 1 ",
-                 "controller_real leg_length_quantisation; /* [m]", "At each step:"):  # fmt: skip
-        assert text in header
-    wrong = invoke("export", "heave_step", "--with", "gears", "--out", str(tmp_path))
-    assert wrong.exit_code == 2
-    assert "no part 'gears'" in wrong.output

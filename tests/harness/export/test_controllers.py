@@ -50,9 +50,7 @@ CASES: dict[str, Any] = {
         "controller": {**PID, "feedforward": "gravity", "discretisation": "zoh", "anti_windup_time": 0.02},
         "actuators": {"force_limit": 47.0, "rate_limit": 900.0, "lag": 0.004},
     },
-    "PD at a place": {"reference": HOLD, "controller": {**PD, "feedforward": "gravity"}},
     "sines of an excitation": ("excitation", {"loop.duration": 0.3}),
-    "rows of a recording": ("recorded_ride", {"loop.duration": 0.3}),
 }
 # Motions along a path: settings of a shipped experiment.
 SMALLER = {"reference.interpolation": "cubic", "reference.time_scale": 1.3, "reference.amplitude_scale": -0.6}

@@ -25,9 +25,7 @@ from tests.support.documented_controller import (
     COUNT,
     DAMPING,
     DERIVATIVE,
-    FROZEN,
     INTEGRAL,
-    OUT_OF_RANGE,
     RAMP,
     SMOOTHING,
     STIFFNESS,
@@ -448,40 +446,3 @@ def _assert_values(row: dict[str, Any], begun: Any) -> None:
     )
     np.testing.assert_allclose(begun["start_force"], start, rtol=1e-9)
     np.testing.assert_allclose(begun["actuator_force"], start, rtol=1e-9)
-
-
-def test_every_pair_of_values_is_in_a_row() -> None:
-    """Expected: counted, but for pairs that cannot be: an SSP without its reference, options that a kind lacks."""
-    missing = set()
-    for a, b in combinations(OPTIONS, 2):
-        met = [(row[a], row[b]) for row in ROWS]
-        missing |= {(a, b, *pair) for pair in product(OPTIONS[a], OPTIONS[b]) if pair not in met}
-    impossible = {
-        *(("form", name, "ssp", OPTIONS[name][1]) for name in ("reference_from", "waiting", "faults")),
-        *(("type", name, kind, v) for kind in OTHERS for name in _OF_PID for v in OPTIONS[name][1:]),
-        *(("type", "anti_windup_time", kind, 0.06) for kind in (*OTHERS, "pd")),
-        *(("type", "space", kind, "task") for kind in ("function", "open_loop")),
-        ("type", "feedforward", "open_loop", "none"),
-        ("type", "frozen", "open_loop", (5, 0.002)),
-    }
-    assert missing == impossible
-
-
-def test_the_rows_reach_their_limits_and_faults() -> None:
-    """A row whose limit or fault never comes says nothing of it."""
-    limited, frozen = [], []
-    for row in ROWS:
-        if row["form"] == "ssp":
-            continue
-        seen, reference = _seen(row, motion_of(_options(row), HOME)(TIMES))
-        samples = _expected(row, seen, reference)
-        statuses = [each.status for each in samples]
-        out = {3, 8, 9, 10} if row["faults"] and row["type"] != "open_loop" else set()
-        out |= {12, 14, 15} if row["faults"] and reference is not None else set()
-        assert {k for k, status in enumerate(statuses) if status == OUT_OF_RANGE} == out
-        if np.isfinite(row["force_limit"]):
-            limited.append(any(each.limited.any() for each in samples))
-        if row["frozen"]:
-            frozen.append(FROZEN in statuses)
-    assert np.mean(limited) >= 0.7
-    assert np.mean(frozen) >= 0.5  # a step is over when the measurement freezes
