@@ -46,13 +46,6 @@ class _Interrupts:
         else:
             sys.__unraisablehook__(unraisable)
 
-    def ignore(self) -> None:
-        """Let no signal disturb the end of the process."""
-        self.ended = True
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), signal.SIG_IGN)
-
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.ended:
             return
@@ -137,7 +130,10 @@ def main() -> None:
 
 def _flushed(code: str | int | None) -> str | int | None:
     """The exit code, or 1 if the results could not be printed, where Python would end with a traceback."""
-    _interrupts.ignore()
+    # no signal disturbs the end of the process
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     # a last garbage collection would take up to half a second
     gc.freeze()
     try:

@@ -97,7 +97,7 @@ def run_command(
     requirements = running.require(loaded.requirements, known)
     running.step(total=loaded.loop.duration)
     replacement: AbstractContextManager[Any] = nullcontext()  # of the experiment's own controller
-    if controller in FMI_VERSIONS:
+    if controller is not None and controller in FMI_VERSIONS:
         from gough_stewart.harness.export.fmu import exported_controller
 
         allowed = allow_unstable or anyway

@@ -49,7 +49,7 @@ class Arrays:
             elif least is None:
                 packed = {"k": "f8", "n": n, "d": _planes(array.astype("<f8"))}
             else:
-                packed = _rounded(array, least)
+                packed = _rounded(array, least or 1.0)
             self.packed.append(packed)
         return self._known[key]
 
