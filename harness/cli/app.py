@@ -10,11 +10,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from gough_stewart.harness.cli import logs, platforms
+from gough_stewart.harness.cli import ExitCode, logs, platforms
 from gough_stewart.harness.cli import loop_commands as loops
 from gough_stewart.harness.cli import run_commands as runs
 from gough_stewart.harness.cli import unit_commands as units
-from gough_stewart.harness.cli.exit_codes import ExitCode
 
 # Wrong usage of any kind; Typer carries a click of its own in some versions.
 _WrongUse: type[Exception] = typer.BadParameter.__mro__[1]

@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import typer
 
+from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli.console import Terminal, errors, warn
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
 
@@ -105,16 +105,12 @@ def clear_errors() -> Iterator[Command]:
             said = "not enough memory; make the run shorter, its plant_step longer, or the grid coarser"
         elif not isinstance(error, GoughStewartError):
             said = f"{error.filename or 'output'}: {error.strerror or error}"
-        errors.say(("error: ", "bold red"), "; ".join([said, *_notes(error)]))
+        errors.say(("error: ", "bold red"), "; ".join([said, *getattr(error, "__notes__", [])]))
         raise typer.Exit(code) from error
     except KeyboardInterrupt as error:
-        errors.say((f"interrupted; {'; '.join(_notes(error)) or command.whereabouts()}", "bold red"))
+        notes = getattr(error, "__notes__", [])  # such as which files were written nonetheless
+        errors.say((f"interrupted; {'; '.join(notes) or command.whereabouts()}", "bold red"))
         raise typer.Exit(ExitCode.INTERRUPTED) from None
-
-
-def _notes(error: BaseException) -> list[str]:
-    """Notes that were added to the error, such as which files were written nonetheless."""
-    return getattr(error, "__notes__", [])
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 # only modules that Python has loaded already, or loads in a moment
 import _thread
+import gc
 import io
 import os
 import signal
@@ -9,7 +10,7 @@ import sys
 import time
 from types import FrameType
 
-from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.cli import ExitCode
 
 
 class _Interrupts:
@@ -45,19 +46,17 @@ class _Interrupts:
         else:
             sys.__unraisablehook__(unraisable)
 
-    def ignore(self) -> None:
-        """Let no signal disturb the end of the process."""
-        self.ended = True
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), signal.SIG_IGN)
-
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.ended:
             return
         now = time.monotonic()
         self._since = self._since or now
-        if (not self.begun or _is_importing(frame)) and now - self._since < self._PATIENCE:
+        # whether the import system is at work, within `main`
+        is_importing = False
+        while frame is not None and frame.f_code is not main.__code__ and not is_importing:
+            is_importing = frame.f_code.co_filename.startswith("<frozen importlib")
+            frame = frame.f_back
+        if (not self.begun or is_importing) and now - self._since < self._PATIENCE:
             self._later(number)
             return
         self._since = None
@@ -74,15 +73,6 @@ class _Interrupts:
         _thread.start_new_thread(again, ())
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    """Whether the import system is at work, within `main`."""
-    while frame is not None and frame.f_code is not main.__code__:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
-
-
 _interrupts = _Interrupts()
 _interrupts.watch("SIGINT")
 
@@ -90,6 +80,7 @@ _interrupts.watch("SIGINT")
 def main() -> None:
     """Run the command line; Ctrl-C, SIGTERM, SIGHUP and a full output stream give one line each."""
     code: str | int | None = 0
+    is_interrupted = False
     try:
         try:
             sys.unraisablehook = _interrupts.lost
@@ -120,33 +111,29 @@ def main() -> None:
     except SystemExit as ended:
         code = ended.code
         # Typer exits silently if it is itself interrupted
-        if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
-            _say_interrupted()
+        is_interrupted = isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt)
     except KeyboardInterrupt as interrupt:
         # an interrupt of the very end changes nothing
         if isinstance(interrupt.__context__, SystemExit):
             code = interrupt.__context__.code
         else:
-            _say_interrupted()
-            code = ExitCode.INTERRUPTED
+            code, is_interrupted = ExitCode.INTERRUPTED, True
     except OSError as error:  # the help cannot be printed
         print(f"error: {error.strerror or error}", file=sys.stderr, flush=True)
         code = ExitCode.FAILED
+    if is_interrupted:  # outside of a command, whose files may be written already
+        command = sys.modules.get("gough_stewart.harness.cli.command")
+        place = "nothing written" if command is None else command.Command.latest.whereabouts()
+        print(f"interrupted; {place}", file=sys.stderr, flush=True)
     sys.exit(_flushed(code))
-
-
-def _say_interrupted() -> None:
-    """What an interrupt says outside of a command, whose files may be written already."""
-    command = sys.modules.get("gough_stewart.harness.cli.command")
-    place = "nothing written" if command is None else command.Command.latest.whereabouts()
-    print(f"interrupted; {place}", file=sys.stderr, flush=True)
 
 
 def _flushed(code: str | int | None) -> str | int | None:
     """The exit code, or 1 if the results could not be printed, where Python would end with a traceback."""
-    import gc
-
-    _interrupts.ignore()
+    # no signal disturbs the end of the process
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     # a last garbage collection would take up to half a second
     gc.freeze()
     try:

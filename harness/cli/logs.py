@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import typer
 
+from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import IdentificationWarning, UsageError

@@ -238,7 +238,22 @@ def chosen_experiment(
 
     loaded = load_experiment(experiment, settings or [])
     if loaded.requirements:
-        check_numbers(loaded)
+        from gough_stewart.harness.errors import RequirementError
+        from gough_stewart.harness.experiment import checking, margins
+        from gough_stewart.harness.report.requirements import required
+        from gough_stewart.model.interface import nearest
+
+        paths = numbers_of_loops()
+        absent = {**checking.absent_numbers(loaded), **margins.absent_numbers(loaded)}
+        kinds = KINDS_OF_NUMBERS - {path.partition(".")[0] for path in paths}
+        for requirement in map(required, loaded.requirements):
+            path, why = requirement.path, ""
+            if path in absent:
+                why = f"no study of this experiment has the number '{path}': {absent[path]}"
+            elif path not in paths and path.partition(".")[0] not in kinds:
+                why = f"no study has a number '{path}'{nearest(path, paths)}"
+            if why:
+                raise RequirementError(f"the requirement '{requirement.text}': {why}")
     code = executed(loaded)
     if no_python and code:
         raise ExperimentError(
@@ -259,26 +274,6 @@ def numbers_of_loops() -> dict[str, str]:
         **dict.fromkeys(checking.PATHS, "check"),
         **dict.fromkeys(margins.PATHS, "margins"),
     }
-
-
-def check_numbers(experiment: "Experiment") -> None:
-    """Refuse requirements of an experiment's file on numbers that no study has, of any experiment or of this one."""
-    from gough_stewart.harness.errors import RequirementError
-    from gough_stewart.harness.experiment import checking, margins
-    from gough_stewart.harness.report.requirements import required
-    from gough_stewart.model.interface import nearest
-
-    paths = numbers_of_loops()
-    absent = {**checking.absent_numbers(experiment), **margins.absent_numbers(experiment)}
-    kinds = KINDS_OF_NUMBERS - {path.partition(".")[0] for path in paths}
-    for requirement in map(required, experiment.requirements):
-        path, why = requirement.path, ""
-        if path in absent:
-            why = f"no study of this experiment has the number '{path}': {absent[path]}"
-        elif path not in paths and path.partition(".")[0] not in kinds:
-            why = f"no study has a number '{path}'{nearest(path, paths)}"
-        if why:
-            raise RequirementError(f"the requirement '{requirement.text}': {why}")
 
 
 def results_folder(command: str, experiment: str, suffix: str = "", shipped: Iterable[str] | None = None) -> Path:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.console import Terminal, errors, progress_bar, warn
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
@@ -96,7 +96,17 @@ def run_command(
     running.expect([metric.path for metric in known])
     requirements = running.require(loaded.requirements, known)
     running.step(total=loaded.loop.duration)
-    with _unit_of(controller, loaded, running, allow_unstable=allow_unstable or anyway) as unit:
+    replacement: AbstractContextManager[Any] = nullcontext()  # of the experiment's own controller
+    if controller is not None and controller in FMI_VERSIONS:
+        from gough_stewart.harness.export.fmu import exported_controller
+
+        allowed = allow_unstable or anyway
+        version = FMI_VERSIONS[controller]
+        replacement = exported_controller(loaded, version, running.step, allow_unstable=allowed, warn=warn)
+    elif controller is not None:
+        warn(f"the stability of the loop with {controller} is not judged: an FMU has no linear form")
+        replacement = nullcontext(opt.path(controller))
+    with replacement as unit:
         record = run(
             loaded,
             plant=plant,
@@ -140,21 +150,6 @@ def run_command(
     if swinging is not None and swinging.is_growing:
         errors.say(("growing: ", "bold red"), swinging.text())
         raise typer.Exit(ExitCode.MISSED)
-
-
-def _unit_of(
-    controller: str | None, experiment: "Experiment", running: Running, *, allow_unstable: bool
-) -> AbstractContextManager[Any]:
-    """The controller that replaces the experiment's; None for its own."""
-    if controller is None:
-        return nullcontext()
-    if controller not in FMI_VERSIONS:
-        warn(f"the stability of the loop with {controller} is not judged: an FMU has no linear form")
-        return nullcontext(opt.path(controller))
-    from gough_stewart.harness.export.controller_units import exported_controller
-
-    version = FMI_VERSIONS[controller]
-    return exported_controller(experiment, version, running.step, allow_unstable=allow_unstable, warn=warn)
 
 
 def live_command(
@@ -261,37 +256,36 @@ def view_command(
         page, place = out, records[0]
         is_run = any((place / name).is_file() for name in RECORDS)
         is_report = place.name == DATA or any((place / name).is_file() for name in (DATA, PAGE))
+        data = place if place.name == DATA else place / DATA
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
             if len(records) > 1 or is_run or not is_report:
                 from gough_stewart.harness.view.view import view
 
                 view(records, out, progress=lambda stage: progress.update(task, description=stage))
-            elif place.name != DATA and not (place / DATA).is_file():
+            elif place.name != DATA and not data.is_file():
                 page = place / PAGE  # that its command has written
+            elif not data.is_file():
+                raise RecordError(f"{data}: no such file; expected the folder of a command, or its report.json")
             else:
-                _view_report(place if place.name == DATA else place / DATA, out)
+                from gough_stewart.harness.report.document import from_json
+                from gough_stewart.harness.report.page import page_of
+                from gough_stewart.model.process.files import write_files
+
+                try:
+                    report = from_json(data.read_bytes())
+                except (ValueError, KeyError) as error:
+                    raise RecordError(
+                        f"{data}: cannot be read as a report: {error}; expected what a command writes"
+                    ) from error
+                # of an ensemble with signals of its members, from which their bands are drawn
+                if report.study == "ensemble" and (data.parent / "samples.parquet").exists():
+                    from gough_stewart.harness.ensemble.charts import with_samples
+                    from gough_stewart.harness.ensemble.ensemble_report import read_ensemble
+
+                    samples = read_ensemble(data.parent).samples
+                    report = report if samples is None else with_samples(report, samples)
+                write_files(out.parent, {out.name: page_of(report)})
         if page == out:
             command.written.append(out)
         command.close([page.name], page.parent, open_it=open_it)
-
-
-def _view_report(data: Path, out: Path) -> None:
-    """Write the page of a report; of an ensemble with signals of its members, from which it draws their bands."""
-    from gough_stewart.harness.report.document import from_json
-    from gough_stewart.harness.report.page import page_of
-    from gough_stewart.model.process.files import write_files
-
-    if not data.is_file():
-        raise RecordError(f"{data}: no such file; expected the folder of a command, or its report.json")
-    try:
-        report = from_json(data.read_bytes())
-    except (ValueError, KeyError) as error:
-        raise RecordError(f"{data}: cannot be read as a report: {error}; expected what a command writes") from error
-    if report.study == "ensemble" and (data.parent / "samples.parquet").exists():
-        from gough_stewart.harness.ensemble.charts import with_samples
-        from gough_stewart.harness.ensemble.ensemble_report import read_ensemble
-
-        samples = read_ensemble(data.parent).samples
-        report = report if samples is None else with_samples(report, samples)
-    write_files(out.parent, {out.name: page_of(report)})

@@ -29,9 +29,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.console import Terminal, diverted, errors, progress_bar, warn
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
 
 if TYPE_CHECKING:

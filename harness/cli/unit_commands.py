@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import wrong_use_if
-from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import ExportError

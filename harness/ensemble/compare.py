@@ -20,8 +20,8 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
-from gough_stewart.harness.report.proportions import quantile_interval
 from gough_stewart.harness.report.quantities import SHARE, fine
+from gough_stewart.harness.report.requirements import quantile_interval
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence

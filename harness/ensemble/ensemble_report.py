@@ -17,8 +17,8 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
-from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity, fine
+from gough_stewart.harness.report.requirements import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
@@ -156,7 +156,7 @@ def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdi
     low, high = share_interval(sound / ensemble.block, n / ensemble.block)
     how = "complete their runs" + (" without a growing loop" if ensemble.oscillating["growing"] else "")
     # digits so that neither end is rounded to what it is not
-    first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
+    first, last = (percent(end, 3) for end in (low, high))
     interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
     parts: list[str | None] = [
         *map(str, faults_of(ensemble.metadata)),

@@ -38,12 +38,11 @@ from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centr
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of, versions
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import AXES
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER

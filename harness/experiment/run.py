@@ -32,10 +32,9 @@ from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.harness.report.document import Note, Number, Report
+from gough_stewart.harness.report.document import Note, Number, Report, versions
 from gough_stewart.harness.report.quantities import LENGTH
 from gough_stewart.harness.report.requirements import Required, with_requirements
-from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics, metrics_json

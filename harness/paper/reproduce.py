@@ -18,10 +18,9 @@ from gough_stewart.harness.paper import readings
 from gough_stewart.harness.paper.agreement import Agreement, agreement
 from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.document import Report, versions
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panels, png
-from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of

@@ -8,8 +8,12 @@ elsewhere. A part of a section says what it is by `part`. docs/report.md describ
 """
 
 import json
+import platform
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,7 +22,7 @@ from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 from pydantic_core import to_json as to_json_bytes
 
-from gough_stewart.harness.report.chart import COLUMNS, Chart, Scene, Series, Surface
+from gough_stewart.harness.report.chart import COLUMNS, Chart, Scene, Surface
 from gough_stewart.harness.report.data import CONFIG, Data, Defined, Vector
 from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.quantities import NUMBER, Quantity
@@ -26,6 +30,8 @@ from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.words import plain_text
 
 VERSION = 1
+# The software that computes a result, beside Python.
+PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "control", "fmpy", "ziglang", "polars", "matplotlib")
 # Points of a line, and frames of a scene, that other programs are given.
 POINTS, FRAMES = 800, 201
 Status = Literal["good", "marginal", "bad", "told"]
@@ -260,36 +266,39 @@ def thinned(report: Report, points: int = POINTS) -> Report:
     """
 
     def fewer(part: Part) -> Part:
-        if isinstance(part, Scene):
-            return _few_frames(part)
+        if isinstance(part, Scene) and len(part.time) > FRAMES:
+            kept = np.unique(np.linspace(0, len(part.time) - 1, FRAMES).astype(int))
+            arrays = {name: array[kept] for name in ("time", *COLUMNS) if (array := getattr(part, name)) is not None}
+            # what was on in any part of the time between two of the frames is on
+            flags = tuple(
+                replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept)))
+                for flag in part.flags
+            )
+            return replace(part, flags=flags, **arrays)
         if not isinstance(part, Chart):
             return part
         part = part if part.samples is None else replace(part, samples=None)
         if part.kind not in ("line", "step") or all(len(series.values) <= points for series in part.series):
             return part
-        series = tuple(_few_points(part.x_of(series), series, points) for series in part.series)
+        fewer_points = []
+        for series in part.series:
+            x = part.x_of(series)
+            kept = decimated(np.arange(len(x), dtype=float), series.values, points)[0].astype(int)
+            known = {name: getattr(series, name) for name in ("values", "low", "high", "members")}
+            arrays = {name: array[kept] for name, array in known.items() if array is not None}
+            fewer_points.append(replace(series, x=x[kept], of=len(x), **arrays))
         # every series has abscissae of its own now
-        return replace(part, x=replace(part.x, values=np.zeros(0)), series=series)
+        return replace(part, x=replace(part.x, values=np.zeros(0)), series=tuple(fewer_points))
 
     sections = tuple(replace(section, parts=tuple(map(fewer, section.parts))) for section in report.sections)
     return replace(report, sections=sections)
 
 
-def _few_points(x: Any, series: Series, points: int) -> Series:
-    kept = decimated(np.arange(len(x), dtype=float), series.values, points)[0].astype(int)
-    arrays = {name: getattr(series, name) for name in ("values", "low", "high", "members")}
-    return replace(
-        series, x=x[kept], of=len(x), **{name: array[kept] for name, array in arrays.items() if array is not None}
-    )
-
-
-def _few_frames(scene: Scene) -> Scene:
-    """What was on or off between two of the frames is on if it was on in any part."""
-    if len(scene.time) <= FRAMES:
-        return scene
-    kept = np.unique(np.linspace(0, len(scene.time) - 1, FRAMES).astype(int))
-    arrays = {name: array[kept] for name in ("time", *COLUMNS) if (array := getattr(scene, name)) is not None}
-    flags = tuple(
-        replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept))) for flag in scene.flags
-    )
-    return replace(scene, flags=flags, **arrays)
+@cache
+def versions() -> Mapping[str, str]:
+    """Versions of Python and of relevant packages, and the type of machine; reading them takes longer than a run."""
+    installed = {"python": platform.python_version()}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):  # such as those of the extra `fmu`
+            installed[package] = version(package)
+    return {**installed, "machine": f"{platform.system()} {platform.machine()}"}

@@ -247,7 +247,19 @@ def _draw_small(part: Any, grid: Sequence[Axes], row: Sequence[Panel], *, has_le
 def _draw_panel(axes: Axes, panel: Panel) -> None:
     """Draw the series and marks of a panel, without its words."""
     chart = panel.chart
-    {"heat": _draw_heat, "bars": _draw_bars, "histogram": _draw_histogram}.get(chart.kind, _draw_lines)(axes, panel)
+    if chart.kind == "heat":
+        _draw_map(axes, chart, panel.slice)
+        if any(len(label) > _SHORT_LABEL for label in chart.x.labels):
+            axes.tick_params(axis="x", labelrotation=90)
+    elif chart.kind == "histogram":
+        edges = chart.x.quantity.factor * chart.x.values
+        for series, style in zip(panel.series, _styles(panel), strict=True):
+            axes.stairs(series.values, edges, fill=True, color=style["color"], alpha=0.8, label=series.name)
+        axes.set_ylim(bottom=0)
+    elif chart.kind == "bars":
+        _draw_bars(axes, panel)
+    else:
+        _draw_lines(axes, panel)
     if chart.kind != "bars" and chart.x.scale == "log":
         axes.set_xscale("log")
     if chart.kind != "bars" and chart.y is not None and chart.y.scale == "log":
@@ -353,13 +365,6 @@ def _draw_lines(axes: Axes, panel: Panel) -> None:
             axes.set_ylim(middle - least / 2, middle + least / 2)
 
 
-def _draw_histogram(axes: Axes, panel: Panel) -> None:
-    edges = panel.chart.x.quantity.factor * panel.chart.x.values
-    for series, style in zip(panel.series, _styles(panel), strict=True):
-        axes.stairs(series.values, edges, fill=True, color=style["color"], alpha=0.8, label=series.name)
-    axes.set_ylim(bottom=0)
-
-
 def _draw_bars(axes: Axes, panel: Panel) -> None:
     chart, number = panel.chart, len(panel.series)
     labels = (chart.x.labels or tuple(map(chart.x.quantity.number, chart.x.values.tolist())))[:_MOST_BARS]
@@ -444,12 +449,6 @@ def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[Panel]) -> None:
         part.legend([*patches, *cross], labels, loc="outside lower left", ncols=4, fontsize=8)
 
 
-def _draw_heat(axes: Axes, panel: Panel) -> None:
-    _draw_map(axes, panel.chart, panel.slice)
-    if any(len(label) > _SHORT_LABEL for label in panel.chart.x.labels):
-        axes.tick_params(axis="x", labelrotation=90)
-
-
 def _is_even(chart: Chart) -> bool:
     """Whether both coordinates of a map have one unit, and so one scale."""
     assert chart.y is not None
@@ -468,7 +467,13 @@ def _draw_map(axes: Axes, chart: Chart, k: int | None = None, *, has_bar: bool =
     if over.classes:
         kinds = [COLOURS_OF_KINDS["light"][k % len(COLOURS_OF_KINDS["light"])] for k in range(len(over.classes))]
         norm = BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds))
-        spread = values if field is None else _spread(values)
+        spread = values
+        # kinds beyond the border, also in the cells that it crosses, where the border is drawn finer than the grid;
+        # two rounds: one that reaches every neighbour, and one for corners
+        for _ in range(0 if field is None else 2):
+            around = np.pad(spread, 1)
+            for neighbour in (around[1:-1, 2:], around[1:-1, :-2], around[2:, 1:-1], around[:-2, 1:-1]):
+                spread = np.where(spread == 0, neighbour, spread)
         axes.pcolormesh(x, y, spread, shading="nearest", cmap=ListedColormap(kinds), norm=norm, rasterized=True)
         if field is not None and has_border:
             axes.contourf(x, y, field, levels=[0, np.inf], colors=kinds[:1])
@@ -497,17 +502,6 @@ def _draw_map(axes: Axes, chart: Chart, k: int | None = None, *, has_bar: bool =
             drawn_axis.set_ticks(axis.quantity.factor * axis.values, axis.labels, fontsize=7, parse_math=False)
     if chart.y.labels:
         axes.invert_yaxis()
-
-
-def _spread(values: FloatArray) -> FloatArray:
-    """Kinds beyond the border, also in the cells that it crosses, where the border is drawn finer than the grid."""
-    spread = values
-    # two rounds: one that reaches every neighbour, and one for corners
-    for _ in range(2):
-        around = np.pad(spread, 1)
-        for neighbour in (around[1:-1, 2:], around[1:-1, :-2], around[2:, 1:-1], around[:-2, 1:-1]):
-            spread = np.where(spread == 0, neighbour, spread)
-    return spread
 
 
 def _draw_colours(

@@ -97,17 +97,13 @@ def bokeh() -> str:
 def three_licence() -> str:
     """The copyright and permission notices that the MIT licence requires, from trimesh's copy."""
     holders = three().partition("*/")[0].lstrip("/").replace("*", "").strip()
-    licence = _licence_of("trimesh")
+    licence = licence_of("trimesh")
     return f"{holders}\n\n{licence[licence.index('Permission is hereby granted') :]}"
 
 
-def bokeh_licence() -> str:
-    """The notices that Bokeh's licence (BSD, three clauses) requires."""
-    return f"BokehJS\n{_licence_of('bokeh')}"
-
-
 @cache
-def _licence_of(package: str) -> str:
+def licence_of(package: str) -> str:
+    """The licence in a package's wheel; Bokeh's (BSD, three clauses) is the notice that it requires."""
     return next(file.read_text() for file in distributed(package) or () if file.name.startswith("LICENSE"))
 
 

@@ -1,6 +1,6 @@
 """Arrays of numbers in a page: compressed, each once; long records as blocks with their smallest and largest value.
 
-The browser unpacks an array when something that shows it is drawn (`web/arrays.js`).
+The browser unpacks an array when something that shows it is drawn (`web/page.js`).
 """
 
 import base64
@@ -41,10 +41,16 @@ class Arrays:
         key = (array.tobytes(), least)
         if key not in self._known:
             self._known[key] = len(self.packed)
-            packed = _uniform(array)
-            if packed is None and least is None:
-                packed = {"k": "f8", "n": len(array), "d": _planes(array.astype("<f8"))}
-            self.packed.append(_rounded(array, least or 1.0) if packed is None else packed)
+            n = len(array)
+            # evenly spaced numbers, such as most clocks, are the first, the last and their count
+            even = np.linspace(array[0], array[-1], n) if n >= 3 and np.isfinite(array).all() else None
+            if even is not None and np.abs(array - even).max() <= _UNIFORM * abs(even[1] - even[0]):
+                packed = {"k": "even", "n": n, "a": float(array[0]), "b": float(array[-1])}
+            elif least is None:
+                packed = {"k": "f8", "n": n, "d": _planes(array.astype("<f8"))}
+            else:
+                packed = _rounded(array, least or 1.0)
+            self.packed.append(packed)
         return self._known[key]
 
 
@@ -102,16 +108,6 @@ def _step(array: FloatArray, quantity: Quantity, steps: float) -> float:
         return 1.0
     resolution = least_span(quantity.unit, quantity.factor * max(abs(low), abs(high)), quantity.least)
     return max((high - low) / steps, resolution / quantity.factor / 8)
-
-
-def _uniform(array: FloatArray) -> dict[str, Any] | None:
-    """Evenly spaced numbers, such as most clocks: the first, the last and their count."""
-    if len(array) < 3 or not np.isfinite(array).all():
-        return None
-    even = np.linspace(array[0], array[-1], len(array))
-    if np.abs(array - even).max() > _UNIFORM * abs(even[1] - even[0]):
-        return None
-    return {"k": "even", "n": len(array), "a": float(array[0]), "b": float(array[-1])}
 
 
 def _rounded(array: FloatArray, step: float) -> dict[str, Any]:

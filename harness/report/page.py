@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Scene, Series, Surface
 from gough_stewart.harness.report.document import Part, Report, Section
-from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, bokeh_licence, document, three, three_licence
+from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, document, licence_of, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.palette import (
     DASHES,
@@ -38,11 +38,11 @@ from gough_stewart.harness.report.words import explained, percent, with_minus, w
 from gough_stewart.model.vectors import FloatArray
 
 PAGE = "report.html"
-_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
+_SCRIPTS = ("page.js", "state.js", "tables.js", "members.js")
 _MAP_SCRIPTS = ("heat.js",)
-_SCENE_SCRIPTS = ("records.js", "colours.js", "shapes.js", "bodies.js", "viewer.js", "scene.js", "moment.js")
+_SCENE_SCRIPTS = ("records.js", "shapes.js", "bodies.js", "viewer.js", "scene.js")
 _SURFACE_SCRIPTS = ("shapes.js", "viewer.js", "surface.js")
-_CHART_SCRIPTS = ("lines.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
+_CHART_SCRIPTS = ("lines.js", "figure.js", "legend.js", "charts.js", "player.js")
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
 # Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and beyond it. Lightness and the contrast of
@@ -116,7 +116,7 @@ def page_of(report: Report) -> bytes:
         most_numbers=_MOST_NUMBERS,
         kept=kept,
         inside=[*(["three.js"] if is_solid else []), *(["Bokeh"] if charts else [])],
-        licences=[*([three_licence()] if is_solid else []), *([bokeh_licence()] if charts else [])],
+        licences=[*([three_licence()] if is_solid else []), *([f"BokehJS\n{licence_of('bokeh')}"] if charts else [])],
     )
     solid = _SCENE_SCRIPTS if scenes else _SURFACE_SCRIPTS if surfaces else ()
     maps = _MAP_SCRIPTS if surfaces or any(chart.kind == "heat" for chart in charts) else ()

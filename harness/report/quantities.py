@@ -161,13 +161,6 @@ def least_span(unit: str, largest: float = 0.0, least: float | None = None) -> f
     return max(_OF_AXES * told, _LEAST_SHARE * abs(largest))
 
 
-def factor_to(unit: str) -> float:
-    """The factor from SI units to a unit: 1e3 for mm, 1 for SI units."""
-    if unit in UNITS:  # rad/s is the SI unit of a rate, but is also listed with Hz
-        return 1.0
-    return next((1 / units[unit] for units in UNITS.values() if unit in units), 1.0)
-
-
 def fineness_of(platform: PlatformFields) -> float:
     """The smallest numbers that are told of a machine, as a share of those of a machine with a stroke of 1 m."""
     stroke = platform.stroke
@@ -200,8 +193,9 @@ def fine(part: _Part, fineness: float) -> _Part:
 def of_unit(unit: str) -> Quantity:
     """The quantity of a unit in `units.UNITS`, in which it is shown; angles in degrees."""
     shown = {"rad": "deg", "rad/s": "deg/s"}.get(unit, unit)
+    # rad/s is the SI unit of a rate, but is also listed with Hz
     si = shown if shown in UNITS else next((si for si, others in UNITS.items() if shown in others), "")
-    return Quantity(si, shown, factor_to(shown))
+    return Quantity(si, shown, 1 / UNITS[si][shown] if si not in ("", shown) else 1.0)
 
 
 LENGTH = Quantity("m", "mm", 1e3, "length")

@@ -3,24 +3,33 @@
 Of an ensemble, a requirement without a share is one on each of its members. One with a share is on all machines from
 which the members are drawn: it is met or missed if the interval of Clopper & Pearson excludes the other, and open if
 there are too few independent members or blocks of members to tell.
+
+Both intervals, of shares and of quantiles, are exact for members that are drawn independently, whatever their
+distribution. Members of a Sobol sequence or a Latin hypercube cover their ranges more evenly; for them the intervals
+are as a rule too wide.
+
+Members may also come in n independent blocks of b that share their numbers, as in Saltelli's design. Then k members
+count as x = k/b blocks, which need not be whole. The share of a block that holds has a variance of at most p (1 − p),
+that of blocks whose members are alike: the design effect 1 + (b − 1) ρ of Kish, Survey Sampling (1965), for ρ = 1.
 """
 
 import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from gough_stewart.harness.errors import RequirementError
 from gough_stewart.harness.report.document import Number, Report, Requirement, Verdicts
-from gough_stewart.harness.report.proportions import CONFIDENCE, share_interval
 from gough_stewart.harness.report.quantities import Quantity
 from gough_stewart.harness.report.words import sentence
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray
 
+CONFIDENCE = 0.95
+METHOD = "Clopper–Pearson interval, as if {} were drawn independently"
 _SHARE = r"([\d.]+(?:[eE][+-]?\d+)?)\s*(%?)"
 _REQUIREMENT = re.compile(
     r"\s*(?P<path>[A-Za-z_][\w.\[\]]*)\s*(?P<sign><=|>=|<|>|≤|≥)\s*"
@@ -34,6 +43,56 @@ OUTCOMES: dict[Verdicts, str] = {"met": "met", "missed": "missed", "open": "inco
 _WORST_FIRST: tuple[Verdicts, ...] = ("missed", "open", "met")
 # So many members are not proposed to anyone.
 _MOST = 10_000_000
+
+
+# --- confidence ------------------------------------------------------------------------------------------------------
+
+
+class Interval(NamedTuple):
+    """Ends of a confidence interval; None for one that so few members cannot give."""
+
+    low: float | None
+    high: float | None
+
+
+def share_interval(successes: float, members: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """The interval of a share by Clopper & Pearson (1934): quantiles of beta distributions.
+
+    low: I⁻¹(α/2; x, n − x + 1), 0 for x = 0; high: I⁻¹(1 − α/2; x + 1, n − x), 1 for x = n; of x successes among n
+    independent members or blocks, of which both may be fractions.
+    """
+    from scipy.special import betaincinv
+
+    if not 0 <= successes <= members or not members:
+        raise ValueError(f"{successes} of {members} members; expected at least one, and no more than all of them")
+    tail = (1 - confidence) / 2
+    low = 0.0 if successes == 0 else float(betaincinv(successes, members - successes + 1, tail))
+    high = 1.0 if successes == members else float(betaincinv(successes + 1, members - successes, 1 - tail))
+    return low, high
+
+
+def quantile_interval(
+    values: FloatArray, level: float, confidence: float = CONFIDENCE, independent: float | None = None
+) -> Interval:
+    """The interval of a quantile between two order statistics (N,), without an assumption on the distribution.
+
+    The number B of members below the quantile is binomial: the r-th smallest is a lower end with
+    P(B ≤ r − 1) = I(1 − p; n − r + 1, r) ≤ α/2, the s-th an upper one with P(B ≥ s) = I(p; s, n − s + 1) ≤ α/2. Of N
+    members that are worth n `independent` ones, all by default, k count as x = k n/N, as in `share_interval`.
+    """
+    from scipy.special import betainc
+
+    ordered, tail = np.sort(values), (1 - confidence) / 2
+    n = len(values) if independent is None else independent
+    worth = n / len(values)
+    counts = worth * np.arange(1, len(values) + 1)
+    below = betainc(n - counts + worth, counts - worth + 1, 1 - level)
+    above = betainc(counts, n - counts + 1, level)
+    r, s = int(np.count_nonzero(below <= tail)), int(np.count_nonzero(above > tail))
+    return Interval(float(ordered[r - 1]) if r > 0 else None, float(ordered[s]) if s < len(values) else None)
+
+
+# --- requirements ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -173,36 +232,27 @@ def judge(wanted: Required, number: Number) -> Requirement:
         place = math.ceil((1.0 if wanted.share is None else wanted.share) * total - 1e-9)
         worst_held = float(np.sort(worst)[max(place, 1) - 1])
         value = None if math.isinf(worst_held) else worst_held if wanted.is_upper else -worst_held
-        if wanted.share is None:
+        share, block = wanted.share, number.block
+        if share is None:
             status = "met" if holding == total else "missed"
         else:
-            status, more = _share_of_all(wanted, wanted.share, holding, total, number.block)
-            note += more
+            # whether all machines hold it by the share that members do, and how sure that is
+            low, high = share_interval(holding / block, total / block, wanted.confidence)
+            blocks = f", {total / block:g} independent blocks of {block}" if block > 1 else ""
+            note += (
+                f"; of all, {100 * low:.3g} to {100 * high:.3g} % with {100 * wanted.confidence:g} % confidence "
+                f"(Clopper–Pearson{blocks})"
+            )
+            if low >= share or high < share:
+                status = "met" if low >= share else "missed"
+            elif (needed := members_to_tell(holding, total, share, wanted.confidence, block)) is None:
+                note += "; the share is too near to the wanted one for any number of members to tell"
+            else:
+                so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
+                note += f"; {needed:,} members would tell, if {so_many} of them hold it"
     # the bound says how finely to tell
     quantity, margin = number.quantity.telling(bound), wanted.margin(value, bound)
     return Requirement(wanted.text, wanted.path, number.name, status, value, bound, quantity, margin, note)
-
-
-def _share_of_all(wanted: Required, share: float, holding: int, total: int, block: int) -> tuple[Verdicts, str]:
-    """Whether all machines hold it by the share that members do, and how sure that is."""
-    low, high = _interval(holding, total, block, wanted.confidence)
-    blocks = f", {total / block:g} independent blocks of {block}" if block > 1 else ""
-    note = (
-        f"; of all, {100 * low:.3g} to {100 * high:.3g} % with {100 * wanted.confidence:g} % confidence "
-        f"(Clopper–Pearson{blocks})"
-    )
-    if low >= share or high < share:
-        return "met" if low >= share else "missed", note
-    needed = members_to_tell(holding, total, share, wanted.confidence, block)
-    if needed is None:
-        return "open", f"{note}; the share is too near to the wanted one for any number of members to tell"
-    so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
-    return "open", f"{note}; {needed:,} members would tell, if {so_many} of them hold it"
-
-
-def _interval(holding: float, total: int, block: int, confidence: float) -> tuple[float, float]:
-    interval = share_interval(holding / block, total / block, confidence)
-    return interval.low or 0.0, 1.0 if interval.high is None else interval.high
 
 
 def members_to_tell(
@@ -216,7 +266,7 @@ def members_to_tell(
     towards = math.floor if share > wanted else math.ceil
 
     def tells(blocks: int) -> bool:
-        low, high = _interval(towards(round(share * blocks * block, 6)), blocks * block, block, confidence)
+        low, high = share_interval(towards(round(share * blocks * block, 6)) / block, blocks, confidence)
         return low >= wanted or high < wanted
 
     low = high = math.ceil(total / block)

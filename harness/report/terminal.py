@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.report.document import Note, Report, Requirement
+from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.table import PROSE, Table, is_at_right, is_prose
 
@@ -64,7 +64,15 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
         yield Padding(rows, (0, 0, 0, 2), expand=False)
     if report.requirements:
         yield Text("")
-        yield requirements_of(report.requirements)
+        # how each came out, the value found, the margin, and how sure that is
+        rows = Rows.grid(padding=(0, 2, 0, 0))
+        rows.add_column(no_wrap=True)
+        rows.add_column(overflow="fold")
+        rows.add_column(overflow="fold")
+        for required in report.requirements:
+            outcome = Text(OUTCOMES[required.status], _OUTCOMES[required.status])
+            rows.add_row(outcome, Text(required.text), Text(required.found))
+        yield rows
     for section in report.sections:
         for part in () if section.detail else section.parts:
             if isinstance(part, Table) and not part.detail and part.rows:
@@ -72,21 +80,7 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
                 yield TerminalTable(part)
             elif isinstance(part, Note):
                 yield Text(part.text)
-    for note in report.notes:
-        if note.kind == "note":
-            yield Text(note.text, "dim")
-
-
-def requirements_of(requirements: Sequence[Requirement]) -> Rows:
-    """Each requirement: how it came out, the value found, the margin, and how sure that is."""
-    rows = Rows.grid(padding=(0, 2, 0, 0))
-    rows.add_column(no_wrap=True)
-    rows.add_column(overflow="fold")
-    rows.add_column(overflow="fold")
-    for required in requirements:
-        outcome = Text(OUTCOMES[required.status], _OUTCOMES[required.status])
-        rows.add_row(outcome, Text(required.text), Text(required.found))
-    return rows
+    yield from (Text(note.text, "dim") for note in report.notes if note.kind == "note")
 
 
 class TerminalTable:

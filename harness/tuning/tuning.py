@@ -14,13 +14,12 @@ from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Axis, Chart, Series
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of, versions
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, fine, fineness_of
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import counted, exactly, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.search import Evaluation, Search

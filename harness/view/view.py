@@ -91,7 +91,17 @@ def view(
     check_output_folder(out.parent, [out.name])
     say("reading")
     read = [item if isinstance(item, Record) else read_record(item) for item in items]
-    labels = _labels(items) if names is None else list(names)
+    if names is None:
+        # folders, or paths if these are equal; of other records their titles
+        paths = [Path(item) for item in items if not isinstance(item, Record)]
+        folders = [(path.absolute() if path.is_dir() else path.absolute().parent).name for path in paths]
+        of_files = iter(folders if len(set(folders)) == len(folders) else map(str, paths))
+        titles = [
+            str(item.metadata.get("title", "record")) if isinstance(item, Record) else next(of_files) for item in items
+        ]
+        labels = [f"{title} ({k + 1})" if titles.count(title) > 1 else title for k, title in enumerate(titles)]
+    else:
+        labels = list(names)
     if len(labels) != len(read):
         raise RecordError(f"{len(labels)} names for {len(read)} records; expected one per record")
     say("writing the page")
@@ -101,24 +111,10 @@ def view(
     return out
 
 
-def _labels(records: Sequence[Shown]) -> list[str]:
-    """Names of folders, or paths if these are equal; for other records their titles, numbered if they are equal."""
-    paths = [Path(item) for item in records if not isinstance(item, Record)]
-    folders = [(path.absolute() if path.is_dir() else path.absolute().parent).name for path in paths]
-    of_files = iter(folders if len(set(folders)) == len(folders) else map(str, paths))
-    names = [
-        str(item.metadata.get("title", "record")) if isinstance(item, Record) else next(of_files) for item in records
-    ]
-    return [f"{name} ({k + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)]
-
-
 def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> bytes:
-    """Create the page of one record, or of several over each other; the same records give the same bytes."""
-    return page_of(view_report(records, names, more))
+    """Create the page of one record, or of several over each other, with further tables before the others.
 
-
-def view_report(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> Report:
-    """The report of one run, or of several over each other, with further tables before the others.
+    The same records give the same bytes.
 
     Rows from the first one that is not finite are left out of charts and animation; tables use all rows. A RecordError
     names a record without a finite row, its platform, or a column that is drawn; there may be `MOST_RECORDS`.
@@ -140,13 +136,14 @@ def view_report(records: Sequence[Record], names: Sequence[str], more: Sequence[
         report = comparison_report(records, runs, " · ".join(names))
     else:
         report = records[0].report()
-        sections = []
+        named = []
         for section in report.sections:
             parts = (replace(part, name=names[0]) if isinstance(part, Scene) else part for part in section.parts)
-            sections.append(replace(section, parts=tuple(parts)))
+            named.append(replace(section, parts=tuple(parts)))
         title = str(records[0].metadata.get("title", names[0]))
-        report = replace(report, title=title, sections=tuple(sections))
-    return replace(report, sections=(Section("Results", tuple(more)), *report.sections)) if more else report
+        report = replace(report, title=title, sections=tuple(named))
+    first = (Section("Results", tuple(more)),) if more else ()
+    return page_of(replace(report, sections=(*first, *report.sections)))
 
 
 def comparison_report(records: Sequence[Record], runs: Sequence[DrawnRun], title: str) -> Report:

@@ -33,9 +33,9 @@ from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.report import page as report_page
+from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.offline import asset, document, three, three_licence
 from gough_stewart.harness.report.palette import THEMES
-from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.results.record import plain
 from gough_stewart.harness.section import file_names
 from gough_stewart.model import interface
@@ -45,7 +45,7 @@ from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from gough_stewart.model.kinematics import leg_geometry
 
 # Scripts of the report's page that all pages share, and of its 3-D view; the machine starts before both are read.
-_FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "colours.js", "shapes.js", "bodies.js")
+_FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "shapes.js", "bodies.js")
 _VIEW = ("viewer.js", "scene.js")
 _LIVE = ("pictures.js", "controls.js", "download.js", "live.js")
 _PACKAGES = ("gough-stewart", "numpy", "casadi", "ziglang")

@@ -52,3 +52,89 @@
     object.updateMatrix();
   };
 })();
+
+// Colours of the legs, and their scale.
+GoughStewart.prepareColours = () => {
+  const GS = GoughStewart;
+  const PUSH = [0.84, 0.37, 0.0], PULL = [0.0, 0.45, 0.7], REST = [0.80, 0.83, 0.86], PLAIN = [0.62, 0.67, 0.72];
+  const mix = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
+  const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
+  const byForce = (force, largest) => {
+    const share = Math.min(Math.abs(force) / largest, 1);
+    return mix(REST, force < 0 ? PULL : PUSH, Math.sqrt(share));
+  };
+  const stops = GS.page.nearness.stops.map(([share, hex]) => [share, rgb(hex)]), beyond = rgb(GS.page.nearness.beyond);
+  const byNearness = (near) => {
+    if (near > 1 + 1e-9) return beyond;
+    const k = stops.findIndex(([share]) => near <= share);
+    if (k <= 0) return stops[0][1];
+    const [[a, from], [b, to]] = [stops[k - 1], stops[k]];
+    return mix(from, to, (near - a) / (b - a));
+  };
+  const LARGEST = GS.records.reduce((most, r) => (r.force || []).reduce((m, f) => Math.max(m, Math.abs(f)), most), 1e-12);
+  const PALE = 0.82;
+  const plain = (kind, record, at, leg) => {
+    if (kind === "run") return rgb(GS.theme().six[record.run % 6]);
+    if (kind === "force" && record.force) return byForce(record.force[6 * at.frame + leg], LARGEST);
+    if (kind === "nearness" && record.nearness) return byNearness(record.nearness.values[6 * at.frame + leg]);
+    return PLAIN;
+  };
+  // Legs that are not picked step back.
+  GS.legColour = (kind, record, at, leg) => {
+    const colour = plain(kind, record, at, leg), { leg: picked } = GS.state;
+    return picked === null || picked === leg + 1 ? colour : mix(colour, GS.theme().dark ? [0.16, 0.19, 0.23] : [0.93, 0.94, 0.95], PALE);
+  };
+  GS.css = (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`;
+  GS.mixed = mix;
+  const evenly = (n) => Array.from({ length: n }, (_, k) => k / (n - 1));
+  // Title of the scale, its colours from low to high, and labels of its ends; undefined if there is no scale.
+  GS.scale = (kind) => {
+    if (kind === "force") {
+      const colours = evenly(17).map((share) => byForce((2 * share - 1) * LARGEST, LARGEST));
+      return { title: "actuator force", colours, low: `pulls ${GS.text(-LARGEST)} N`, high: `pushes ${GS.text(LARGEST)} N` };
+    }
+    const limits = [...new Set(GS.records.flatMap((r) => (r.nearness ? r.nearness.of : [])))].join(", ");
+    if (kind !== "nearness" || !limits) return null;
+    return { title: `nearest of ${limits}`, colours: evenly(21).map(byNearness), low: "middle", high: "limit" };
+  };
+};
+
+// The values at the present time: a table per run with its pose, and force and length of each leg.
+(() => {
+  const GS = GoughStewart, { fixed } = GS;
+
+  const tableOf = (record, host) => {
+    const table = document.createElement("table");
+    const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
+    const rows = [...(record.force ? ["force [N]"] : []), "length [m]", ...(record.nearness ? ["of limit [%]"] : [])];
+    table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => (h ? `<th scope="col">${h}</th>` : "<td></td>")).join("")}</tr></thead><tbody>${
+      rows.map((r, k) => `<tr><th scope="row">${r}</th>${`<td>${k ? "" : "<i></i>"}<span></span></td>`.repeat(6)}</tr>`).join("")}</tbody>`;
+    host.append(table);
+    table.classList.add("now");
+    return {
+      record, caption: table.caption, dots: [...table.querySelectorAll("i")], cells: [...table.querySelectorAll("td span")],
+      title: GS.records.length > 1 ? `${record.name}: ` : "",
+    };
+  };
+
+  // Creates the tables in an element; returns a function that fills in the values of a time.
+  GS.moment = (host) => {
+    const tables = GS.records.map((record) => tableOf(record, host));
+    return (time, colour) => {
+      for (const { record, caption, dots, cells, title } of tables) {
+        const at = GS.frameAt(record, time), length = GS.between(record.length, 6, at);
+        const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, record.digits));
+        const turned = record.orientation ? GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, record.digits - 2)}°`) : null;
+        caption.textContent = `${title}x ${x}  y ${y}  z ${z} m${turned ? `   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}` : ""}`;
+        for (let k = 0; k < 6; k++) {
+          dots[k].style.background = GS.css(GS.legColour(colour, record, at, k));
+          const texts = [
+            ...(record.force ? [GS.text(record.force[6 * at.frame + k])] : []), length[k].toFixed(record.digits),
+            ...(record.nearness ? [(100 * record.nearness.values[6 * at.frame + k]).toFixed(0)] : []),
+          ];
+          texts.forEach((text, row) => { cells[6 * row + k].textContent = text; });
+        }
+      }
+    };
+  };
+})();

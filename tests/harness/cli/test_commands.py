@@ -283,13 +283,6 @@ def test_switch_and_safe_forces_are_chosen_at_the_command() -> None:
         assert said in header, said
 
 
-def test_printed_texts_are_files_of_platforms_and_experiments() -> None:
-    Path("liu.toml").write_text(invoke("presets", "liu2000").stdout)
-    assert gs.load_platform("liu.toml") == gs.load_preset("liu2000")
-    Path("circle.toml").write_text(invoke("experiments", "circle").stdout)
-    assert gs.load_experiment("circle.toml").title == gs.load_experiment("circle").title
-
-
 # --- identify --------------------------------------------------------------------------------------------------------
 
 NAMES = "platform_mass,platform_com,leg_armature,leg_viscous_friction,leg_coulomb_friction"

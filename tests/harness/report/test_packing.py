@@ -14,8 +14,6 @@ from gough_stewart.harness.report.quantities import LENGTH, NUMBER
 from tests.support.page_arrays import unpacked
 from tests.support.records import Floats
 
-_RANDOM = np.random.default_rng(5)
-
 
 def once(values: Any, *quantity: Any) -> Floats:
     kept = Arrays()
@@ -42,21 +40,6 @@ def test_with_a_quantity_values_are_off_by_less_than_is_shown_and_gaps_stay(valu
         least = max(1e-6, 1e-6 * float(np.abs(values[finite]).max()))
         allowed = max(float(np.ptp(values[finite])) / 2**21, least / 16) * 1.001 + 1e-12
         assert np.abs(found - values)[finite].max() <= allowed
-
-
-@pytest.mark.parametrize(
-    ("order", "values"),
-    [
-        (0, np.arange(501) % 2 + _RANDOM.uniform(0.0, 0.2, 501)),  # to and fro
-        (1, np.cumsum(_RANDOM.uniform(-1.0, 1.0, 501))),  # a walk
-        (2, 0.4 + np.sin(5 * np.linspace(0.0, 1.0, 501) + 0.3)),  # a smooth curve
-    ],
-)
-def test_differences_are_of_the_order_that_suits_a_curve(order: int, values: Floats) -> None:
-    kept = Arrays()
-    kept.add(values, LENGTH)
-    assert kept.packed[0]["o"] == order
-    assert np.abs(unpacked(kept.packed[0]) - values).max() <= 0.5001 * kept.packed[0]["s"]
 
 
 def test_whole_numbers_stay_whole_what_is_infinite_is_a_gap_and_equal_arrays_are_kept_once() -> None:

@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.stats import beta, binomtest
 
 from gough_stewart import GoughStewartError
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.harness.report.document import Number, Report, Requirement, Status, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, NUMBER, PERCENT, SHARE, Quantity
-from gough_stewart.harness.report.requirements import judge, members_to_tell, required, with_requirements
+from gough_stewart.harness.report.requirements import judge, required, with_requirements
 
 _PATH = "tracking.position.norm_peak"
 
@@ -199,20 +197,3 @@ def test_members_in_blocks_are_as_sure_as_their_blocks(holding: int, block: int)
     assert f"(Clopper–Pearson, 10 independent blocks of {block})" in found.note
     if x == 10:  # ln 0.025/ln 0.9 = 35.01
         assert found.note.endswith(f"{36 * block} members would tell, if all of them hold it")
-
-
-@given(
-    st.integers(1, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.sampled_from([0.5, 0.9, 0.95])
-)
-def test_so_many_members_do_tell(counts: tuple[int, int], wanted: float) -> None:
-    """Expected: `binomtest` with as many of them, rounded towards the wanted share, excludes it."""
-    holding, total = counts
-    needed = members_to_tell(holding, total, wanted)
-    if needed is None:
-        assert abs(holding / total - wanted) < 1e-3
-        return
-    assert needed >= total
-    exact = needed * holding / total
-    rounded = math.floor(exact + 1e-6) if holding > wanted * total else math.ceil(exact - 1e-6)
-    interval = binomtest(rounded, needed).proportion_ci(0.95, method="exact")
-    assert interval.low >= wanted - 1e-9 or interval.high < wanted + 1e-9

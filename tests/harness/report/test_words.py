@@ -21,7 +21,6 @@ from gough_stewart.harness.report.quantities import (
     SHARE,
     TIME,
     Quantity,
-    factor_to,
     fine,
     least_span,
     of_unit,
@@ -74,8 +73,16 @@ def test_numbers_in_any_unit_are_stored_in_that_of_the_quantity() -> None:
     with pytest.raises(ValueError, match="the unit 'mm'; expected no unit"):
         NUMBER.stored(1.0, "mm")
     degrees = 180 / math.pi
-    for unit, factor in {"mm": 1e3, "deg": degrees, "°": degrees, "%": 100, "rad/s": 1, "kN": 1e-3, "xyz": 1}.items():
-        assert factor_to(unit) == pytest.approx(factor, rel=1e-15)
+    for unit, factor in {
+        "mm": 1e3,
+        "deg": degrees,
+        "°": degrees,
+        "%": 100,
+        "rad/s": degrees,
+        "kN": 1e-3,
+        "xyz": 1,
+    }.items():
+        assert of_unit(unit).factor == pytest.approx(factor, rel=1e-15)
 
 
 def test_axes_show_a_tenth_of_what_numbers_tell_or_a_millionth_of_what_is_shown() -> None:
@@ -85,8 +92,9 @@ def test_axes_show_a_tenth_of_what_numbers_tell_or_a_millionth_of_what_is_shown(
         ("none of these", 5.0, 5e-6), ("none of these", 0.0, 1e-7), ("N/s", 2.0, 1e-2),
     ):  # fmt: skip
         assert least_span(unit, largest) == pytest.approx(least)
-    for same in (("m", "mm"), ("rad", "mrad", "deg"), ("m/s", "mm/s"), ("rad/s", "deg/s")):
-        sizes = [LEAST_SPANS[unit] / factor_to(unit) for unit in same]
+    degrees = 180 / math.pi
+    for same in ({"m": 1, "mm": 1e3}, {"rad": 1, "mrad": 1e3, "deg": degrees}, {"rad/s": 1, "deg/s": degrees}):
+        sizes = [LEAST_SPANS[unit] / factor for unit, factor in same.items()]
         assert max(sizes) < 2 * min(sizes)
 
 
