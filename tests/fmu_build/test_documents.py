@@ -395,6 +395,13 @@ def test_joints_and_axes_are_where_rotations_have_them(pictured: tuple[gs.Platfo
         assert dots.shape == (12, 2)
         scale = np.ptp(dots[:, 0]) / np.ptp(seen[:, 0])
         np.testing.assert_allclose(dots - dots[0], scale * (seen - seen[0]), atol=0.02)
+        # legs are drawn from the farthest to the nearest, by where their two parts meet
+        feet = [points_of(line)[0] for line in svg.iter(f"{SVG}polyline") if line.get("stroke") == "#8A6D3B"]
+        legs = [int(np.hypot(*(dots[:6] - foot).T).argmin()) for foot in feet]
+        base, top = joints_of(platform)
+        towards_viewer = VIEW.apply(base + 0.54 * (top - base))[:, 2]
+        assert sorted(legs) == list(range(6))
+        assert (np.diff(towards_viewer[legs]) > -1e-9).all()
         width, height = (float(number) for number in svg.attrib["viewBox"].split()[2:])
         drawn = np.concatenate([points_of(element) for element in svg.iter() if "points" in element.attrib])
         assert ((drawn >= 0) & (drawn <= [width, height])).all()

@@ -140,6 +140,14 @@ def test_a_row_far_from_the_one_before_is_found_and_one_that_no_pose_has_is_name
         forward_kinematics(UNEVEN, lengths)
 
 
+def test_each_of_several_far_rows_is_searched_from_the_one_before() -> None:
+    """Expected: the poses; each is 40 of the longest steps from the one before, where 50 are tried."""
+    heights = PAPER.home_position[2] + 20 * PAPER.characteristic_length * np.arange(3)
+    position = np.column_stack([np.full(3, 0.1), np.zeros(3), heights])
+    found = forward_kinematics(PAPER, leg_geometry(PAPER, position, np.zeros((3, 3))).length)
+    assert found.position == pytest.approx(position, abs=1e-9)
+
+
 def test_a_row_far_from_its_guess_stays_on_the_side_of_the_guess() -> None:
     """Expected: the sign of det J of the guess, or an error, of far guesses near singular poses; most are found."""
     number = 0

@@ -135,6 +135,12 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
     assert len(set(found.limit.ravel().tolist())) >= 3
     assert found.payload is not None
     assert 0 < np.count_nonzero(found.payload) < 6
+    # where it hangs instead of standing all forces reverse, and legs that are pulled hold as much
+    hanging = evaluate_poses(
+        replace(platform, gravity=-UNEVEN.gravity), POSES[:, :3].reshape(2, 3, 3), POSES[:, 3:].reshape(2, 3, 3)
+    )
+    assert hanging.payload == pytest.approx(found.payload, rel=1e-8, abs=1e-8)
+    assert hanging.force_margin == pytest.approx(found.force_margin, rel=1e-8, abs=1e-8)
 
 
 def _static_forces(position: FloatArray, R: Rotation) -> FloatArray:

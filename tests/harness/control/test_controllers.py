@@ -215,6 +215,8 @@ def test_defaults_follow_from_the_gains() -> None:
     kp, kd, ki = np.array([[3.0, 5, 4, 6, 7, 2], [0.3, 0, 0.2, 0.7, 0.5, 0.1], [0.2, 0.4, 3, 2, 0.9, 5]])
     gains = Gains(kp, kd, ki)
     assert gains.filter_time == pytest.approx(0.05 / 20)
+    for fastest in range(6):
+        assert Gains(np.roll(kp, fastest - 3), np.full(6, 0.7)).filter_time == pytest.approx(0.1 / 20)
     assert gains.tracking_time == pytest.approx(np.where(kd > 0, np.sqrt(kd / ki), kp / ki))
 
 

@@ -45,6 +45,9 @@ def test_each_signal_has_the_form_of_its_kind() -> None:
     sweep, prbs = signal_of("chirp"), signal_of("prbs")
     assert abs(sweep[0] - sweep[-1]) < np.abs(np.diff(sweep)).max()
     assert (set(prbs), len(prbs)) == ({-1.0, 1.0}, 127 * 4)
+    again, other = (injection("prbs", period=0.5, seed=seed).signal(T) for seed in (5, 6))
+    assert (prbs == again).all()
+    assert (prbs != other).any()
     # a sum of sines without care for phases has its peak at four times its root mean square, or more
     assert np.sqrt((signal_of("multisine") ** 2).mean()) > 1 / 3
     few = injection("multisine", band=[1, 100], lines_at_most=7)

@@ -68,6 +68,26 @@ def test_third_order_channels_decades_apart_have_their_closed_forms() -> None:
     assert of_legs(unequal, "delay") == pytest.approx(np.where(lags, phase, 2 * np.pi - phase) / crossover, rel=1e-6)
 
 
+def test_each_margin_has_the_frequency_of_its_own_limit() -> None:
+    """Expected: by hand, of two gain crossovers the one with the smaller angle, and of two gain limits each its own.
+
+    6/(ω/s + 1)³ leads by φ at |x| = √(6^(2/3) − 1), ω/|x|; at √35 · 8000 rad/s a low-pass has it fall with a large lag.
+    2/((s − 1)(0.01 s + 1)²) is −2 at rest, and real again where tan(2 atan 0.01 ω) = ω, ω² = 9800.
+    """
+    s = control.tf("s")
+    leads = margins_of(*[6 / (8 / s + 1) ** 3 / (s / 8000 + 1)] * 2).legs[0]
+    x, high = np.sqrt(6 ** (2 / 3) - 1), 8000 * np.sqrt(35)
+    assert leads.phase == pytest.approx(np.pi - 3 * np.arctan(x), abs=1e-3)
+    assert leads.phase_at == pytest.approx(8 / x / (2 * np.pi), rel=1e-3)
+    assert (leads.crossover, leads.delay) == pytest.approx(
+        (high / (2 * np.pi), (np.pi - np.arctan(np.sqrt(35))) / high), rel=1e-3
+    )
+    both = margins_of(*[2 / ((s - 1) * (0.01 * s + 1) ** 2)] * 2).legs[0]
+    assert (both.gain_down, both.gain_up) == pytest.approx((0.5, np.sqrt(9801) * 1.98 / 2), rel=1e-5)
+    assert both.gain_up_at == pytest.approx(np.sqrt(9800) / (2 * np.pi), rel=1e-5)
+    assert both.gain_down_at < 0.01
+
+
 @pytest.mark.parametrize(
     ("channel", "down", "up"),
     [

@@ -179,6 +179,19 @@ def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_e
         gs.check("paper_open_loop")
 
 
+def test_the_worst_phases_of_a_slower_sine_are_found_after_its_whole_fade_in() -> None:
+    """Expected: those of a sine of a third of the frequency, without a fade."""
+    sizes: dict[str, Any] = {"position_amplitude": (0.02, 0, 0.03), "orientation_amplitude": (0, 0.02, 0)}
+    slower = gs.Sine(**sizes, frequency=1.5, fade_in=2, time_scale=3)
+    rows, expected = (
+        gs.check("pitch_sine", {"reference": sine, "loop.duration": 1}).worst_phases
+        for sine in (slower, gs.Sine(**sizes, frequency=0.5))
+    )
+    assert rows is not None
+    assert expected is not None
+    assert [row.worst for row in rows] == pytest.approx([row.worst for row in expected], rel=1e-9)
+
+
 def test_a_sine_has_a_phase_for_each_axis() -> None:
     """Expected: each coordinate's own sine, as a motion of that coordinate alone has it."""
     time = np.linspace(0, 2, 41)

@@ -48,6 +48,13 @@ def test_small_injections_give_the_loop_of_the_linear_model(injection: dict[str,
     assert np.ptp(np.abs(S)) > 0.5
     assert found.measured.coherence.min() > 1 - 1e-9
     assert found.notes == ()
+    # the force of a lag is that of its mean over a plant step
+    fine = {"duration": 2.5, "sample_time": 2e-3, "plant_step": 1e-4, "delay": 1}
+    late = gs.frf(uneven_run(injection, actuators={"lag": "1 ms"}, loop=fine))
+    assert late.predicted is not None
+    S_late = 1 / (1 + late.predicted)
+    assert np.abs(late.measured.S - S_late).max() < 1e-3
+    assert np.abs(S_late - S).max() > 0.02
 
 
 def test_a_mass_on_six_springs_has_its_closed_form() -> None:
@@ -158,6 +165,9 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> 
         assert [cell for cell in row if cell is not None] == pytest.approx([*cells, measured.coherence[k]])
     assert report.number("agreement").value == pytest.approx(np.mean(gap <= measured.radius))
     assert report.number("L.known").value == pytest.approx(1 - unknown.mean())
+    largest = report.number("S.peak")
+    ends = size[peak] - measured.radius[peak], size[peak] + measured.radius[peak]
+    assert (largest.value, largest.low, largest.high) == pytest.approx((size[peak], *ends))
     assert report.verdict.text.startswith(f"|S| peaks at {20 * np.log10(size.max()):.2g} dB at {f[peak]:.2g} Hz; ")
     # without a linear model there are no columns of it
     odd = gs.frf(shipped, controller=lambda _sample: np.zeros(6))
@@ -188,6 +198,11 @@ def test_an_l_that_cannot_be_known_is_not_shown_however_coherent(shipped: gs.Rec
         assert f"L is known at {sum(known)} of 4 frequencies" in report.verdict.text
         assert "S agrees with the linear model within its 95 % confidence at 100 % of them" in report.verdict.text
         assert table.rows[3][-1] == 1.0
+    # of two frequencies at which the gain falls through 1, the higher one
+    twice: Any = np.array([2, 0.5, 2, 0.5], dtype=complex)
+    measured = measured._replace(S=np.asarray(1 / (1 + twice)), radius=np.full(4, 0.02))
+    report = replace(made, frequency=f, measured=measured, predicted=None, notes=()).report()
+    assert report.number("L.crossover").value == pytest.approx(32.0)
 
 
 def test_charts_show_points_with_their_circles_and_the_model(shipped: gs.Record) -> None:

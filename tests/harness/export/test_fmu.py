@@ -512,6 +512,23 @@ def test_fmpy_and_the_schemas_find_no_problem(files: Units) -> None:
         assert complaints_of_schemas(file) == {}
 
 
+def test_units_of_gains_have_the_dimensions_of_their_names(files: Units) -> None:
+    """Expected: N = kg m/s² over what the name says."""
+    expected: dict[str, dict[str, int]] = {
+        "N/m": {"kg": 1, "s": -2},
+        "N/(m.s)": {"kg": 1, "s": -3},
+        "N.s/m": {"kg": 1, "s": -1},
+        "N/s": {"kg": 1, "m": 1, "s": -3},
+    }
+    for file in files.files.values():
+        for unit in ET.parse(file.folder / "modelDescription.xml").getroot().iter("Unit"):
+            (base,) = unit.iter("BaseUnit")
+            found = {symbol: int(power) for symbol, power in base.items()}
+            assert found == expected.get(unit.get("name", ""), found)
+        named = {unit.name for unit in file.description.unitDefinitions}
+        assert named >= set(expected)
+
+
 def test_the_files_are_the_same_every_time(files: Units, tmp_path: Path) -> None:
     again = units_of(tmp_path, reference="inputs")
     for version, file in files.files.items():

@@ -124,6 +124,7 @@ def test_the_command_writes_an_experiment_with_the_motion_and_its_origin(tmp_pat
     platform = replace(PLATFORM, name='my "own"')
     gs.save_platform(platform, tmp_path / "own.toml")
     options: dict[str, Any] = {"duration": 4.0, "frequency": 0.3, "harmonics": 2, "fade": 0.8, "trials": 1}
+    options["criterion"] = "trace"
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     words += ["--estimate", "platform_mass,platform_com", "--seed", "5", "--out", str(tmp_path / "out")]
     done = invoke("excite", "--platform", str(tmp_path / "own.toml"), *words)

@@ -64,6 +64,9 @@ def test_the_table_has_the_poses_of_the_lengths(relative: bool, folder: Path) ->
     assert code == 0, said
     assert "49 rows of 50 have a pose" in " ".join(said.split())
     table = polars.read_parquet(folder / "out/poses.parquet")
+    worst = 1 + int(np.nanargmax(table["condition_number"].to_numpy()))
+    assert worst > 4  # behind the row without a pose, which counts
+    assert f"the largest in row {worst}" in " ".join(said.split())
     text = polars.read_csv(folder / "out/poses.csv")
     assert text.columns == table.columns
     np.testing.assert_array_equal(text.cast(polars.Float64), table)
@@ -123,6 +126,19 @@ def test_measured_poses_are_compared_and_their_pivot_is_found(folder: Path) -> N
     assert next(row["value"] for row in numbers if row["path"] == "deviation.orientation") < 1e-8
     code, said = poses("--pivot", "0.1,0,0.25")
     assert (code, 'rotation_order = "ZYX"' in " ".join(said.split())) == (1, True)
+
+
+@pytest.mark.parametrize(("low", "high"), [(2.3, 3.5), (2.95, 3.9), (None, 3.5), (2.9, None)])
+def test_the_margin_of_the_stroke_is_that_of_its_nearer_end(low: Any, high: Any, folder: Path) -> None:
+    """Expected: from the lengths that were written."""
+    gs.save_platform(UNEVEN.with_parameters({"leg_length_min": low, "leg_length_max": high}), folder / "machine.toml")
+    encoders(lengths())
+    assert poses()[0] == 0
+    numbers = json.loads((folder / "out/report.json").read_text("utf-8"))["numbers"]
+    margin = next(row["value"] for row in numbers if row["path"] == "stroke.margin")
+    L = np.delete(lengths(), 3, axis=0)
+    ends = [*([] if low is None else [L.min() - low]), *([] if high is None else [high - L.max()])]
+    assert margin == pytest.approx(min(ends), abs=1e-8)
 
 
 def test_lengths_without_a_pose_are_refused_and_nothing_is_written(folder: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.lowpass import edge, smoothed
+from gough_stewart.harness.identify.lowpass import edge, noise_beyond, smoothed
 
 H = 4e-3
 T = 7.3 + H * np.arange(400)
@@ -35,3 +35,11 @@ def test_gains_are_those_that_are_documented(share: float, gain: float, error: f
     assert_allclose(smoothed(x, H, 30.0), gain * np.stack([s, c], 1), atol=error)
     assert_allclose(smoothed(x, H, 30.0, 1, 1) / w, gain * np.stack([c, -s], 1), atol=error)
     assert_allclose(smoothed(x, H, 30.0, 1, 2) / w**2, -gain * np.stack([s, c], 1), atol=error)
+
+
+@pytest.mark.parametrize("cutoff", [15.0, 40.0])
+def test_white_noise_has_the_size_that_its_rejected_part_shows(cutoff: float) -> None:
+    """Expected: the standard deviation of each channel beside a slow motion, to three standard errors of 2 %."""
+    noise = np.random.default_rng(5).normal(size=(4000, 3)) * [1.0, 3.0, 0.2]
+    motion = 50 * np.sin(2 * np.pi * 0.3 * H * np.arange(4000))
+    assert_allclose(noise_beyond(motion[:, None] + noise, H, cutoff), [1.0, 3.0, 0.2], rtol=0.06)

@@ -296,3 +296,19 @@ def test_a_force_without_the_switch_is_refused() -> None:
     for change in ({"manual_force": FORCE}, {"enabled": True, "manual_force": FORCE}):
         with pytest.raises(gs.GoughStewartError, match=says):
             gs.run(switched(change=[{"at": 0.1, **change}]))
+
+
+def test_what_a_limit_cuts_off_a_manual_force_does_not_reach_the_integral() -> None:
+    """Expected: the same commands in both hosts; at the switch that of the force, by a PD what the integral adds."""
+    off = [{"at": 0.04, "enabled": False, "manual_force": [105.0] * 6}, {"at": 0.08, "enabled": True}]
+    tables: dict[str, Any] = {
+        "loop": {"duration": 0.16, "sample_time": T, "plant_step": 1e-3},
+        "actuators": {"force_limit": "90 N"},
+        "change": off,
+    }
+    compiled, stepped = (gs.run(uneven_experiment("pid", **tables, plant={"kind": kind}))
+                         for kind in ("model", "scipy"))  # fmt: skip
+    assert [record.metadata["host"][:8] for record in (compiled, stepped)] == ["compiled", "Python"]
+    assert np.abs(compiled["controller.force"] - stepped["controller.force"]).max() < 1e-5
+    assert (compiled["controller.force"][40:80] == 105).all()
+    assert compiled["flag.force_limited"][40:80].all()

@@ -170,6 +170,8 @@ def test_the_value_is_that_which_the_share_of_members_holds() -> None:
     assert upper.margin == pytest.approx(-0.89e-3)
     assert lower.value == pytest.approx(0.1e-3)
     assert lower.margin == pytest.approx(-0.9e-3)
+    # 0.55 · 200 is a little more than 110 in floating point
+    assert _came_out("<= 1 mm for 55 % of members", 1e-3, members=members).value == pytest.approx(1.09e-3)
 
 
 def test_too_few_members_say_how_many_would_tell_with_95_percent_of_confidence() -> None:
