@@ -98,7 +98,7 @@ def run_command(
     running.step(total=loaded.loop.duration)
     replacement: AbstractContextManager[Any] = nullcontext()  # of the experiment's own controller
     if controller is not None and controller in FMI_VERSIONS:
-        from gough_stewart.harness.export.fmu import exported_controller
+        from gough_stewart.harness.export.controller_units import exported_controller
 
         allowed = allow_unstable or anyway
         version = FMI_VERSIONS[controller]
