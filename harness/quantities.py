@@ -1,7 +1,6 @@
 """Quantities of experiments: numbers in SI units or with a unit, vectors of them, and annotations of fields."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
@@ -30,12 +29,18 @@ def positive_or_word(value: object, unit: str, *words: str) -> float | str:
     return size
 
 
-def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """A list or array of `size` quantities, as numbers in SI units; a `ValueError` has the index in the list."""
+def vector(value: object, unit: str, size: int, *, one_for_all: bool = False) -> tuple[float, ...]:
+    """A list or array of `size` quantities, as numbers in SI units; a `ValueError` has the index in the list.
+
+    Or, if it is said so, one quantity for all of them.
+    """
     values = value.tolist() if isinstance(value, np.ndarray) else value
+    if one_for_all and not isinstance(values, list | tuple):
+        return (number(values, unit),) * size
     if not isinstance(values, list | tuple) or len(values) != size:
+        expected = f"a number [{unit}] or a list of {size}" if one_for_all else f"a list of {size} [{unit}]"
         number_of_values = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
-        raise ValueError(f"expected a list of {size} [{unit}]; found {number_of_values}")
+        raise ValueError(f"expected {expected}; found {number_of_values}")
     numbers = []
     for k, element in enumerate(values):
         try:
@@ -43,16 +48,6 @@ def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
         except ValueError as error:
             raise ValueError(f"value {k + 1} of {size}: {error}") from None
     return tuple(numbers)
-
-
-def channels(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """`size` quantities as numbers in SI units: a list or array of them, or one quantity for all."""
-    values = value.tolist() if isinstance(value, np.ndarray) else value
-    if not isinstance(values, list | tuple):
-        return (number(values, unit),) * size
-    if len(values) != size:
-        raise ValueError(f"expected a number [{unit}] or a list of {size}; found {len(values)} values")
-    return vector(values, unit, size)
 
 
 @dataclass(frozen=True)
@@ -79,10 +74,12 @@ class Vector:
 
     unit: str
     size: int
-    parse: Callable[[object, str, int], tuple[float, ...]] = vector
+    one_for_all: bool = False  # whether one quantity stands for all of them
 
     def __get_pydantic_core_schema__(self, _source: object, _handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_plain_validator_function(lambda value: self.parse(value, self.unit, self.size))
+        return no_info_plain_validator_function(
+            lambda value: vector(value, self.unit, self.size, one_for_all=self.one_for_all)
+        )
 
 
 @dataclass(frozen=True)
@@ -133,9 +130,9 @@ Force = Annotated[ArrayLike, Vector("N", 3)]
 Torque = Annotated[ArrayLike, Vector("N.m", 3)]
 LegForces = Annotated[ArrayLike, Vector("N", 6)]
 # In task space the last three channels are torques per angle: N.m/rad and so on, plain numbers.
-ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, channels)]
-DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, channels)]
-IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, channels)]
+ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, one_for_all=True)]
+DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, one_for_all=True)]
+IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, one_for_all=True)]
 
 
 def plain(value: Any) -> Any:

@@ -62,11 +62,6 @@ def test_pages_and_examples_use_nothing_else() -> None:
     assert {place: deep.findall(text) for place, text in programs.items() if deep.search(text)} == {}
 
 
-def test_the_closed_loop_of_the_readme_takes_three_imports_at_most() -> None:
-    (block,) = [b for b in BLOCKS if b.page == "README.md" and "gs.gains_from_bandwidth" in b.text]
-    assert len(re.findall(r"^(?:from|import) ", block.text, re.MULTILINE)) <= 3
-
-
 def test_the_names_are_those_promised() -> None:
     assert sorted(NAMES) == dir(gs)
 

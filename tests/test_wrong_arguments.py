@@ -31,7 +31,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "member 3.0": (lambda: gs_any.run("heave_tolerances", member=3.0), "member is 3.0; expected a whole number"),
-    "member '3'": (lambda: gs_any.run("heave_tolerances", member="3"), "member is '3'; expected a whole number"),
     "member True": (lambda: gs_any.run("heave_tolerances", member=True), "member is True; expected a whole number"),
     "members 2.5": (lambda: gs_any.ensemble("heave_tolerances", members=2.5), "members is 2.5; expected a whole"),
     "workers '2'": (lambda: gs_any.ensemble("heave_tolerances", workers="2"), "workers is '2'; expected a whole"),
@@ -54,25 +53,17 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no platform": (lambda: gs_any.leg_jacobian(None, *HOME), "parameters is None; expected a Platform, the name of"),
     "no preset": (lambda: gs_any.leg_jacobian("nope", *HOME), "nope: cannot read this platform file"),
     "two coordinates": (lambda: gs_any.leg_jacobian(MOTION_BASE, [0, 0], HOME[1]), r"position is \[0, 0\]; expected 3"),
-    "no position": (lambda: gs_any.mass_matrix(MOTION_BASE, None, HOME[1]), "position is None; expected 3 numbers"),
-    "a word": (lambda: gs_any.leg_geometry(MOTION_BASE, "x", HOME[1]), "position is 'x'; expected 3 numbers of m"),
     "two legs": (lambda: gs_any.forward_kinematics(MOTION_BASE, [2, 2]), r"leg_length is \[2, 2\]; expected 6"),
     "no state": (lambda: gs_any.inverse_dynamics(MOTION_BASE, None, None), "state is None; expected a State"),
     "an empty stack": (lambda: gs.stack([]), r"parameters is \[\]; expected at least one platform"),
-    "a number as platform": (lambda: gs_any.linearise(3), "platform is 3; expected a Platform, the name of a preset"),
     "a name as system": (lambda: gs.modes("motion_base"), "system is 'motion_base'; expected a python-control"),
     "a number as gains": (lambda: gs_any.pid(3), "gains is 3; expected Gains"),
-    "a negative duration": (
-        lambda: gs_any.excite("motion_base", duration=-1),
-        "duration is -1; expected a number of",
-    ),
     "a number as experiment": (lambda: gs_any.run(3), "experiment is 3; expected an Experiment, the name of a shipped"),
     "a number as settings": (lambda: gs_any.run("heave_step", 3), "settings is 3; expected a dict of keys and values"),
     "a number as injection": (lambda: gs_any.run("heave_step", injection=3), "injection is 3; expected a function"),
     "vary 3": (lambda: gs_any.tune("heave_step", 3, "force.peak"), "vary is 3; expected a text, or a list of texts"),
     "minimise 3": (lambda: gs_any.tune("heave_step", ["a=1..2"], 3), "minimise is 3; expected a text"),
     "a seed": (lambda: gs_any.tune("heave_step", ["a=1..2"], "force.peak", seed="a"), "seed is 'a'; expected a whole"),
-    "a number as path": (lambda: gs_any.read_record(None), "path is None; expected a path"),
     "views 3": (lambda: gs_any.view(3), "records is 3; expected a Record, the folder or file of one, or a list"),
     "sweeps text": (lambda: gs_any.sweep("motion_base", "x,y"), "over is 'x,y'; expected a dict by coordinate"),
     "a range in s": (
@@ -81,14 +72,9 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "an unknown argument": (lambda: gs_any.run("heave_step", plnat="fmu3"), "unexpected keyword argument 'plnat'"),
     "three arguments": (lambda: gs_any.modes(1, 2, 3), r"too many positional arguments; expected modes\(system\)"),
-    "a time of 0": (lambda: gs_any.sampled(SYSTEM, "0 s"), "sample_time is '0 s'; expected a number of s above 0, or"),
     "a filter in Hz": (
         lambda: gs_any.gains_from_bandwidth("motion_base", 2, derivative_filter="2 Hz"),
         "derivative_filter is '2 Hz'; expected a number of s above 0, or a text with one of the units s, ms, us, µs",
-    ),
-    "an integral of True": (
-        lambda: gs_any.gains_from_bandwidth("motion_base", 2, integral_time=True),
-        "integral_time is True; expected a number of s above 0",
     ),
     "a damping in words": (
         lambda: gs_any.gains_from_bandwidth("motion_base", 2, "0.5"),
@@ -109,10 +95,6 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         r"acceleration is None; expected an Acceleration\(linear, angular\)",
     ),
     "a word as out": (lambda: gs_any.export("heave_step", out=3), "out is 3; expected a path"),
-    "one of a stack": (
-        lambda: gs_any.stack(["motion_base", 3]),
-        r"parameters\[1\] is 3; expected a Platform, the name",
-    ),
     "a name as stack": (
         lambda: gs_any.stack("motion_base"),
         "expected a list of platforms, names of presets or platform",
@@ -121,7 +103,6 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: gs_any.leg_geometry(MOTION_BASE, [[1], [1, 2]], HOME[1]),
         r"position is \[\[1\], \[1, 2\]\]; expected 3 numbers of m, x, y, z, or an array \(…, 3\)",
     ),
-    "complex": (lambda: gs_any.leg_geometry(MOTION_BASE, [1j, 2, 3], HOME[1]), "expected 3 numbers of m, x, y, z"),
     "booleans": (lambda: gs_any.leg_geometry(MOTION_BASE, [True, True, False], HOME[1]), "expected 3 numbers of m"),
     "an element in s": (
         lambda: gs_any.leg_geometry(MOTION_BASE, [1, "2 m", "3 s"], HOME[1]),

@@ -9,10 +9,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_
 
 from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
 from gough_stewart.harness.control.controllers import ControllerChoice
-from gough_stewart.harness.control.drive import ActuatorChoice, ForceLimit
-from gough_stewart.harness.control.fault import FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.sensor import PerSignal, SensorChoice
+from gough_stewart.harness.control.machine_parts import ActuatorChoice, FaultChoice, ForceLimit, PerSignal, SensorChoice
 from gough_stewart.harness.motion.limits.reach import WhenBeyond
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise

@@ -14,7 +14,7 @@ from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.fmu_build.sources import defines
 from gough_stewart.harness.control.by_hand import Smoothing
 from gough_stewart.harness.control.component import Notch, Stepped, with_links
-from gough_stewart.harness.control.drive import ForceLimits
+from gough_stewart.harness.control.machine_parts import ForceLimits, Sensor
 from gough_stewart.harness.control.pid import (
     ChannelGains,
     channel_matrices,
@@ -22,7 +22,6 @@ from gough_stewart.harness.control.pid import (
     gains_of_masses,
     tracking_time_of,
 )
-from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.machine import N_MOTION, VARIANTS, keys_of, motion_variants

@@ -18,12 +18,10 @@ from gough_stewart.fmu_build.cache import BuildError, state_of_files
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, machine_code, vector_library
 from gough_stewart.harness.control.component import Stepped
-from gough_stewart.harness.control.drive import Drive, ForceLimits, Takeover
-from gough_stewart.harness.control.fault import Cut, Freeze
 from gough_stewart.harness.control.laws_of_members import Law, LinearLaw
 from gough_stewart.harness.control.linear_controller import Controller
+from gough_stewart.harness.control.machine_parts import Cut, Drive, ForceLimits, Freeze, Sensor, Takeover
 from gough_stewart.harness.control.makers import Maker
-from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT, ROW_PARTS, column_of, joined
@@ -46,7 +44,7 @@ _COMPONENTS: tuple[tuple[str, str, type[Stepped], int], ...] = (
 )
 # Sources besides those of the plant's machine code.
 _SOURCES = (
-    ("gough_stewart.harness.control", "component.py", "drive.py", "fault.py", "sensor.py"),
+    ("gough_stewart.harness.control", "component.py", "machine_parts.py"),
     (str(__package__), "folds.py", "libraries.py"),
 )
 # Share of the largest number by which a law's machine code may differ from its function; they differ by rounding.

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.fault import N_FAULTS
+from gough_stewart.harness.control.machine_parts import N_FAULTS
 from gough_stewart.harness.loop.timing import Seeds, Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
@@ -73,7 +73,7 @@ class LoopSettings(NamedTuple):
 class Change:
     """From `time` [s] on, new values of tunable parameters, a new external wrench (6,) [N, N m], or what has failed.
 
-    Faults are flags (N_FAULTS,), see `control/fault.py`; `manual` is (12,), see `ChangeChoice.manual`, and holds from
+    Faults are flags (N_FAULTS,), see `FaultChoice.flags`; `manual` is (12,), see `ChangeChoice.manual`, and holds from
     the next sample on. With many members, all of these may have a leading axis (N,), and `members` (N,) selects those
     that change. Settings are those of one member, in machine code; `time` is then that of a sample, and the feedforward
     knows them.

@@ -10,10 +10,18 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.drive import Drive, ForceLimits, Takeover
-from gough_stewart.harness.control.fault import CUT, FROZEN, Cut, Freeze, NoCoefficients
 from gough_stewart.harness.control.laws_of_members import Law
-from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.control.machine_parts import (
+    CUT,
+    FROZEN,
+    Cut,
+    Drive,
+    ForceLimits,
+    Freeze,
+    NoCoefficients,
+    Sensor,
+    Takeover,
+)
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel

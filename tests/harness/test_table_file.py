@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gough_stewart as gs
 from tests.support.motions import COLUMNS, motion_of
@@ -80,24 +78,6 @@ def test_a_table_is_read_as_what_it_is(way: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(motion.orientation, VALUES[:, 4:], rtol=1e-12)
 
 
-def test_a_log_of_a_machine_is_read_in_the_same_way(tmp_path: Path) -> None:
-    """Expected: the numbers that were written; leg 4 and the last column included."""
-    names = ["time", *(f"leg_length[{k}]" for k in range(1, 7)), *(f"actuator_force[{k}]" for k in range(1, 7))]
-    time = np.arange(50) * 1e-3
-    lengths = [3.0 + 0.01 * k + 0.02 * np.sin(9 * time + k) for k in range(6)]
-    values = np.column_stack([time, *lengths, *(900.0 + 70 * k + time for k in range(6))])
-    scaled = values / np.array([1e-3, *[1e-3] * 6, *[1e3] * 6])
-    rows = [";".join(repr(float(v)).replace(".", ",") for v in row) for row in scaled]
-    units = ["ms", *["mm"] * 6, *["kN"] * 6]
-    (tmp_path / "log.csv").write_text("\n".join(["# rig 3", ";".join(names), ";".join(units), *rows]))
-    log = gs.read_log(tmp_path / "log.csv")
-    assert log.actuator_force is not None
-    assert log.time is not None
-    np.testing.assert_allclose(log.leg_length, values[:, 1:7], rtol=1e-12)
-    np.testing.assert_allclose(log.actuator_force, values[:, 7:], rtol=1e-12)
-    np.testing.assert_allclose(log.time - log.time[0], time, atol=1e-12)
-
-
 CELLS = text(";").splitlines()
 
 
@@ -141,25 +121,6 @@ def test_what_could_mean_two_things_is_refused_with_the_remedy(content: Any, rea
     (tmp_path / "a.csv").write_bytes(content.encode() if isinstance(content, str) else content)
     with pytest.raises(gs.GoughStewartError, match=rf"a\.csv: .*{reason}"):
         read(tmp_path / "a.csv")
-
-
-@given(
-    st.lists(st.floats(-1e9, 1e9, allow_nan=False), min_size=6, max_size=8),
-    st.sampled_from([(",", "."), (";", "."), (";", ","), ("\t", ","), ("\t", ".")]),
-    st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16"]),
-)
-def test_numbers_survive_every_way_of_writing_them(
-    tmp_path_factory: pytest.TempPathFactory, numbers: list[float], marks: tuple[str, str], encoding: str
-) -> None:
-    """Expected: the same floats, Python writes the fewest digits that give them; letters do no harm."""
-    separator, mark = marks
-    rows = [[float(k), x, 2 * x, 0.0, 0.0, 0.0, 0.0] for k, x in enumerate(numbers)]
-    lines = [separator.join([*(repr(x).replace(".", mark) for x in row), "größe µ°"]) for row in rows]
-    path = tmp_path_factory.getbasetemp() / "numbers.csv"
-    path.write_bytes("\n".join([separator.join([*COLUMNS, "größe µ°"]), *lines]).encode(encoding))
-    found = read(path).position
-    assert found[:, 0].tolist() == numbers
-    assert found[:, 1].tolist() == [2 * x for x in numbers]
 
 
 def test_records_go_through_folders_whose_names_are_not_utf8(tmp_path: Path) -> None:

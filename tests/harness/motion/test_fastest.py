@@ -1,4 +1,4 @@
-"""The fastest way along paths: against closed forms, against what bounds it, and by an independent solver."""
+"""The fastest way along paths: against closed forms, and against the limits, of which one is used at any time."""
 
 from dataclasses import replace
 from functools import cache
@@ -9,7 +9,6 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
-from tests.support.direct_transcription import least_time
 from tests.support.forces import actuator_forces, pose_along
 from tests.support.lagrangian import legs_along
 from tests.support.uneven import UNEVEN
@@ -74,10 +73,6 @@ def test_polynomials_are_the_motion_along_the_path(keys: dict[str, float]) -> No
         motion(time), motion.source(time), (1e-9, 1e-9, 1e-7, 1e-7, 1e-4, 1e-4), strict=True
     ):
         np.testing.assert_allclose(one, other, atol=tolerance * max(1, np.abs(other).max()))
-
-
-def test_the_duration_is_that_of_a_direct_transcription() -> None:
-    assert along_it().end == pytest.approx(least_time(LIMITED, along_it().source.path, 60), rel=0.01)
 
 
 def lifted(**changes: Any) -> tuple[gs.Platform, float]:

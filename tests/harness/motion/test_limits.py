@@ -255,22 +255,6 @@ def test_how_near_to_a_singular_pose_is_the_experiments_choice() -> None:
     assert max(shares[:2]) < 1 < min(shares[2:])
 
 
-@pytest.mark.parametrize(
-    ("along", "turned", "quantity"), [([0.05, 0, 0], [0, 0, 0], BASE_JOINT), ([0, 0, 0], [0.3, 0, 0], PLATFORM_JOINT)]
-)
-def test_a_joint_beyond_its_angle_is_refused(along: list[float], turned: list[float], quantity: str) -> None:
-    """Expected: arc cosines of the directions; a shift turns both ends alike, a tilt mostly those at the platform."""
-    pose = FREE.home_position + along, FREE.home_orientation + turned
-    base, at_platform = joint_angles(FREE, *pose)
-    angles = base if quantity == BASE_JOINT else at_platform
-    largest = float(max(base.max(), at_platform.max()))
-    hold = {"type": "hold", "position": pose[0].tolist(), "orientation": pose[1].tolist()}
-    error = refused(experiment(replace(FREE, joint_angle_max=0.999 * largest), hold))
-    assert error.quantity == quantity
-    assert error.value == pytest.approx(angles[error.leg - 1], rel=1e-9)
-    assert gs.check(experiment(replace(FREE, joint_angle_max=1.001 * largest), hold)).within
-
-
 def test_small_joint_angles_keep_their_digits() -> None:
     """Expected: lifted by dz, a leg at horizontal distance d and length L turns by dz d/L², alike at both ends."""
     lift = {"type": "point_to_point", "position_change": [0, 0, 1e-9], "duration": 0.5}

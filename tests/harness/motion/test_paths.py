@@ -193,8 +193,3 @@ FAR, TILTED = [*HOME[:2], 4.3, *HOME[3:]], [*HOME[:5], 1.4]
 def test_what_makes_no_path_is_refused_with_its_reason(values: dict[str, Any], message: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=message):
         gs.ViaPath(**values).about(UNEVEN)
-
-
-def test_an_experiment_says_where_its_path_is_wrong() -> None:
-    with pytest.raises(gs.GoughStewartError, match=r"reference\.poses.*pose 1 is \[0, 0\]"):
-        experiment(UNEVEN, {"type": "path", "poses": [[0, 0]], "timing": 1})

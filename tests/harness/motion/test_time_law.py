@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import trapezoid
-from scipy.optimize import minimize_scalar
 
 from gough_stewart.harness.motion.limits.shares import shares_along
 from gough_stewart.harness.motion.paths.fastest import DynamicLimits, largest_share
@@ -84,21 +83,6 @@ def test_the_largest_share_is_that_of_dense_rows(law: TimeLaw) -> None:
         dense = shares[NAMES[name]].max()
         largest = largest_share(platform, motion, NONE._replace(**{name: np.full(6, most)}))
         assert dense - 1e-9 <= largest <= dense + 2e-4
-
-
-def test_the_largest_leg_velocity_of_a_lift_is_that_of_its_closed_form() -> None:
-    """Expected: leg i of a lift has L = √(d² + (z + e)²), L̇ = (z + e) ż/L, z by the quintic."""
-    offset, T, start, by = UNEVEN.platform_points - UNEVEN.base_points, 1.3, 2.6, 0.5
-
-    def speed(tau: float, leg: int) -> float:
-        z = start + by * (10 * tau**3 - 15 * tau**4 + 6 * tau**5) + offset[leg, 2]
-        rate = by * 30 * tau**2 * (1 - tau) ** 2 / T
-        return float(z * rate / np.sqrt(offset[leg, 0] ** 2 + offset[leg, 1] ** 2 + z**2))
-
-    peaks = [-minimize_scalar(lambda tau, k=leg: -speed(tau, k), (0.3, 0.5, 0.7), tol=1e-14).fun for leg in range(6)]
-    path = GeometricPath(np.array([[0, 0, start], [0, 0, start + by]]), np.zeros((2, 3)), 1.0)
-    found = largest_share(UNEVEN, polynomials_of(TimedPath(path, Quintic(T))), NONE._replace(velocity=np.full(6, 0.2)))
-    assert found == pytest.approx(max(peaks) / 0.2, abs=2e-9)
 
 
 def test_coulomb_friction_within_one_piece_is_seen() -> None:
