@@ -6,7 +6,6 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tests.support.arrays import FloatArray
@@ -29,18 +28,7 @@ def figures_drawn(is_rendered: bool = True) -> Iterator[list[Figure]]:
         yield found
 
 
-def axes_titled(figure: Figure, beginning: str) -> Axes:
-    """The axes of a figure whose title begins so."""
-    (found,) = (axes for axes in figure.axes if axes.get_title(loc="left").startswith(beginning))
-    return found
-
-
 def data_of(line: Any) -> tuple[FloatArray, FloatArray]:
     """Abscissae and ordinates of a line."""
     x, y = (np.asarray(each, dtype=float) for each in line.get_data())
     return x, y
-
-
-def lines_labelled(axes: Axes, label: str) -> list[Any]:
-    """The lines of axes with a label."""
-    return [line for line in axes.get_lines() if line.get_label() == label]

@@ -6,11 +6,9 @@ Nothing here is what an identification inverts. Lengths and forces follow from a
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars
 from numpy.polynomial import Polynomial
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
@@ -230,15 +228,6 @@ def place(element: str) -> tuple[str, tuple[int, ...]]:
     """Name and index, from 0, of an element."""
     stem, _, index = element.partition("[")
     return stem, tuple(int(k) - 1 for k in index[:-1].split(",")) if index else ()
-
-
-def save_log(log: Log, path: Path) -> str:
-    """The log as a file of another origin: other units, underscores."""
-    columns = {"time [ms]": 1e3 * np.asarray(log.time)}
-    columns |= {f"leg_length_{k + 1} (mm)": 1e3 * log.leg_length[:, k] for k in range(6)}
-    columns |= {f"actuator_force[{k + 1}] [kN]": 1e-3 * force_of(log)[:, k] for k in range(6)}
-    polars.DataFrame(columns).write_csv(path)
-    return str(path)
 
 
 # Faults of data, each a function of a log.

@@ -4,12 +4,9 @@ Six different arms and legs, a full inertia, the centre of mass aside, gravity a
 index, a transposed matrix or a forgotten term shows; with a preset, whose legs are alike, it may not.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gough_stewart import Platform, State
-from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.state import Inputs
 
 UNEVEN = Platform(
@@ -81,18 +78,3 @@ INPUTS = Inputs(**INPUT_VALUES)
 MOVING = {**STATE._asdict(), **INPUT_VALUES}
 # Of a controller of the legs [N/m].
 GAINS = np.array([800.0, 650.0, 900.0, 720.0, 1000.0, 850.0])
-
-
-@dataclass(frozen=True)
-class _UnevenCase(OpenLoopCase):
-    """Half a second of free motion, with an external wrench."""
-
-    @property
-    def inputs(self) -> Inputs:
-        """All of them, constant."""
-        return INPUTS
-
-
-def uneven_case() -> OpenLoopCase:
-    """The uneven platform let go from `STATE` under `INPUTS`."""
-    return _UnevenCase("uneven", UNEVEN, STATE, INPUTS.actuator_force, 0.5)
