@@ -38,7 +38,16 @@ from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centr
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of, versions
+from gough_stewart.harness.report.document import (
+    Note,
+    Number,
+    Report,
+    Section,
+    Status,
+    Verdict,
+    settings_of,
+    versions,
+)
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
@@ -154,7 +163,45 @@ class MotionCheck:
         tuple
             Stroke, speed, force and power with the phases as given, with the worst ones, and these.
         """
-        return _worst_phases(self.platform, self._reference) if isinstance(self._reference, Sine) else None
+        reference = self._reference
+        if not isinstance(reference, Sine):
+            return None
+        amplitudes = np.concatenate([reference.position_amplitude, reference.orientation_amplitude])
+        moving = np.flatnonzero(amplitudes).tolist()
+        if len(moving) < 2:
+            return None
+        # even, so that opposite phases are on the grid
+        steps = min(_MOST_PHASES, max(4, 2 * int(_COMBINATIONS ** (1 / (len(moving) - 1)) / 2)))
+        shifts = [2 * math.pi * k / steps for k in range(steps)]
+        period = reference.time_scale / reference.frequency
+        time = reference.time_scale * reference.fade_in + np.arange(_ROWS_OF_PERIOD) / _ROWS_OF_PERIOD * period
+        grid = [*product(shifts, repeat=len(moving) - 1)]
+        motions = [reference(time)]
+        for phases_of_others in grid:
+            phases = np.zeros(6)
+            phases[moving[1:]] = phases_of_others
+            parts = {"position_phase": tuple(phases[:3]), "orientation_phase": tuple(phases[3:])}
+            motions.append(reference.model_copy(update=parts)(time))
+        motion = Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
+        with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+            legs = leg_geometry(self.platform, motion.position, motion.orientation)
+            regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
+            loads = LegLoads(self.platform, motion, legs, regular)
+            by_motion = {
+                "stroke": ("m", np.asarray(legs.length)),
+                "speed": ("m/s", np.abs(loads.velocity)),
+                "force": ("N", np.abs(loads.force)),
+                "power": ("W", np.maximum(loads.power, 0.0)),
+            }
+        worst = []
+        for need, (unit, values) in by_motion.items():
+            rows = values.reshape(len(motions), _ROWS_OF_PERIOD, 6)
+            largest = np.ptp(rows, axis=1) if need == "stroke" else rows.max(axis=1)
+            at, leg = (int(k) for k in np.unravel_index(first_of_largest(largest[1:].ravel()), largest[1:].shape))
+            names = [axis for axis, _, _ in AXES]
+            by_axis = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
+            worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, by_axis))
+        return tuple(worst)
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
         """Settings that make the motion fit with its margin; empty if it fits already.
@@ -252,11 +299,37 @@ class MotionCheck:
             )
             sections.append(Section("Over time", (chart,)))
         sections.append(Section("Each leg", tuple(leg_tables(self.shares, self.needs))))
+
+        # the verdict: what is used most, and when: "leg 3 needs 92 % of its speed at 4.2 s"; and what would fit
+        peak = self.shares.largest
+        at = f"at {peak.time:.4g} s"
+        if peak.limit == "side":
+            need = f"it leads through a singular pose {at}" if peak.share > 1 else f"no singular pose {at}"
+        elif peak.limit not in _OF_LEG:
+            need = f"the {LABELS[peak.limit]} is at {percent(peak.share)} of its limit {at}"
+        elif not math.isfinite(peak.share):
+            need = f"leg {peak.leg} has no finite {_OF_LEG[peak.limit]} {at}"
+        else:
+            need = f"leg {peak.leg} needs {percent(peak.share)} of its {_OF_LEG[peak.limit]} {at}"
+        status: Status = "marginal" if self.within else "bad"
+        if self.within and self.keeps_margin:
+            said = ["can be done", need]
+            status = "marginal" if peak.share > _NEAR else "good"
+            if not any(name in self.shares.of for name in _OF_LEG):  # only singular poses have been checked
+                said[0] += " as far as is known: the platform states no limit of its legs"
+                status = "told"
+        else:
+            slow, small = self.time_factor, self.amplitude_factor
+            fits = [] if slow is None else [f"{slow:.4g} times as long (--fit time)"]
+            fits += [] if small is None else [f"{small:.4g} times as large (--fit amplitude)"]
+            ways = f"it fits {listed(fits, 'or')}" if fits else "no slower and no smaller motion fits"
+            but = f"can be done, but not with its margin of {percent(self.margin)}"
+            said = [but if self.within else "cannot be done", need, ways]
         duration = float(self.shares.time[-1] - self.shares.time[0])
         unchecked = listed([LABELS[name] for name in self.not_stated])
         report = Report(
             self.title,
-            _verdict(self),
+            Verdict(sentence(said), status, (_number(peak),)),
             tuple(sections),
             study="check",
             lead=f"platform {self.platform.name}, nominal model without load, {duration:.6g} s",
@@ -298,46 +371,6 @@ class WorstPhases(NamedTuple):
     worst: float
     leg: int  # from 1
     phases: dict[str, float]  # by axis, against the first one [rad]
-
-
-def _worst_phases(platform: Platform, reference: Sine) -> tuple[WorstPhases, ...] | None:
-    """The largest needs over a grid of the phases between the axes, in one period after the motion has faded in."""
-    amplitudes = np.concatenate([reference.position_amplitude, reference.orientation_amplitude])
-    moving = np.flatnonzero(amplitudes).tolist()
-    if len(moving) < 2:
-        return None
-    # even, so that opposite phases are on the grid
-    steps = min(_MOST_PHASES, max(4, 2 * int(_COMBINATIONS ** (1 / (len(moving) - 1)) / 2)))
-    shifts = [2 * math.pi * k / steps for k in range(steps)]
-    period = reference.time_scale / reference.frequency
-    time = reference.time_scale * reference.fade_in + np.arange(_ROWS_OF_PERIOD) / _ROWS_OF_PERIOD * period
-    grid = [*product(shifts, repeat=len(moving) - 1)]
-    motions = [reference(time)]
-    for phases_of_others in grid:
-        phases = np.zeros(6)
-        phases[moving[1:]] = phases_of_others
-        parts = {"position_phase": tuple(phases[:3]), "orientation_phase": tuple(phases[3:])}
-        motions.append(reference.model_copy(update=parts)(time))
-    motion = Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
-        legs = leg_geometry(platform, motion.position, motion.orientation)
-        regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
-        loads = LegLoads(platform, motion, legs, regular)
-        by_motion = {
-            "stroke": ("m", np.asarray(legs.length)),
-            "speed": ("m/s", np.abs(loads.velocity)),
-            "force": ("N", np.abs(loads.force)),
-            "power": ("W", np.maximum(loads.power, 0.0)),
-        }
-    worst = []
-    for need, (unit, values) in by_motion.items():
-        rows = values.reshape(len(motions), _ROWS_OF_PERIOD, 6)
-        largest = np.ptp(rows, axis=1) if need == "stroke" else rows.max(axis=1)
-        at, leg = (int(k) for k in np.unravel_index(first_of_largest(largest[1:].ravel()), largest[1:].shape))
-        names = [axis for axis, _, _ in AXES]
-        by_axis = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
-        worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, by_axis))
-    return tuple(worst)
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
@@ -419,34 +452,6 @@ def check(
     shares = shares_along(platform, timing.times, motion, experiment_checked.limits.condition_number)
     needs = needs_along(platform, timing.times, motion)
     return MotionCheck(experiment_checked, platform, shares, needs, reference, motion, timing)
-
-
-def _verdict(result: MotionCheck) -> Verdict:
-    """Whether the motion can be done, what it needs most, and what would fit if it cannot."""
-    # what is used most, and when: "leg 3 needs 92 % of its speed at 4.2 s"
-    peak = result.shares.largest
-    at, numbers = f"at {peak.time:.4g} s", (_number(peak),)
-    if peak.limit == "side":
-        need = f"it leads through a singular pose {at}" if peak.share > 1 else f"no singular pose {at}"
-    elif peak.limit not in _OF_LEG:
-        need = f"the {LABELS[peak.limit]} is at {percent(peak.share)} of its limit {at}"
-    elif not math.isfinite(peak.share):
-        need = f"leg {peak.leg} has no finite {_OF_LEG[peak.limit]} {at}"
-    else:
-        need = f"leg {peak.leg} needs {percent(peak.share)} of its {_OF_LEG[peak.limit]} {at}"
-    if result.within and result.keeps_margin:
-        if not any(name in result.shares.of for name in _OF_LEG):  # only singular poses have been checked
-            can = "can be done as far as is known: the platform states no limit of its legs"
-            return Verdict(sentence([can, need]), "told", numbers)
-        return Verdict(sentence(["can be done", need]), "marginal" if peak.share > _NEAR else "good", numbers)
-    slow, small = result.time_factor, result.amplitude_factor
-    fits = [] if slow is None else [f"{slow:.4g} times as long (--fit time)"]
-    fits += [] if small is None else [f"{small:.4g} times as large (--fit amplitude)"]
-    ways = f"it fits {listed(fits, 'or')}" if fits else "no slower and no smaller motion fits"
-    if result.within:
-        beyond = f"can be done, but not with its margin of {percent(result.margin)}"
-        return Verdict(sentence([beyond, need, ways]), "marginal", numbers)
-    return Verdict(sentence(["cannot be done", need, ways]), "bad", numbers)
 
 
 def _number(peak: Peak) -> Number:

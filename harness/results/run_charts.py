@@ -1,13 +1,12 @@
 """Scene and charts of runs for a report: bodies in motion, and all signals over time."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import error_between
 from gough_stewart.harness.report.chart import Axis, Chart, Flag, Mark, Scene, Series, Strip, strip_of, time_axis
@@ -111,7 +110,9 @@ def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
     of_runs, most = list[Scene](), max(frames // len(runs), 101)
     for k, run in enumerate(runs):
         record, platform = run.record, run.machine
-        rows = frame_rows(record.table.height, most)
+        # every s-th row and the last, with the smallest s that keeps to this number of frames
+        stride = max(1, math.ceil((record.table.height - 1) / (most - 1)))
+        rows = np.unique(np.append(np.arange(0, record.table.height, stride), record.table.height - 1))
         few = RecordData(record.table[rows], record.metadata)
         # drawn parts of a leg overlap at all lengths that occur or are allowed; no parameter sets their shape
         low = min(float(record["leg_length"].min()), float(of_legs(platform, "leg_length_min", math.inf).min()))
@@ -147,12 +148,6 @@ def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
         )
         of_runs.append(scene)
     return of_runs
-
-
-def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
-    """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
-    stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
-    return np.unique(np.append(np.arange(0, rows, stride), rows - 1))
 
 
 def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
@@ -194,8 +189,39 @@ def _signals(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
             title, reference = from_home.replace(".", " "), "" if prefix else f"reference.{from_home}"
             signals.append(Signal(from_home, title, group, of_unit(unit), components, poses, reference))
     for name in dict.fromkeys(column.partition("[")[0] for record in records for column in record.table.columns):
-        if name != "time":
-            signals += _of_variable(name, records)
+        if name == "time":
+            continue
+        prefix, _, rest = name.rpartition(".")
+        unit, shape = "", tuple[int, ...]()
+        declared = interface.BY_NAME.get(rest) if prefix in ("", "reference", "error", "measured") else None
+        if declared is not None:
+            unit, shape = declared.unit, declared.shape
+        elif prefix == "flag":
+            shape = (6,)
+        elif prefix == "controller" and rest in _CONTROLLER_FORCES:
+            unit, shape = "N", (6,)
+        group = _GROUP_OF.get(prefix or name, "other" if declared is None else "parameters")
+        quantity = of_unit("mm" if prefix == "error" and unit == "m" else unit) if unit else NUMBER
+        columns = tuple(
+            np.asarray(record[name], dtype=float).reshape(record.table.height, -1) if name in record else None
+            for record in records
+        )
+        title = _TITLES.get(name, f"{prefix} {rest}".strip().replace("_", " "))
+        sizes = {values.shape[1] for values in columns if values is not None}
+        signal = Signal(name, title, group, quantity, LEGS, columns, f"reference.{name}")
+        if shape == (6, 3) and sizes == {18}:
+            for k, axis in enumerate(AXES):
+                values = tuple(None if values is None else values[:, k::3] for values in columns)
+                signals.append(signal._replace(name=f"{name} {axis}", title=f"{title}, {axis}", values=values))
+        elif shape == (6,) and sizes == {6}:
+            signals.append(signal)
+        elif shape == (3,) and sizes == {3}:
+            signals.append(signal._replace(components=_ANGLES if rest == "orientation" else AXES))
+        else:
+            size = max(sizes)
+            numbered = (title,) if size == 1 else tuple(str(k + 1) for k in range(size))
+            complete = tuple(None if values is None or values.shape[1] < size else values for values in columns)
+            signals.append(signal._replace(components=numbered, values=complete, reference=""))
     powers = tuple(record["actuator_force"] * record[column_of_drives(record, "motor_velocity")] for record in records)
     signals.append(Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, powers))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
@@ -210,43 +236,7 @@ def _signals(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
     return {signal.name: signal for signal in signals if any(values is not None for values in signal.values)}
 
 
-def _of_variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
-    """The signal of a variable; for forces at the joints, one signal per axis."""
-    prefix, _, rest = name.rpartition(".")
-    unit, shape = "", tuple[int, ...]()
-    declared = interface.BY_NAME.get(rest) if prefix in ("", "reference", "error", "measured") else None
-    if declared is not None:
-        unit, shape = declared.unit, declared.shape
-    elif prefix == "flag":
-        shape = (6,)
-    elif prefix == "controller" and rest in _CONTROLLER_FORCES:
-        unit, shape = "N", (6,)
-    group = _GROUP_OF.get(prefix or name, "other" if declared is None else "parameters")
-    quantity = of_unit("mm" if prefix == "error" and unit == "m" else unit) if unit else NUMBER
-    columns = tuple(
-        np.asarray(record[name], dtype=float).reshape(record.table.height, -1) if name in record else None
-        for record in records
-    )
-    title = _TITLES.get(name, f"{prefix} {rest}".strip().replace("_", " "))
-    sizes = {values.shape[1] for values in columns if values is not None}
-    signal = Signal(name, title, group, quantity, LEGS, columns, f"reference.{name}")
-    if shape == (6, 3) and sizes == {18}:
-        parts = []
-        for k, axis in enumerate(AXES):
-            values = tuple(None if values is None else values[:, k::3] for values in columns)
-            parts.append(signal._replace(name=f"{name} {axis}", title=f"{title}, {axis}", values=values))
-        return parts
-    if shape == (6,) and sizes == {6}:
-        return [signal]
-    if shape == (3,) and sizes == {3}:
-        return [signal._replace(components=_ANGLES if rest == "orientation" else AXES)]
-    size = max(sizes)
-    components = (title,) if size == 1 else tuple(str(k + 1) for k in range(size))
-    complete = tuple(None if values is None or values.shape[1] < size else values for values in columns)
-    return [signal._replace(components=components, values=complete, reference="")]
-
-
-# --- what acts, and limits -------------------------------------------------------------------------------------------
+# --- what acts -------------------------------------------------------------------------------------------------------
 
 
 class FaultSpan(NamedTuple):
@@ -281,33 +271,29 @@ def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
     return sorted(spans, key=lambda span: span.begin)
 
 
-def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
-    """Limits of signals that are the same in all runs, in SI units."""
-
-    def common(limits: Iterable[Any], *signs: int) -> tuple[float, ...]:
-        different = {tuple(np.ravel(limit).tolist()) for limit in limits}  # one number, or one of each leg
-        values = different.pop()
-        return () if different or None in values else tuple(sign * value for value in values for sign in signs)
-
-    machines = [run.machine for run in runs]
-    velocity = "motor_velocity" if any("motor_velocity" in run.record for run in runs) else "leg_velocity"
-    shortest = common((machine.leg_length_min for machine in machines), 1)
-    return {
-        "leg_length": shortest + common((machine.leg_length_max for machine in machines), 1),
-        velocity: common((machine.leg_velocity_max for machine in machines), 1, -1),
-        "actuator_force": common((run.record.metadata.get("force_limit") for run in runs), 1, -1),
-        "actuator power": common((machine.actuator_power_max for machine in machines), 1, -1),
-    }
-
-
 # --- charts ----------------------------------------------------------------------------------------------------------
 
 
 def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     """The charts of runs over time, one series per run and component; and all other signals, which open if needed."""
-    several, times, limits = len(runs) > 1, [run.record["time"] for run in runs], _limits(runs)
-    signals = _signals(runs)
+    several, times, signals = len(runs) > 1, [run.record["time"] for run in runs], _signals(runs)
     references = {signal.reference for signal in signals.values()}
+    # limits of signals that are the same in all runs: one number, or one of each leg
+    velocity = "motor_velocity" if any("motor_velocity" in run.record for run in runs) else "leg_velocity"
+    limits = dict[str, list[float]]()
+    for name, parameter, signs in (
+        ("leg_length", "leg_length_min", (1,)),
+        ("leg_length", "leg_length_max", (1,)),
+        (velocity, "leg_velocity_max", (1, -1)),
+        ("actuator_force", "", (1, -1)),
+        ("actuator power", "actuator_power_max", (1, -1)),
+    ):
+        of_runs: list[Any] = [
+            getattr(run.machine, parameter) if parameter else run.record.metadata.get("force_limit") for run in runs
+        ]
+        first, *different = {tuple(np.ravel(limit).tolist()) for limit in of_runs}
+        if not different and None not in first:
+            limits.setdefault(name, []).extend(sign * value for value in first for sign in signs)
     strips: tuple[Strip, ...] = ()
     if not several:  # when a limit of the drives acts on any leg, or a leg exceeds what the machine allows
         record = runs[0].record
@@ -362,6 +348,6 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
             group=signal.group,
             detail=name not in FIRST,
         )
-    first = [charts[name] for name in FIRST if name in charts]
+    shown_first = [charts[name] for name in FIRST if name in charts]
     rest = [chart for name, chart in charts.items() if name not in FIRST]
-    return Section("Over time", tuple(first)), Section("All other signals", tuple(rest), detail=True)
+    return Section("Over time", tuple(shown_first)), Section("All other signals", tuple(rest), detail=True)

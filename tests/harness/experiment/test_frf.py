@@ -107,17 +107,6 @@ def shipped() -> gs.Record:
     return gs.run("frequency_response", {"loop.duration": 3, "loop.sample_time": 2e-3})
 
 
-def test_the_shipped_experiment_shows_its_loop(shipped: gs.Record) -> None:
-    """Expected: what the linear model has, to the noise of the encoders; leg 3 alone is pushed."""
-    found = gs.frf(shipped)
-    assert (found.channel, found.measured.periods) == ("leg 3", 2)
-    assert found.predicted is not None
-    low = found.frequency < 20
-    assert np.abs(found.measured.S - 1 / (1 + found.predicted))[low].max() < 0.02
-    pushed = np.abs(shipped["controller.injection"]).max(axis=0)
-    assert pushed == pytest.approx([0, 0, 400, 0, 0, 0])
-
-
 def test_a_run_whose_controller_was_off_is_said_to_be_an_open_loop(shipped: gs.Record) -> None:
     off = gs.run("frequency_response", {"loop.duration": 3, "change": [{"at": 2, "enabled": False}]})
     assert any("the controller was off" in note for note in gs.frf(off).notes)
@@ -265,14 +254,6 @@ def test_runs_without_a_response_are_refused_with_the_reason(shipped: gs.Record)
         gs.frf(plain)
     with pytest.raises(gs.GoughStewartError, match="contain no experiment"):
         gs.frf(gs.Record(shipped.table, {**shipped.metadata, "experiment": {"title": 3}}))
-    with pytest.raises(
-        gs.GoughStewartError, match=r"injection: a run of 1 s has 1 periods of 1 s.*loop.duration of 3 s"
-    ):
-        gs.run("frequency_response", {"loop.duration": 1})
-    with pytest.raises(
-        gs.GoughStewartError, match=r"injection: type is 'noise'; expected one of 'multisine', 'chirp', 'prbs'"
-    ):
-        gs.load_experiment("frequency_response", {"injection.type": "noise"})
 
 
 LAW = """

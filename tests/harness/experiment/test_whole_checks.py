@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.uneven import UNEVEN
-
-FloatArray = NDArray[np.float64]
-
 
 H, STEPS, HERTZ, PHASE = 5e-3, 180, 1.1, 0.3
 ALONG = np.array([0.1, -0.16, 0.2, 0.05, -0.08, 0.07])

@@ -7,15 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import gough_stewart as gs
 from tests.support.commands import invoke
 from tests.support.documented_loop import linear
 from tests.support.uneven import UNEVEN
-
-FloatArray = NDArray[np.float64]
-
 
 T, DELAY, LAG = 4e-3, 2, 6e-3
 POSE = np.array([0.15, -0.1, 2.95, 0.08, -0.11, 0.16])

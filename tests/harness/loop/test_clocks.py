@@ -30,7 +30,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"loop": {"sample_time": 5.2e-3}}, r"plant_step 0\.001 s does not divide sample_time 0\.0052 s \(5\.2 times\); "
      r"expected a whole number, for instance a plant_step of 0\.00104 s"),
     ({"loop": {"sample_time": 4.8e-3}}, r"does not divide sample_time 0\.0048 s \(4\.8 times\)"),
-    ({"loop": {"duration": 0.0402}}, r"does not divide duration 0\.0402 s \(40\.2 times\)"),
     ({"loop": {"duration": 0.0398}}, r"does not divide duration 0\.0398 s \(39\.8 times\)"),
     ({"loop": {"duration": 1000.005}}, r"duration 1000 s has 1e\+06 plant steps of 0.001 s; expected at most 1000000"),
     ({"loop": {"jitter": 5e-3}}, r"jitter is 0\.005 s; expected less than the sample_time of 0\.005 s, and at "
@@ -40,7 +39,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"sensors": {"sample_time": 2.2e-3}}, r"the sensors' sample_time is 0\.0022 s; expected a multiple of the "
      r"plant_step of 0\.001 s"),
     ({"sensors": {"sample_time": 2.8e-3}}, r"the sensors' sample_time is 0\.0028 s; expected a multiple"),
-    ({"sensors": {"sample_time": 4e-4}}, r"the sensors' sample_time is 0\.0004 s; expected a multiple"),
     ({"change": [{"at": 0.0202, "parameters": {"platform_mass": 12.0}}]},
      r"0\.0202 s; expected a time from 0 to 0\.04 s that is a multiple of the plant_step of 0\.001 s"),
     ({"change": [{"at": 0.0198, "parameters": {"platform_mass": 12.0}}]}, r"0\.0198 s; expected a time from 0 to"),

@@ -10,10 +10,8 @@ from typing import Any
 import casadi
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
 
 import gough_stewart as gs
-from tests.support.arrays import FloatArray
 from tests.support.metric_definitions import as_one_number
 from tests.support.uneven_members import ALL, CLOCKS, MANY, Law, law_of, members_of
 
@@ -198,42 +196,3 @@ def test_operations_of_a_law_are_those_of_the_c_library() -> None:
 
 
 # ---- stiction ----
-
-GOAL = 2.005
-HUNTING: dict[str, Any] = {
-    "plant.parameters": {
-        "leg_friction_model": "elasto_plastic",
-        "leg_coulomb_friction": 400.0,
-        "leg_static_friction": 2000.0,
-        "leg_stribeck_velocity": 0.02,
-    },
-    "plant.tolerance": 1e-10,
-    "reference": {"type": "step", "position_change": [0, 0, GOAL - 2.0], "at": 0.05},
-    "controller.bandwidth": "2 Hz",
-    "controller.damping_ratio": 0.8,
-    "controller.integral_time": "0.1 s",
-    "loop.duration": 4.6,
-}
-
-
-def test_a_pid_with_stiction_hunts_alike_in_c_and_in_a_unit() -> None:
-    """Expected: the cycle of the unit at 1e-10, of another error control than the loop in C; its steps of 1 ms.
-
-    It sticks for 0.4 s on either side, and slips by 10 mm. A cycle is between two upward passages of the goal, by
-    cubics through heights and velocities.
-    """
-
-    def cycle(plant: Any, **changed: Any) -> FloatArray:
-        record = gs.run("hold_against_gravity", HUNTING | changed, plant=plant)
-        late = record["time"] >= 2.0
-        height, velocity = record["position"][late, 2], record["velocity"][late, 2]
-        curve = CubicHermiteSpline(record["time"][late], height - GOAL, velocity)
-        roots = curve.roots(extrapolate=False)
-        upward = roots[curve(roots, 1) > 0]
-        assert len(upward) == 2
-        return np.array([upward[1] - upward[0], np.ptp(height)])
-
-    unit = cycle("fmu3")
-    assert unit == pytest.approx([1.1, 0.010], rel=0.1)
-    assert cycle("model") == pytest.approx(unit, rel=1e-6)
-    assert cycle("fmu3", **{"plant.fixed_step_size": 1e-3}) == pytest.approx(unit, rel=1e-4)

@@ -139,12 +139,6 @@ def test_what_is_a_step_and_what_is_said_of_its_response(case: str) -> None:
         }
 
 
-def test_a_jump_of_a_reference_is_at_its_own_time() -> None:
-    """Expected: the time that the experiment names."""
-    (found,) = gs.metrics(gs.run("heave_step", {"reference.at": 0.02, "loop.duration": 0.05}))["step_response"]
-    assert found["at"] == 0.02
-
-
 def test_parts_without_numbers_are_none_and_not_empty() -> None:
     """Expected: None for what the columns or the platform do not give; an empty list of steps for rest."""
     found = gs.metrics(record_of(20))
