@@ -280,7 +280,11 @@ def test_the_diagnosis_says_what_it_knows(change: dict[str, Any], alarm: str | N
 
 
 _FIRST_TWO: dict[str, Any] = {name: getattr(ESTIMATE, name)[:2] for name in ("names", "values", "nominal", "scale")}
-_OF_TWO = {"covariance": COVARIANCE[:2, :2], "directions": np.eye(2), "singular_values": np.array([3.0, 2.0])}
+_OF_TWO: dict[str, Any] = {
+    "covariance": COVARIANCE[:2, :2],
+    "directions": np.eye(2),
+    "singular_values": np.array([3.0, 2.0]),
+}
 FEW = replace(ESTIMATE, **_FIRST_TWO, **_OF_TWO, rank=2, alarms=(), not_excited=(), at_bound=())
 QUIET = replace(DIAGNOSIS, test=LackOfFit({"of phase": 0.4}, 0.4), cause="", findings=(), unseen=())
 
