@@ -79,7 +79,7 @@ def test_runs_and_builds_do_without_what_they_do_not_need(fmus: dict[str, Fmu], 
     assert not loaded_after(MAIN, *run) & none
     assert not loaded_after(MAIN, *run, "--plant", "fmu3", "--fmu", str(fmus["3.0"].path)) & none
     assert gs.read_record(tmp_path).metadata["plant"] == "fmu3"
-    given = """from gough_stewart.fmu_build.plant import component as c
+    given = """from gough_stewart.fmu_build.plant import plant_component as c
     sources, dependencies = c.Sources({}, {}), {}
     c._code, c.slot_dependencies = (lambda _: sources), (lambda _: dependencies)
     import gough_stewart.fmu_build.build, gough_stewart.model.kernel
