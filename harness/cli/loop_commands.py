@@ -20,6 +20,14 @@ if TYPE_CHECKING:
 Fit = Literal["time", "amplitude"]
 
 
+def _number_or_text(text: str) -> float | str:
+    """A typed quantity: without a unit it is in SI units, as with `--set`."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 @study(figures=("shares",))
 def check_command(
     running: Running,
@@ -61,7 +69,9 @@ def check_command(
     running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("check", experiment), FILES)
     running.step("shares of all limits")
-    checked = check(loaded, payload=payload, payload_height=payload_height)
+    mass = None if payload is None else _number_or_text(payload)
+    height = _number_or_text(payload_height)
+    checked = check(loaded, payload=mass, payload_height=height)
     report = checked.report(charts=running.draws)
     running.require(loaded.requirements, report.numbers)
     running.present(report, check_files(checked))
@@ -75,7 +85,7 @@ def check_command(
         text = text_with_settings(experiment, settings or [], checked.settings_that_fit(fit))
         write_whole(fitted, text.encode())
         running.command.written.append(fitted.parent)
-        checked = check(str(fitted), payload=payload, payload_height=payload_height)
+        checked = check(str(fitted), payload=mass, payload_height=height)
         Terminal().say(f"\n{fitted.name}:")
         show(checked.report(charts=False), Terminal())
         next_step = f"gough-stewart run {quote(str(fitted))}"

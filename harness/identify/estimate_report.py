@@ -69,12 +69,13 @@ def estimate_report(estimate: Estimate, platform: str, more: Sequence[Table] = (
         sections.append(Section("Fit", tuple(_charts(estimate))))
     notes = [Note(text) for text in estimate.notes]
     notes += [Note(_brief(text), "warning") for text in estimate.alarms]
+    right = "the model is" if estimate.method == "geometry" else "model and force gain are"
     return Report(
         f"Parameters of {platform}",
         estimate_verdict(estimate),
         tuple(sections),
         study="identify",
-        lead=f"method {estimate.method}; intervals of 95 % if model and force gain are right",
+        lead=f"method {estimate.method}; intervals of 95 % if {right} right",
         numbers=_numbers(estimate),
         notes=tuple(notes),
     )

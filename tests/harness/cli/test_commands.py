@@ -238,8 +238,8 @@ def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_run() -> N
 
 
 def test_needs_are_the_same_numbers_in_the_table_the_file_and_the_function() -> None:
-    """Expected: the needs of `gs.check` with the same payload at the same height."""
-    payload = ("--payload", "300kg", "--payload-height", "0.4 m")
+    """Expected: the needs of `gs.check` with the same payload at the same height; numbers without unit are in SI."""
+    payload = ("--payload", "300", "--payload-height", "0.4 m")
     words = ("check", "pitch_sine", "--set", "platform.preset=liu2000", *shlex.split(COARSE), *payload, "--out", "out")
     done = invoke(*words)
     table, numbers = polars.read_csv("out/needs.csv"), json.loads(Path("out/check.json").read_text())

@@ -357,6 +357,8 @@ def test_charts_have_the_numbers_of_the_estimate_and_the_report_its_words() -> N
     assert [mark.value for mark in charts["residuals, nominal platform"].marks] == [7.5, 7.9, 8.1, 8.6]
     assert (report.title, report.study) == ("Parameters of my base", "identify")
     assert report.lead == "method linear; intervals of 95 % if model and force gain are right"
+    by_poses = estimate_report(replace(ESTIMATE, method="geometry"), "my base", charts=False)
+    assert by_poses.lead == "method geometry; intervals of 95 % if the model is right"  # it reads no forces
     assert [(note.text, note.kind) for note in report.notes] == [
         ("a < note", "note"),
         ("another", "note"),
