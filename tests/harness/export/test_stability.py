@@ -116,6 +116,8 @@ def test_a_machine_that_is_not_what_is_believed_is_the_one_that_is_judged(space:
     for case in cases:
         assert case.size == pytest.approx(radius(prepared, *case.loop[:2]), abs=1e-7)
     assert len({round(case.size, 9) for case in cases}) == 3
+    carried = stability_of(experiment, prepared, HOSTS, parts=("drives",), margins=False)
+    assert [loop.nominal.loop[:2] for host in HOSTS for loop in carried[host].loops] == [(2, 0.003)] * 3
 
 
 def test_a_machine_is_judged_after_each_of_its_changes() -> None:
