@@ -47,10 +47,10 @@ def check_command(
     """Check whether the platform can follow the motion of an experiment, without running it.
 
     Along the whole motion it checks stroke, joint angles, distance from singular poses, leg velocity, leg acceleration,
-    and force and power by inverse dynamics without load. The first line says whether it can be done, and what it needs
-    most; if a limit is exceeded, also how much slower or smaller the motion would have to be. Tables have the largest
-    share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force, power, energy
-    and joint angles, peak and RMS.
+    and force and power by inverse dynamics without external forces. The first line says whether it can be done, and
+    what it needs most; if a limit is exceeded, also how much slower or smaller the motion would have to be. Tables have
+    the largest share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force, power,
+    energy and joint angles, peak and RMS.
 
     Writes **check.json** and **needs.csv**, a row for each leg to choose actuators by; with `--figures` also
     **shares**, the shares of all limits over time.
@@ -82,10 +82,14 @@ def check_command(
 
         # beside the experiment, so that paths in it stay valid; a shipped one is written to the current folder
         fitted = checked.experiment.folder / f"{Path(experiment).stem}-fitted.toml"
-        text = text_with_settings(experiment, settings or [], checked.settings_that_fit(fit))
+        text = text_with_settings(
+            experiment,
+            {key: changed["value"] for key, changed in checked.experiment.changed.items()},  # the payload's among them
+            checked.settings_that_fit(fit),
+        )
         write_whole(fitted, text.encode())
         running.command.written.append(fitted.parent)
-        checked = check(str(fitted), payload=mass, payload_height=height)
+        checked = check(str(fitted))
         Terminal().say(f"\n{fitted.name}:")
         show(checked.report(charts=False), Terminal())
         next_step = f"gough-stewart run {quote(str(fitted))}"

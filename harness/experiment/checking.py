@@ -332,7 +332,7 @@ class MotionCheck:
             Verdict(sentence(said), status, (_number(peak),)),
             tuple(sections),
             study="check",
-            lead=f"platform {self.platform.name}, nominal model without load, {duration:.6g} s",
+            lead=f"platform {self.platform.name}, nominal model without external forces, {duration:.6g} s",
             settings=settings_of(self.experiment.changed),
             numbers=tuple(_number(self.shares.peak(name)) for name in self.shares.of),
             notes=(Note(f"Not checked, as the platform states no limit: {unchecked}."),) if unchecked else (),
@@ -389,7 +389,7 @@ def check(
     """Check a motion against all limits of its platform, and compute its actuator requirements, without a run.
 
     Stroke, joint angles, distance from singular poses, leg velocity, leg acceleration, and force and power by inverse
-    dynamics of the nominal model without load, at every row of the run.
+    dynamics of the nominal model without external forces, at every row of the run.
 
     Parameters
     ----------

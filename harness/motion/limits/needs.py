@@ -1,8 +1,8 @@
 """What a motion needs of each leg, whatever limits its platform states: the figures that choose an actuator.
 
 Speeds, forces and powers are peaks, with the speed and force at the same time, and root mean squares over the run.
-Forces are those of inverse dynamics without load, so all figures are without reserve. With their tables, and those of
-the shares of the limits.
+Forces are those of inverse dynamics without external forces, so all figures are without reserve. With their tables,
+and those of the shares of the limits.
 """
 
 from dataclasses import dataclass, replace
@@ -139,7 +139,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         **_peak("platform_joint_angle", "rad", platform_angle, time, velocity=v),
     }
 
-    notes = ["nominal model, without load and without reserve for the controller"]
+    notes = ["nominal model, without external forces and without reserve for the controller"]
     missing = {
         "friction": not (platform.leg_viscous_friction or platform.leg_coulomb_friction),
         "inertia of motors and screws (leg_armature)": not platform.leg_armature,

@@ -69,7 +69,7 @@ class LegLoads:
 
     @cached_property
     def force(self) -> FloatArray:
-        """F [N] by inverse dynamics without load; 0 where the legs cannot hold the pose, which is refused elsewhere."""
+        """F [N] by inverse dynamics without external forces; 0 where legs cannot hold the pose, refused elsewhere."""
         n = len(self.motion.position)
         regular = np.ones(n, dtype=bool) if self.regular is None else self.regular
         force = np.zeros((n, 6))
@@ -202,7 +202,7 @@ def shares_along(
     - `stroke`: |L − middle| relative to half the stroke, or relative to the one limit that is stated;
     - `joint_angle_max`: the larger angle of a leg's two joints from home;
     - `leg_velocity_max`, `leg_acceleration_max`: |L̇| and |L̈|;
-    - `actuator_force_max`, `actuator_power_max`: |F| and |F L̇|, F by inverse dynamics without load.
+    - `actuator_force_max`, `actuator_power_max`: |F| and |F L̇|, F by inverse dynamics without external forces.
     """
     rows, of_row = distinct_rows(motion)
     pose = (rows.position, rows.orientation)

@@ -221,14 +221,16 @@ def test_what_is_odd_in_a_platform_file_is_a_warning_with_its_name() -> None:
 
 
 def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_run() -> None:
-    """Expected: the shipped file with the settings and the scale; its motion, which was refused, is taken."""
+    """Expected: the shipped file with settings, payload and scale; its motion, which was refused, is taken."""
     fast = ["--set", "reference.frequency=4", *shlex.split(COARSE)]
-    done = invoke("check", "pitch_sine", *fast, "--fit", "amplitude")
+    done = invoke("check", "pitch_sine", *fast, "--payload", "150 kg", "--fit", "amplitude")
     assert done.exit_code == 0, done.output
     assert "Wrote pitch_sine-fitted.toml (" in done.output
     assert "Next: gough-stewart run pitch_sine-fitted.toml" in done.output
     values = tomllib.loads(Path("pitch_sine-fitted.toml").read_text())
     assert values["reference"]["frequency"] == 4
+    mass = gs.load_preset("motion_base").platform_mass + 150
+    assert values["platform"]["parameters"]["platform_mass"] == pytest.approx(mass)
     new = set(values["reference"]) - {"type", "orientation_amplitude", "frequency", "fade_in"}
     assert new == {"amplitude_scale"}
     assert names_in(".") == {"results", "pitch_sine-fitted.toml"}

@@ -296,7 +296,7 @@ def test_needs_say_what_they_leave_out() -> None:
     In a singular pose forces are not defined; lengths and speeds are.
     """
     first, *others = gs.check(experiment(UNEVEN, {"type": "hold"})).needs.notes
-    assert "without load" in first
+    assert "without external forces" in first
     assert others == []
     step = {"type": "step", "position_change": [0, 0, 0.05], "at": 0.505}
     assert "the reference jumps at 0.51 s" in "; ".join(gs.check(experiment(UNEVEN, step)).needs.notes)
