@@ -237,6 +237,12 @@ def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_run() -> N
     slow = ("--set", "controller.bandwidth=0.1")
     assert "the reference cannot be reached" in invoke("run", "pitch_sine", *fast, *slow).stderr
     assert invoke("run", "pitch_sine-fitted.toml", *slow).exit_code in (0, 3)
+    # what is checked beside it carries the same load
+    payload = ("--payload", "300kg", "--payload-height", "0.4 m")
+    fitted = invoke("check", "pitch_sine", *fast, "--fit", "amplitude", *payload).output.partition("-fitted.toml:")[2]
+    alone = invoke("check", "pitch_sine-fitted.toml", *payload).output
+    force = next(line for line in alone.splitlines() if line.startswith("│ force "))
+    assert force in fitted
 
 
 def test_needs_are_the_same_numbers_in_the_table_the_file_and_the_function() -> None:
