@@ -49,8 +49,8 @@ def check_command(
     Along the whole motion it checks stroke, joint angles, distance from singular poses, leg velocity, leg acceleration,
     and force and power by inverse dynamics without external forces. The first line says whether it can be done, and
     what it needs most; if a limit is exceeded, also how much slower or smaller the motion would have to be. Tables have
-    the largest share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force, power,
-    energy and joint angles, peak and RMS.
+    the largest share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force,
+    power, energy and joint angles, peak and RMS.
 
     Writes **check.json** and **needs.csv**, a row for each leg to choose actuators by; with `--figures` also
     **shares**, the shares of all limits over time.
