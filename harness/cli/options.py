@@ -278,7 +278,7 @@ def check_numbers(experiment: "Experiment") -> None:
         elif path not in paths and path.partition(".")[0] not in kinds:
             why = f"no study has a number '{path}'{nearest(path, paths)}"
         if why:
-            raise RequirementError(f"the requirement '{requirement.text}': {why}")
+            raise RequirementError(f"{experiment.where}: require: the requirement '{requirement.text}': {why}")
 
 
 def results_folder(command: str, experiment: str, suffix: str = "", shipped: Iterable[str] | None = None) -> Path:
