@@ -253,7 +253,7 @@ def chosen_experiment(
             elif path not in paths and path.partition(".")[0] not in kinds:
                 why = f"no study has a number '{path}'{nearest(path, paths)}"
             if why:
-                raise RequirementError(f"the requirement '{requirement.text}': {why}")
+                raise RequirementError(f"{loaded.where}: require: the requirement '{requirement.text}': {why}")
     code = executed(loaded)
     if no_python and code:
         raise ExperimentError(

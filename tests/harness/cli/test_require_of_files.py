@@ -119,7 +119,7 @@ def test_a_number_that_no_study_of_it_has_is_refused_before_anything_is_done(stu
     requiring("heave_tolerances", {path: ">= 1"})
     done = invoke(*shlex.split(STUDIES[study]), "--out", "out")
     assert done.exit_code == 2, done.output
-    assert f"the requirement '{path} >= 1'" in done.stderr
+    assert f"mine.toml: require: the requirement '{path} >= 1'" in done.stderr
     assert re.search(said, done.stderr)
     assert not Path("out").exists()
 
