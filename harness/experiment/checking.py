@@ -332,7 +332,7 @@ class MotionCheck:
             Verdict(sentence(said), status, (_number(peak),)),
             tuple(sections),
             study="check",
-            lead=f"platform {self.platform.name}, nominal model without external forces, {duration:.6g} s",
+            lead=f"platform {self.platform.name}, nominal model, no external forces, {duration:.6g} s",
             settings=settings_of(self.experiment.changed),
             numbers=tuple(_number(self.shares.peak(name)) for name in self.shares.of),
             notes=(Note(f"Not checked, as the platform states no limit: {unchecked}."),) if unchecked else (),

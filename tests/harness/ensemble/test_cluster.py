@@ -31,7 +31,7 @@ class Cluster:
         self._scheduler = self._start(
             "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", said
         )
-        wait_for(said.exists)
+        wait_for(lambda: said.exists() and said.read_text().rstrip().endswith("}"))  # it is there before it is written
         self.file = said
 
     def add_worker(self, beside: str = "") -> None:
