@@ -27,6 +27,7 @@ def archives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return gs.build(tmp_path_factory.mktemp("hosts"))
 
 
+@pytest.mark.evidence
 def test_no_sequence_of_calls_breaks_the_contract(archives: list[Path]) -> None:
     """Expected: what tests/support/hosts/fuzz_contract.c checks after every call, from the standards and instance.h.
 

@@ -88,6 +88,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.evidence
 def test_what_tests_compare_is_seen_in_fixtures_programs_and_caches_and_nothing_else(
     toy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -46,6 +46,7 @@ def test_a_slow_log_shows_how_legs_stick() -> None:
     assert noise == pytest.approx(0.003 * change, rel=0.1)
 
 
+@pytest.mark.evidence
 def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
     """Expected: reversals in milliseconds do not show static friction; Coulomb friction is right."""
     fast = Swing(seed=5, frequency=0.4, size=0.03)
