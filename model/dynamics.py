@@ -104,7 +104,7 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     """Mass matrix M (..., 6, 6) for the twist [v; ω]; symmetric, positive definite.
 
     M = [[m 1, −m r̃], [m r̃, J − m r̃ r̃]] + Σ_i G_iᵀ E_i G_i, with Ṗ_i = G_i [v; ω], G_i = [1, −c̃_i], E_i the
-    apparent mass of leg i at P_i, r = R r_G, J = R J_p Rᵀ. Written by hand as the task-space form
+    apparent mass of leg i at P_i, r = R r_G, J = R J_p Rᵀ. The task-space form
     of eq. (30) of Liu, Li & Li (2000); docs/equations.md derives it.
 
     Parameters

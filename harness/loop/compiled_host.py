@@ -142,7 +142,7 @@ class CompiledHost:
             traced = law.law
             memory = rows(traced.function.numel_in(0))
             memory[len(memory) - len(traced.coefficients) :, :n] = traced.coefficients
-            address = ctypes.cast(law.library.law_step, ctypes.c_void_p).value or 0  # see c/law/law.h
+            address = ctypes.cast(law.library.law_step, ctypes.c_void_p).value or 0  # see c/law/law.c
             c.law, c.kinds, c.n_states = address, 2, traced.n_states
         elif law is not None:
             positions = law.positions

@@ -6,7 +6,7 @@ is data. A user's law is compiled when it runs for the first time.
 
 import ctypes
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -159,16 +159,19 @@ def are_traced(controllers: Iterable[Controller | None]) -> bool:
         ]
     except ControllerError:  # the run says so
         return False
-    law = traced_law_of(made) if all(map(is_casadi_function, made)) else None
-    return law is not None and _library(law.function.serialize()) is not None
+    return all(map(is_casadi_function, made)) and _compiled_together(made) is not None
 
 
 def compiled_form(law: Law) -> LinearLaw | CompiledLaw | None:
     """The controllers of a run as machine code has them: linear ones are data; None if there is none for others."""
     if isinstance(law, LinearLaw):
         return law
-    functions = law.traced
-    together = None if functions is None else traced_law_of(functions)
+    return None if law.traced is None else _compiled_together(law.traced)
+
+
+def _compiled_together(functions: Sequence[Any]) -> CompiledLaw | None:
+    """CasADi functions of all members as one law in machine code; None if they are not alike, or cannot be compiled."""
+    together = traced_law_of(functions)
     library = None if together is None else _library(together.function.serialize())
     return None if together is None or library is None else CompiledLaw(together, library)
 

@@ -178,7 +178,7 @@ class RowMonitor:
         """Why a member with these signals (24,) has diverged: its distance from the reference."""
         assert self._reference is not None
         wanted = self._reference[row, :3, member if self._reference.shape[2] > 1 else 0]
-        limit = signals.of(self._limits.largest_position_error, member)
+        limit = signals.of_member(self._limits.largest_position_error, member)
         error = np.linalg.norm(wanted - now[:3])
         return f"the platform is {error:.3g} m from its reference; the limit is {limit:g} m"
 

@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,8 +57,6 @@ class Reference(Protocol):
 class Piecewise(Reference, ABC):
     """A motion that is piecewise polynomial, exactly or up to rounding, so that it can be exported as a table."""
 
-    rests: ClassVar[bool] = True  # after its end; else it is not defined there
-
     @property
     @abstractmethod
     def end(self) -> float:
@@ -74,9 +72,8 @@ class Piecewise(Reference, ABC):
 
 
 def end_of(reference: Reference) -> float:
-    """The last time at which a motion is defined [s]: that of a table; infinite for others, paths rest after theirs."""
-    moves = reference.reference if isinstance(reference, Scaled) else reference
-    return math.inf if getattr(moves, "rests", False) else float(getattr(reference, "end", math.inf))
+    """The last time at which a motion is defined [s]: `defined_until` of a recording; others go on, paths at rest."""
+    return float(getattr(reference, "defined_until", math.inf))
 
 
 def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
@@ -134,8 +131,13 @@ class Scaled:
         return motion if self.amplitude_scale == 1 else smaller(motion, self.amplitude_scale, self.centre)
 
     @property
+    def defined_until(self) -> float:
+        """The last time at which it is defined [s]."""
+        return end_of(self.reference) * self.time_scale
+
+    @property
     def end(self) -> float:
-        """The last defined time [s]; of a path, that of its last pose."""
+        """The last time at which anything moves [s]; infinite if that is not known."""
         return float(getattr(self.reference, "end", math.inf)) * self.time_scale
 
     @cached_property

@@ -76,7 +76,7 @@ def all_below(values: FloatArray, bound: float) -> bool:
     return bool(flat.dot(flat) < bound * bound)
 
 
-def of(value: PerMember, member: int) -> Any:
+def of_member(value: PerMember, member: int) -> Any:
     """The value of one member, from a common number or an array (N,)."""
     return np.ravel(value)[member if np.ndim(value) else 0]
 

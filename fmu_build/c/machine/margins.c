@@ -309,7 +309,7 @@ static double largest_gain(const double complex S[], int is_complementary)
 }
 
 /* What changes its sign: the imaginary part, or the logarithm of the size. */
-#define CROSSING(z, by_size) ((by_size) ? log(cabs(z)) : cimag(z))
+static double crossing(double complex z, int by_size) { return by_size ? log(cabs(z)) : cimag(z); }
 
 /* Where a leg's response crosses between two frequencies, by false position that halves a value that stays (Illinois). */
 static double crossing_between(const open_loop *s, int leg, int by_size, double a, double fa, double b, double fb)
@@ -319,7 +319,7 @@ static double crossing_between(const open_loop *s, int leg, int by_size, double 
         if (!(at > a && at < b))
             at = (a + b) / 2;
         double complex z = leg_at(s, at, leg);
-        double f = CROSSING(z, by_size);
+        double f = crossing(z, by_size);
         if (f == 0)
             return at;
         if ((f > 0) == (fb > 0)) {
@@ -365,7 +365,7 @@ static void leg_margins(const open_loop *s, int leg, const double omega[], const
     margins[4] = NAN;
     for (int64_t k = 0; k + 1 < n; k++)
         for (int by_size = 0; by_size < 2; by_size++) {
-            double a = CROSSING(at[k], by_size), b = CROSSING(at[k + 1], by_size);
+            double a = crossing(at[k], by_size), b = crossing(at[k + 1], by_size);
             if ((a > 0) == (b > 0) || !(a == a && b == b))
                 continue;
             double w = crossing_between(s, leg, by_size, omega[k], a, omega[k + 1], b);

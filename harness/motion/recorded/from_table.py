@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,7 +42,6 @@ _NAMES = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": 
 class FromTable(Piecewise):
     """Poses at given times with quintic splines between them, differentiated exactly."""
 
-    rests: ClassVar[bool] = False
     time: FloatArray  # (n,) [s]
     position: FloatArray  # (n, 3) [m]
     orientation: FloatArray  # (n, 3) [rad]
@@ -82,6 +81,11 @@ class FromTable(Piecewise):
     def end(self) -> float:
         """The time of the last row [s]."""
         return float(self.time[-1])
+
+    @property
+    def defined_until(self) -> float:
+        """The time of the last row [s], after which nothing is known."""
+        return self.end
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
