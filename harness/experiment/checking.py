@@ -34,7 +34,7 @@ from gough_stewart.harness.motion.limits.needs import (
 )
 from gough_stewart.harness.motion.limits.reach import factor_near, scale_that_fits
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, LegLoads, Peak, Shares, shares_along
-from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
+from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, slower
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
@@ -236,14 +236,14 @@ class MotionCheck:
 
         def slower_clocks(factor: float) -> Timing:
             """Of a run that much longer, in whole plant steps within the motion."""
-            steps, end = math.ceil(clocks.steps * factor - 1e-9), Scaled(self._reference, factor).end
+            steps, end = math.ceil(clocks.steps * factor - 1e-9), factor * getattr(self._reference, "end", math.inf)
             if steps * clocks.plant_step > end:
                 steps = math.floor(end / clocks.plant_step)
             return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
 
         def largest_share_if_slower(factor: float) -> float:
             times = slower_clocks(factor).times
-            motion = Scaled(self._reference, factor)(times)
+            motion = slower(self._reference(times / factor), factor)
             return float(shares_along(self._less_margin, times, motion, worst).total.max())
 
         scale = _rounded(choice.time_scale * factor_near(largest_share_if_slower, factor), math.ceil)

@@ -7,14 +7,12 @@ no function branches on a value.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.model.operations import maximum, minimum, numbers_or_symbols
+from gough_stewart.model.operations import maximum, minimum
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
@@ -115,35 +113,6 @@ def extrapolated(motion: Motion, ahead: Any) -> Motion:
     return motion_of(
         pose + ahead * rate + (ahead * ahead / 2) * acceleration, rate + ahead * acceleration, acceleration
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Scaled:
-    """A motion that is slower and smaller: pose₀ + a (pose(t/s) − pose₀), angles as roll, pitch, yaw."""
-
-    reference: Reference
-    time_scale: float = 1.0  # s > 0
-    amplitude_scale: float = 1.0  # a
-
-    def __call__(self, time: ArrayLike) -> Motion:
-        """The motion at times (n,) [s]."""
-        motion = slower(self.reference(numbers_or_symbols(time) / self.time_scale), self.time_scale)
-        return motion if self.amplitude_scale == 1 else smaller(motion, self.amplitude_scale, self.centre)
-
-    @property
-    def defined_until(self) -> float:
-        """The last time at which it is defined [s]."""
-        return end_of(self.reference) * self.time_scale
-
-    @property
-    def end(self) -> float:
-        """The last time at which anything moves [s]; infinite if that is not known."""
-        return float(getattr(self.reference, "end", math.inf)) * self.time_scale
-
-    @cached_property
-    def centre(self) -> FloatArray:
-        """pose₀ (6,)."""
-        return centre_of(self.reference)
 
 
 def centre_of(reference: Reference) -> FloatArray:
