@@ -116,6 +116,10 @@ MOTIONS: dict[str, dict[str, Any]] = {
     **{f"circle in {plane}": {**ROUND, "plane": plane, **SLOWER} for plane in ("xy", "yz")},
     **{f"faded circle in {plane}": {**ROUND, "plane": plane, "fade_in": "40 ms"} for plane in ("xz", "yz")},
 }
+FASTEST = {
+    **{"type": "path", "relative_to": "home", "timing": "fastest", "margin": 0.3},
+    "poses": [[0, 0, 0, 0, 0, 0], [0.03, 0, 0.06, 0, 0.05, 0]],
+}
 STICKS_AND_GIVES = {
     **{"friction_model": "elasto_plastic", "coulomb_friction": 90.0, "static_friction": 120.0},
     **{"stiffness": 6e7, "armature": 25.0},
@@ -139,7 +143,12 @@ def loops(kind: str) -> dict[str, Page]:
     if kind == "shipped":
         names = ("circle_computed_torque", "excitation", "paper_open_loop", "recorded_ride", "saturation")
         return {name: (name, {"loop.duration": 0.4, **EXACT}) for name in names} | {
-            "payload_change": ("payload_change", {"loop.duration": 2.1, **EXACT})
+            "payload_change": ("payload_change", {"loop.duration": 2.1, **EXACT}),
+            # it brakes until its end, and rests then
+            "fastest path": (
+                "heave_step",
+                {"reference": FASTEST, "controller.feedforward": "computed_torque", "loop.duration": 0.4, **EXACT},
+            ),
         }
     sticks = {f"plant.parameters.leg_{name}": value for name, value in STICKS_AND_GIVES.items()}
     heavier = {"change": [{"at": 0.03, "factors": {"platform_mass": 1.5}}]}
