@@ -3,7 +3,14 @@
 import numpy as np
 
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, handedness_of_legs, leg_geometry
+from gough_stewart.model.kinematics import (
+    LegGeometry,
+    condition_number_bound,
+    conditioning_of_legs,
+    handedness_of_legs,
+    leg_geometry,
+    scaled_jacobian_of_legs,
+)
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -28,11 +35,14 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
         raise leg_collapsed(leg, float(legs.length[leg]), time)
-    number = float(conditioning_of_legs(legs).condition_number)
-    sign = float(handedness_of_legs(legs))
+    scaled, _ = scaled_jacobian_of_legs(legs)
+    sign = float(np.sign(np.linalg.det(scaled)))
     passed = handedness is not None and sign != handedness
-    if passed or not number < SINGULAR_CONDITION_NUMBER:
-        raise singular_pose(number, time, passed=passed)
+    # the condition number itself would take longer than everything else here
+    if passed or not condition_number_bound(scaled) < SINGULAR_CONDITION_NUMBER:
+        number = float(conditioning_of_legs(legs).condition_number)
+        if passed or not number < SINGULAR_CONDITION_NUMBER:
+            raise singular_pose(number, time, passed=passed)
     return sign
 
 

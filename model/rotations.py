@@ -29,12 +29,12 @@ def matrix_from_orientation(orientation: Array) -> Array:
     orientation = np.asarray(orientation)
     ca, cb, cg = (np.cos(orientation[..., i]) for i in range(3))
     sa, sb, sg = (np.sin(orientation[..., i]) for i in range(3))
-    rows = (
-        (cg * cb, cg * sb * sa - sg * ca, cg * sb * ca + sg * sa),
-        (sg * cb, sg * sb * sa + cg * ca, sg * sb * ca - cg * sa),
-        (-sb, cb * sa, cb * ca),
+    elements = (
+        *(cg * cb, cg * sb * sa - sg * ca, cg * sb * ca + sg * sa),
+        *(sg * cb, sg * sb * sa + cg * ca, sg * sb * ca - cg * sa),
+        *(-sb, cb * sa, cb * ca),
     )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.stack(elements, axis=-1).reshape(*orientation.shape[:-1], 3, 3)
 
 
 def angular_velocity_from_orientation_rate(orientation: Array, rate: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -109,6 +110,7 @@ def drawing_svg(platform: Platform) -> str:
     return rendered("picture.svg", title=title, width=width, height=height, strokes=strokes, labels=labels).decode()
 
 
+@lru_cache(maxsize=8)
 def icon_of(platform: Platform) -> Icon:
     """The icon, `ICON_SIZE` pixels square, with a transparent background."""
     B, P, _, _ = _home(platform)

@@ -92,7 +92,6 @@ def plant_component(
         changes["actuator_force"] = actuator_force
     checked = {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in changes.items()}
     starts = home | checked
-    runs = cache(lambda: reference_runs(platform))
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = rendered(
@@ -116,16 +115,17 @@ def plant_component(
         )
         if is_in_a_system:
             return {"documentation/index.html": page}
+        runs = reference_runs(platform)
         manifest = rendered(
             "fmi-ls-manifest.xml",
             name=_LAYERED_STANDARD,
             folder=FOLDER,
             identifier=IDENTIFIER,
-            cases=[run.name for run in runs()],
+            cases=[run.name for run in runs],
         )
         return {
             "documentation/index.html": page,
-            **reference_files(runs(), IDENTIFIER, fmi_version),
+            **reference_files(runs, IDENTIFIER, fmi_version),
             f"extra/{_LAYERED_STANDARD}/fmi-ls-manifest.xml": manifest,
         }
 

@@ -5,6 +5,7 @@ For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -36,6 +37,7 @@ class ReferenceRun(NamedTuple):
     results: FloatArray  # (n, N_RESULTS)
 
 
+@lru_cache(maxsize=8)  # the units of both FMI versions have them in common
 def reference_runs(platform: Platform) -> tuple[ReferenceRun, ...]:
     """The paper's open loop on this platform, and varying inputs from the start values of the description.
 

@@ -109,8 +109,10 @@ def expected_end(row: dict[str, Any], times: FloatArray) -> tuple[FloatArray, Pl
     """Pose and twist at the end, and the machine then."""
     x = np.concatenate([ELSEWHERE, TWIST] if row["start"] == "elsewhere" else [HOME, np.zeros(6)])
     machine = replace(UNEVEN, **SET_AT_FIRST) if row["machine"] in ("set at first", "both") else UNEVEN
-    for k, (t, after) in enumerate(pairwise(times.tolist())):
-        if k == 2 and row["machine"] in ("changed", "both"):
+    # where inputs jump, or the machine changes
+    kinks = times if row["inputs"] == "held" or row["version"] == "3.0" else times[[0, 2, -1]]
+    for t, after in pairwise(kinks.tolist()):
+        if t == times[2] and row["machine"] in ("changed", "both"):
             machine = replace(machine, **CHANGED)
 
         def u(at: float, after: float = after) -> FloatArray:

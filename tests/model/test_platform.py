@@ -316,6 +316,7 @@ def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str
     parameters = [{**fixed, name.strip(): VARIED[name][k % 6]} for k in range(number)]
     found, errors = platforms_with(bases, of, parameters)
     assert len(found) == number
+    parameters_of_all, turned = found.parameters, found[np.arange(number)[::-1]].parameters
     for k, each in enumerate(parameters):
         if k in errors:
             with pytest.raises(GoughStewartError) as caught:
@@ -325,8 +326,8 @@ def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str
         alone = bases[of[k]].with_parameters(each)
         assert found[k] == alone
         for row in PHYSICAL:
-            assert np.array_equal(getattr(found.parameters, row.name)[k], getattr(alone, row.name)), row.name
-            assert np.array_equal(found[np.array([k, 0])].field(row.name)[0], getattr(alone, row.name)), row.name
+            assert np.array_equal(getattr(parameters_of_all, row.name)[k], getattr(alone, row.name)), row.name
+            assert np.array_equal(getattr(turned, row.name)[number - 1 - k], getattr(alone, row.name)), row.name
 
 
 def test_a_platform_and_a_model_say_what_they_are() -> None:

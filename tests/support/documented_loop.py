@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from gough_stewart import Platform
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.lagrangian import Pose, equations_at, forces_along, legs_along
 
 FloatArray = NDArray[np.float64]
 
@@ -386,16 +386,10 @@ def _rate_of_twist(q: FloatArray, rate: FloatArray, acceleration: FloatArray) ->
 def accelerations(
     machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray
 ) -> FloatArray:
-    """q̈ (6,): forces that a motion needs are affine in q̈, F = F₀ + K q̈."""
-    trials = np.vstack([np.zeros(6), np.eye(6)])
-    both = np.tile(q, (7, 1)), np.tile(rate, (7, 1))
-    needed = forces_along(machine, Pose(*both, trials))
-    E = twist_of_rates(q)
-    by_angles = legs_along(machine, Pose(np.tile(q, (6, 1)), np.eye(6), np.eye(6)))[1].T
-    velocity = by_angles @ rate
-    # the wrench as forces of the legs that do the same work: Jᵀ F = w
-    equal = _solved(by_angles.T, E.T @ wrench)
-    return _solved((needed[1:] - needed[0]).T, force + equal - _friction(machine, velocity) - needed[0])
+    """q̈ (6,) from M q̈ + h = (∂L/∂q)ᵀ (F − friction) + Eᵀ w, with E of `twist_of_rates`."""
+    M, h, by_angles = equations_at(machine, q, rate)
+    sliding_force = force - _friction(machine, by_angles @ rate)
+    return _solved(M, by_angles.T @ sliding_force + twist_of_rates(q).T @ wrench - h)
 
 
 def stepped(

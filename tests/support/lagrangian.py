@@ -9,7 +9,7 @@ with one rigid body for the platform and two for each leg, of which the lower on
 rotor's inertia along the leg.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import casadi
@@ -43,6 +43,13 @@ def forces_along(machine: Platform, pose: Pose) -> FloatArray:
     return np.asarray(np.linalg.solve(transposed, np.array(generalized).T[..., None])[..., 0], dtype=float)
 
 
+def equations_at(machine: Platform, q: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """M (6, 6), h (6,) and ∂L/∂q (6, 6) of a frictionless machine: M q̈ + h = (∂L/∂q)ᵀ F."""
+    M, h, by_angles = _functions()[2](np.concatenate([q, rate]), _numbers(machine))
+    return np.array(M), np.array(h)[:, 0], np.array(by_angles)
+
+
+@lru_cache(maxsize=64)
 def _numbers(machine: Platform) -> FloatArray:
     values = {name: getattr(machine, name) * getattr(machine, f"{name}_factor", 1.0) for name in _SIZES}
     return np.concatenate([np.ravel(value) for value in values.values()])
@@ -61,8 +68,11 @@ _SIZES = {
 
 
 @cache
-def _functions() -> tuple[casadi.Function, casadi.Function]:
-    """CasADi Functions: ((q, q̇), parameters) -> L, L̇; ((q, q̇, q̈), parameters) -> generalized forces, ∂L/∂q."""
+def _functions() -> tuple[casadi.Function, casadi.Function, casadi.Function]:
+    """CasADi Functions: ((q, q̇), parameters) -> L, L̇; ((q, q̇, q̈), parameters) -> generalized forces, ∂L/∂q.
+
+    And ((q, q̇), parameters) -> M, h, ∂L/∂q, with the generalized forces M q̈ + h.
+    """
     q, rate, acceleration = (casadi.SX.sym(name, 6) for name in ("q", "rate", "acceleration"))
     parameters = casadi.SX.sym("p", sum(_SIZES.values()))
     ends = np.cumsum([0, *_SIZES.values()])
@@ -98,7 +108,10 @@ def _functions() -> tuple[casadi.Function, casadi.Function]:
     generalized = casadi.jtimes(momentum, both, its_rate) - casadi.gradient(kinetic - potential, q)
     lengths_of = casadi.Function("lengths", [both, parameters], casadi.cse([L, moving(L)]))
     outputs = casadi.cse([generalized, casadi.jacobian(L, q)])
-    return lengths_of, casadi.Function("forces", [casadi.vertcat(both, acceleration), parameters], outputs)
+    forces = casadi.Function("forces", [casadi.vertcat(both, acceleration), parameters], outputs)
+    bias = casadi.substitute(generalized, acceleration, casadi.SX.zeros(6))
+    outputs = casadi.cse([casadi.jacobian(momentum, rate), bias, casadi.jacobian(L, q)])
+    return lengths_of, forces, casadi.Function("equations", [both, parameters], outputs)
 
 
 def _turn(axis: int, angle: casadi.SX) -> casadi.SX:

@@ -102,7 +102,7 @@ def test_ctrl_c_ends_a_unit_that_hangs_and_keeps_the_rows(unit: Path) -> None:
 
     def law(sample: gs.Sample) -> FloatArray:
         if sample.time > FAILS_AT:
-            threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+            threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
         return np.zeros(6)
 
     # a test run in the background may have been told to ignore it
