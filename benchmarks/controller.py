@@ -21,9 +21,10 @@ from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.write import controller_sources
-from gough_stewart.model import interface, traced
+from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import parameter_vector
+from gough_stewart.model.traced import traced_function
 
 CASES: dict[str, tuple[str, dict[str, Any], float | None]] = {
     "PD, gravity": ("circle", {}, 0.4),
@@ -42,7 +43,7 @@ _PLANT = "#include <math.h>\nstatic double sq(double x)\n{\n    return x * x;\n}
 
 def step_times(folder: Path, real: str) -> tuple[float, float]:
     """Times of the controller in a folder and of the derivatives [ns]."""
-    (folder / "plant.c").write_text(_PLANT + function_source(traced.derivatives_function()))
+    (folder / "plant.c").write_text(_PLANT + function_source(traced_function("derivatives")))
     flags = [flag for flag in FLAGS if flag != "-shared"]
     files = ["controller.c", "plant.c", str(Path(__file__).parent / "controller_timer.c")]
     defines = [f"-DCONTROLLER_REAL={real}", f"-DN_PARAMETERS={interface.N_PARAMETERS}", "-I", "."]

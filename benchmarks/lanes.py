@@ -20,10 +20,11 @@ from rich.table import Table
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.plants.lanes import BatchPlant, lane_rows
-from gough_stewart.model import interface, traced
+from gough_stewart.model import interface
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.state import State
+from gough_stewart.model.traced import traced_function
 
 MEMBERS = 4096
 ROUNDS = 300
@@ -59,7 +60,7 @@ def plant_of(members: int) -> BatchPlant:
 def scalar_kernel(folder: Path) -> ctypes.CDLL:
     """`many`: the FMU's derivatives, one member after the other."""
     text = _SCALAR.format(
-        kernel=function_source(traced.derivatives_function(), "static void kernel_"),
+        kernel=function_source(traced_function("derivatives"), "static void kernel_"),
         states=N_STATES,
         inputs=N_INPUTS,
         parameters=N_PARAMETERS,

@@ -17,12 +17,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from gough_stewart.model import interface, traced
+from gough_stewart.model import interface
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.traced import traced_function
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.support.pinocchio_platform import PinocchioPlatform
@@ -32,7 +33,7 @@ ROUNDS = 15
 
 def compiled_timer(folder: Path) -> Path:
     """The traced derivatives as C with a timing loop, compiled by `python -m ziglang cc -O3`."""
-    traced.derivatives_function().generate("derivatives.c")
+    traced_function("derivatives").generate("derivatives.c")
     Path("derivatives.c").replace(folder / "derivatives.c")
     program = folder / "derivatives_timer"
     source = Path(__file__).parent / "derivatives_timer.c"

@@ -168,10 +168,7 @@ def unit_archives(
 
 
 def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[str, str], dict[str, bytes]]:
-    """The tokens of a unit and its files without libraries, by path in the archive.
-
-    The tokens are those of FMI 2.0 and 3.0, one of them empty: a digest of the sources and the description.
-    """
+    """Tokens of FMI 2.0 and 3.0, one of them empty, and a unit's files without libraries, by path in the archive."""
     blank, is_fmi2 = sources(component, fmi_version, ("", "")), fmi_version == "2.0"
     names = sorted(blank.units)
     description = model_description(component, fmi_version, "", names).decode()
@@ -226,10 +223,7 @@ def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:
 
 
 def to_zip(contents: Mapping[str, bytes]) -> bytes:
-    """A zip archive of files by their paths in it, with slashes; the model description comes first.
-
-    The same contents always give the same bytes.
-    """
+    """A zip archive of files by path, the model description first; the same contents always give the same bytes."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
         for name in sorted(contents, key=lambda name: (name != _FIRST, name)):

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import casadi
 import numpy as np
 
-from gough_stewart.model import traced
 from gough_stewart.model.interface import IDEAL, Variant
+from gough_stewart.model.traced import traced_function
 
 _BODY = re.compile(r"static int casadi_f(\d+)\([^{]*\{\n(.*?)\n  return 0;\n\}\n", re.S)
 _LITERAL = r"(?<![\w.\[])[0-9]+\.[0-9]*(?:e[+-]?[0-9]+)?"
@@ -38,9 +38,9 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
 
     `order` has the positions in `Variant.results` of a unit's results, which begin with the states; empty: as they are.
     """
-    functions, back = [traced.derivatives_function(variant)], np.argsort(order).tolist()
-    for function_of in (traced.outputs_function, traced.forward_function, traced.reverse_function):
-        function = function_of(variant)
+    functions, back = [traced_function("derivatives", variant)], np.argsort(order).tolist()
+    for kind in ("outputs", "forward", "reverse"):
+        function = traced_function(kind, variant)
         if order:  # its results y, changes dy and weights wy
             arguments, names, result_names = function.sx_in(), function.name_in(), function.name_out()
             results = function.call([v[back] if name == "wy" else v for name, v in zip(names, arguments, strict=True)])
@@ -48,10 +48,10 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
             ordered = [casadi.cse(v[list(order)] if name in ("y", "dy") else v) for name, v in pairs]
             function = casadi.Function(function.name(), arguments, ordered, names, result_names)
         functions.append(function)
-    functions.append(traced.legs_function(variant))
+    functions.append(traced_function("legs", variant))
     head = _HEAD
     if variant.bristles:
-        functions += [f(variant) for f in (traced.decays_function, traced.grip_function, traced.sliding_function)]
+        functions += [traced_function(kind, variant) for kind in ("decays", "grip", "sliding")]
         head += _SIGN
     return head + "".join(function_source(f, conditions=variant != IDEAL) for f in functions)
 

@@ -71,10 +71,7 @@ class Layout:
         return {row.variable.name: row for row in self.rows}
 
     def described(self, fmi_version: str) -> tuple[LayoutRow, ...]:
-        """The rows in the model description: FMI 2.0 without time.
-
-        Time is optional there, and the FMI Library reports a missing start value for it.
-        """
+        """The rows in the model description; in FMI 2.0 without time, whose missing start FMI Library reports."""
         return tuple(row for row in self.rows if fmi_version == "3.0" or row.role is not Role.INDEPENDENT)
 
     def of_role(self, *roles: Role) -> tuple[LayoutRow, ...]:
@@ -137,12 +134,7 @@ class Icon(NamedTuple):
 
 @dataclass(frozen=True)
 class UnitComponent:
-    """Everything that a build needs to know about a component.
-
-    A component with continuous states supports Model Exchange and Co-Simulation, with partial derivatives and time
-    derivatives of its outputs. One without is a sampled system and supports Co-Simulation only. Both interpolate
-    inputs.
-    """
+    """What a build needs to know about a component; without continuous states it supports Co-Simulation only."""
 
     identifier: str  # `modelIdentifier`, also the name of the library
     name: str  # `modelName`

@@ -98,10 +98,7 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
             variables.append(DescribedVariable(row, name, slots, reference, key, start, state_key))
 
     def unknowns(rows: Iterable[LayoutRow], roles: tuple[Role, ...]) -> list[tuple[int, dict[int, Kind]]]:
-        """The variables of rows by key, each with its dependencies on those of some roles.
-
-        Constant only if it is constant for every element.
-        """
+        """Variables of rows by key, with dependencies on those of some roles: constant if it is for all elements."""
         knowns = {slot for row in layout.of_role(*roles) for slot in row.slots}
         dependencies = []
         for variable in (variable for row in rows for variable in variables if variable.row is row):
@@ -201,10 +198,7 @@ def _environment() -> "Environment":
 
 @cache
 def installed_package() -> tuple[PackageMetadata, str]:
-    """The metadata from pyproject.toml: version, summary, license; and the text of LICENSE.
-
-    Those of the installed distribution: a checkout has another of the same name, without license.
-    """
+    """Metadata and LICENSE of the installed distribution; a checkout has another one of its name, without license."""
     for distribution in distributions(name=_NAME):
         text = distribution.read_text(_LICENSE)
         if text:

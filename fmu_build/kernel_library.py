@@ -36,7 +36,7 @@ def kernel_sources(variant: Variant = IDEAL) -> Sources:
     from gough_stewart.fmu_build.codegen import function_source
     from gough_stewart.fmu_build.plant.plant_component import plant_component, platform_of
     from gough_stewart.fmu_build.sources import c_folder, defines, filled, sources
-    from gough_stewart.model import traced
+    from gough_stewart.model.traced import traced_function
 
     component = plant_component(platform_of(variant))
     unit = sources(component)
@@ -46,7 +46,7 @@ def kernel_sources(variant: Variant = IDEAL) -> Sources:
         return stepper
     sizes = sizes_of(IDEAL)
     places = {f"AT_{part.upper()}": at for part, at in zip(sizes, accumulate(sizes.values(), initial=0), strict=False)}
-    tangent = function_source(traced.tangent_function(), "static void kernel_")
+    tangent = function_source(traced_function("tangent"), "static void kernel_")
     functions = filled("kernel/functions.c", tangent=tangent, places=defines(places))
     return stepper | c_folder("kernel") | Sources({"functions.c": functions}, {})
 

@@ -98,19 +98,13 @@ class LanesLibrary(NamedTuple):
 
 
 def vector_library(name: str, sources: Callable[[], Sources], state: str = "", variant: Variant = IDEAL) -> Library:
-    """The description of a library that computes in vectors of members.
-
-    `state` is a digest of sources outside of this package; the parts of the plant's variant follow in its name.
-    """
+    """A library in vectors of members; `state` is a digest of sources outside of this package."""
     whole_state = digest_of(f"{state_of_texts()}\n{state}".encode())
     return Library("-".join([name, *variant.parts]), sources, whole_state, VECTOR_FLAGS)
 
 
 def machine_code(library: Library) -> LanesLibrary:
-    """A library in vectors for this processor: the one that came with the package, else from the cache, else compiled.
-
-    See `Library.kept` for errors.
-    """
+    """A library in vectors for this processor, which came with the package, or is in the cache, or is compiled."""
     target, most = native(), processor_level() or 0
     # level 0: also of a wheel that was made for the processor at hand
     for level in (0, *(level for level in (4, 3) if level <= most)):
@@ -194,10 +188,10 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
     """The C of c/lanes for plants of a variant; `alone` for one member, with the elementary functions of vectors."""
     from gough_stewart.fmu_build.codegen import function_source, in_lanes  # needed to compile only: imports CasADi
     from gough_stewart.fmu_build.plant.layout import plant_header
-    from gough_stewart.model import traced
+    from gough_stewart.model.traced import traced_function
 
-    plant, legs = c_folder("plant"), function_source(traced.legs_function(variant))
-    functions = [f(variant) for f in (traced.derivatives_function, traced.outputs_function, traced.posed_function)]
+    plant, legs = c_folder("plant"), function_source(traced_function("legs", variant))
+    functions = [traced_function(name, variant) for name in ("derivatives", "outputs", "posed")]
     sizes = {
         "N_STATES": interface.size_of(variant.states),
         "N_INPUTS": interface.N_INPUTS,
@@ -206,7 +200,7 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
         "N_SIGNALS": interface.N_SIGNALS,
     }
     if not variant.parts:
-        functions.append(traced.motion_function())
+        functions.append(traced_function("motion"))
         sizes["N_SHARED"] = functions[-1].numel_in(0)
     head = "#include <math.h>\n\nstatic double sq(double x)\n{\n    return x * x;\n}"
     head = '#include "elementary.h"\n' if alone else head
@@ -260,10 +254,7 @@ def machine_library(sources: Sources, target: Target) -> Library:
 
 
 def law_library(function: Any) -> LanesLibrary:
-    """The library of c/law for one traced law, a CasADi Function `law` of `memory`, with the output `next`.
-
-    See `machine_code` and `codegen.in_lanes` for errors.
-    """
+    """The library of c/law for one traced law, a CasADi Function `law` of `memory`, with the output `next`."""
     sources = law_sources(function)
     return machine_code(vector_library("law", lambda: sources, digest_of(sources.headers["law_step.h"].encode())))
 

@@ -133,10 +133,7 @@ def zig() -> Compiler:
 
 
 def compiler_of(target: Target) -> Compiler:
-    """The compiler of a unit for a target; compilers of the system compile for this machine only.
-
-    `BuildError` if `CC` names no program, or there is no compiler.
-    """
+    """The compiler of a unit for a target; `BuildError` if `CC` names no program, or there is none."""
     words, is_here = shlex.split(os.environ.get("CC", "")), target.name == this_machine()
     if is_here and words:
         path = shutil.which(words[0])
@@ -208,10 +205,7 @@ def compiler_environment() -> dict[str, str]:
 
 @contextmanager
 def compiling() -> Iterator[IO[str]]:
-    """Context for running the compiler: nobody empties its cache meanwhile, since without it a compiler never ends.
-
-    The compiler inherits the lock file, since it may outlive this process.
-    """
+    """Context for a compiler, which inherits its lock file and may outlive this process: nobody empties its cache."""
     cache_folder().mkdir(parents=True, exist_ok=True)
     with (cache_folder() / "zig.lock").open("a") as in_use:
         _flock(in_use, "LOCK_SH")

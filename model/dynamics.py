@@ -43,7 +43,6 @@ from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     joint_accelerations,
     leg_geometry,
-    leg_rates,
     rates_of_legs,
 )
 from gough_stewart.model.operations import greater, where
@@ -298,10 +297,7 @@ def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> A
 
 
 def _points_inertia(moments: Array, arms: Array) -> Array:
-    """Inertia about Op (..., 3, 3) of point masses at `arms` r (..., n, 3) with first moments m r.
-
-    tr(S) 1 − S with S = Σ m r rᵀ, of which only the six different elements are computed.
-    """
+    """Inertia tr(S) 1 − S about Op (..., 3, 3), S = Σ m r rᵀ, of point masses at r (..., n, 3) with `moments` m r."""
     xx, yy, zz, xy, xz, yz = (
         (moments[..., a] * arms[..., b]).sum(axis=-1) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     )
@@ -424,9 +420,10 @@ def holding_motor_position(parameters: Parameters, position: Array, orientation:
 
 def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:
     """`motor_position` and `motor_velocity` (..., 6) that hold a pose and move with its twist."""
+    legs = leg_geometry(parameters, state.position, state.orientation)
     return {
         "motor_position": holding_motor_position(parameters, state.position, state.orientation),
-        "motor_velocity": leg_rates(parameters, state).length_rate,
+        "motor_velocity": rates_of_legs(legs, state).length_rate,
     }
 
 

@@ -238,10 +238,7 @@ MOST_INTERNAL_STEPS = 20_000
 
 
 def end_of_step(time: float, step: float, current: float) -> float:
-    """End of a step from `time`, which must be the model's time `current` within rounding; all in s.
-
-    `StepError` for another time, or a step that is not > 0 or too small to advance the time.
-    """
+    """End of a step from `time`, the model's `current` within rounding [s]; `StepError` for others, a step not > 0."""
     if not step > 0:
         raise StepError("step", step, current, "expected a communication step > 0 s")
     # the rounding error of a master's clock, but never a significant part of the step

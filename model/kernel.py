@@ -31,7 +31,7 @@ from gough_stewart.model.process.installed import (
 from gough_stewart.model.vectors import Array, FloatArray
 
 PREFIX = "evaluate_"
-# Arguments and results of the functions, by the names of their parts; `traced` has each as `NAME_function`.
+# Arguments and results of the functions, by the names of their parts; `traced` has each.
 FUNCTIONS = {
     "derivatives": (("x", "u", "p"), ("xdot",)),
     "outputs": (("x", "u", "p"), ("y",)),
@@ -156,10 +156,10 @@ class Kernel:
 def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = IDEAL) -> Callable[[], object]:
     """A call of a traced Function on parts of a block; `NotInstalledError` without CasADi."""
     check_installed({TRACER: "to trace the equations, which are not compiled for this machine here"})
-    from gough_stewart.model import traced
+    from gough_stewart.model.traced import traced_function
 
     arguments, results = FUNCTIONS[name]
-    buffer, evaluate = getattr(traced, f"{name}_function")(variant).buffer()
+    buffer, evaluate = traced_function(name, variant).buffer()
     for i, part in enumerate(arguments):
         buffer.set_arg(i, parts[part].data)
     for i, part in enumerate(results):

@@ -80,17 +80,9 @@ def leg_geometry(parameters: Parameters, position: Array, orientation: Array) ->
     return LegGeometry(c, l, L, l * (1 / L)[..., None])
 
 
-def leg_rates(parameters: Parameters, state: State) -> LegRates:
-    """Rates of the legs.
-
-    Ṗ = v + ω×c, L̇ = u·Ṗ, u̇ = (Ṗ − L̇ u)/L; see eqs. (21)–(22) of the paper for Ṗ.
-    """
-    return rates_of_legs(leg_geometry(parameters, state.position, state.orientation), state)
-
-
 @without_warnings
 def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
-    """Rates of legs whose geometry is known."""
+    """Rates of legs: Ṗ = v + ω×c, eqs. (21), (22) of the paper, L̇ = u·Ṗ, u̇ = (Ṗ − L̇ u)/L."""
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
     direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
@@ -105,10 +97,7 @@ def joint_accelerations(legs: LegGeometry, angular_velocity: Array, linear: Arra
 
 @without_warnings
 def leg_accelerations(legs: LegGeometry, state: State, linear: Array, angular: Array) -> Array:
-    """Second derivatives of the leg lengths (..., 6) [m/s²].
-
-    L̈ = J [v̇; ω̇] + u·(ω×(ω×c)) + L |u̇|² = u·P̈ + L |u̇|²; v̇ [m/s²] and ω̇ [rad/s²] (..., 3) in world components.
-    """
+    """L̈ = u·P̈ + L |u̇|² (..., 6) [m/s²], for v̇ [m/s²] and ω̇ [rad/s²] (..., 3) in world components."""
     rates = rates_of_legs(legs, state)
     along = dot(legs.direction, joint_accelerations(legs, state.angular_velocity, linear, angular))
     return np.asarray(along + legs.length * dot(rates.direction_rate, rates.direction_rate))
@@ -174,10 +163,7 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def condition_number_bound(matrix: Array) -> Array:
-    """‖A‖ ‖A⁻¹‖ (...) in Frobenius norms of matrices (..., n, n): a cheap upper bound of the condition number.
-
-    At most n times the condition number; infinite for all matrices if one is singular.
-    """
+    """‖A‖ ‖A⁻¹‖ (...) in Frobenius norms, 1 to n times the condition number; infinite if one is singular."""
     try:
         inverse = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:

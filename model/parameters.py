@@ -178,10 +178,7 @@ Parameters = ParametersOf[Array, Scalars]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlatformFields(ParametersOf[FloatArray, float]):
-    """All fields of a platform: physical parameters, home pose, limits, texts; unchecked.
-
-    The dynamics ignore the limits; motion checks, workspace, metrics and figures use them.
-    """
+    """All fields of a platform, unchecked: what dynamics use, the home pose, limits that they ignore, texts."""
 
     home_position: FloatArray = _row("m", "Op in the home pose, the start value of position", shape=(3,))
     home_orientation: FloatArray = _row(

@@ -304,10 +304,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 
 
 def platform_to_toml(platform: Platform) -> str:
-    """TOML text of a platform, with units and descriptions as comments; lossless.
-
-    Factors of 1 are left out, and parameters of stiction and compliance that have their defaults.
-    """
+    """Lossless TOML with comments, without factors of 1 and defaults of stiction and compliance."""
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
         is_optional = key in TABLE and (key in FACTOR_OF.values() or TABLE[key].part is not None)

@@ -20,6 +20,7 @@ LARGEST_PITCH = np.pi / 2 - 1e-3
 SHORTEST_LEG = 1e-3
 # Of the leg Jacobian with angles scaled to lengths; above this, the pose is practically singular.
 SINGULAR_CONDITION_NUMBER = 1e8
+PITCHED, COLLAPSED = "the pitch has reached ±90°", "the leg has collapsed"
 
 
 def check_pose(platform: PlatformFields, x: Array, time: float, handedness: float | None = None) -> float:
@@ -30,11 +31,11 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     """
     position, orientation = x[:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
-        raise pitch_reached(float(orientation[1]), time)
+        raise StepError("orientation[2]", float(orientation[1]), time, PITCHED)
     legs = leg_geometry(platform, position, orientation)
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
-        raise leg_collapsed(leg, float(legs.length[leg]), time)
+        raise StepError(f"leg_length[{leg + 1}]", float(legs.length[leg]), time, COLLAPSED)
     scaled, _ = scaled_jacobian_of_legs(legs)
     sign = float(np.sign(np.linalg.det(scaled)))
     passed = handedness is not None and sign != handedness
@@ -44,16 +45,6 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
         if passed or not number < SINGULAR_CONDITION_NUMBER:
             raise singular_pose(number, time, passed=passed)
     return sign
-
-
-def pitch_reached(pitch: float, time: float) -> StepError:
-    """The error for a pitch [rad] of ±90°."""
-    return StepError("orientation[2]", pitch, time, "the pitch has reached ±90°")
-
-
-def leg_collapsed(leg: int, length: float, time: float) -> StepError:
-    """The error for a leg, counted from 0, of zero length [m]."""
-    return StepError(f"leg_length[{leg + 1}]", length, time, "the leg has collapsed")
 
 
 def singular_pose(condition_number: float, time: float, *, passed: bool) -> StepError:

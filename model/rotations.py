@@ -22,10 +22,7 @@ _ARCTANGENT = [(-1) ** k / (2 * k + 1) for k in reversed(range(11))]
 
 
 def matrix_from_orientation(orientation: Array) -> Array:
-    """Rotation matrix that maps platform components to world components.
-
-    R = Rz(γ) Ry(β) Rx(α), for orientation (..., 3) = (α, β, γ) [rad]; shape (..., 3, 3).
-    """
+    """R = Rz(γ) Ry(β) Rx(α) (..., 3, 3), platform to world components, of orientations (α, β, γ) (..., 3) [rad]."""
     orientation = np.asarray(orientation)
     ca, cb, cg = (np.cos(orientation[..., i]) for i in range(3))
     sa, sb, sg = (np.sin(orientation[..., i]) for i in range(3))
@@ -38,10 +35,7 @@ def matrix_from_orientation(orientation: Array) -> Array:
 
 
 def angular_velocity_from_orientation_rate(orientation: Array, rate: Array) -> Array:
-    """Angular velocity in world components from the rates of roll, pitch and yaw.
-
-    ω = γ̇ e_z + Rz(γ) (β̇ e_y + Ry(β) α̇ e_x); orientation [rad] and rate [rad/s] (..., 3).
-    """
+    """ω = γ̇ e_z + Rz(γ) (β̇ e_y + Ry(β) α̇ e_x) in world components; orientation [rad] and rate [rad/s] (..., 3)."""
     cb, sb = np.cos(orientation[..., 1]), np.sin(orientation[..., 1])
     cg, sg = np.cos(orientation[..., 2]), np.sin(orientation[..., 2])
     da, db, dg = rate[..., 0], rate[..., 1], rate[..., 2]

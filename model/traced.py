@@ -30,7 +30,7 @@ scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arra
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache
 from itertools import combinations
 from typing import Any
 
@@ -107,27 +107,13 @@ def traced_function(name: str, variant: Variant = IDEAL) -> casadi.Function:  # 
             if variant == IDEAL:
                 results["s"], _ = _split()
             if variant.bristles:
-                results["decay"] = decays_function(variant)(x, p)
+                results["decay"] = traced_function("decays", variant)(x, p)
             return _function(name, (x, p), **results)
         case _:  # motion
             x, u, _ = _symbols_of(IDEAL)
             shared, solved = _split()
             s = casadi.SX.sym("s", shared.numel())
             return _function(name, (s, x, u), xdot=solved(s))
-
-
-derivatives_function, outputs_function, jacobians_function = (
-    partial(traced_function, name) for name in ("derivatives", "outputs", "jacobians")
-)
-tangent_function, forward_function, reverse_function = (
-    partial(traced_function, name) for name in ("tangent", "forward", "reverse")
-)
-decays_function, grip_function, sliding_function = (
-    partial(traced_function, name) for name in ("decays", "grip", "sliding")
-)
-legs_function, posed_function, motion_function = (
-    partial(traced_function, name) for name in ("legs", "posed", "motion")
-)
 
 
 @cache

@@ -53,7 +53,10 @@ def number(value: object, unit: str) -> float:
     if type(value) is float and abs(value) <= LARGEST:  # of many members most are, and the checks below are slow
         return value
     if unit == PLAIN:
-        return plain_number(value)
+        try:
+            return float(real_array(value, ()))
+        except ValueError:
+            raise ValueError("expected a number") from None
     expected = f"expected a number of {unit}, or a string with one of the units {', '.join(UNITS[unit])}"
     if isinstance(value, str):
         parts = _QUANTITY.fullmatch(value.strip())
@@ -71,19 +74,8 @@ def number(value: object, unit: str) -> float:
     return size
 
 
-def plain_number(value: object) -> float:
-    """A finite number without unit; `ValueError` for strings, booleans and all else."""
-    try:
-        return float(real_array(value, ()))
-    except ValueError:
-        raise ValueError("expected a number") from None
-
-
 def in_si(name: str, value: Any, unit: str) -> Any:
-    """A value with each text in it, "20 mm", as a number in SI units, arrays as lists; all else as it is.
-
-    `ValueError` with the name for a text that is no quantity of this unit.
-    """
+    """A value with texts in it, "20 mm", as numbers in SI units; `ValueError` with the name for other kinds."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, list | tuple):

@@ -190,10 +190,7 @@ def _traced_once(name: str, variant: Variant, trace: Callable[[], bytes]) -> byt
 
 @cache
 def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
-    """Dependencies of derivatives, outputs and locals on inputs, states and parameters.
-
-    A dependency is `constant` if its entry of the Jacobian is a plain number.
-    """
+    """What derivatives, outputs and locals depend on; `constant` if an entry of the Jacobian is a plain number."""
     content = _traced_once(DEPENDENCIES, variant, lambda: json.dumps(traced_dependencies(variant)).encode())
     return {
         int(unknown): {int(slot): kind for slot, kind in kinds.items()}
@@ -206,15 +203,15 @@ def traced_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     check_installed(TRACER)
     import casadi
 
-    from gough_stewart.model import traced
+    from gough_stewart.model.traced import traced_function
 
     def slots_of(rows: Iterable[LayoutRow]) -> list[int]:
         return [slot for row in rows for slot in row.slots]
 
     layout = plant_layout(variant)
-    x, u, p = traced.derivatives_function(variant).sx_in()
-    y = traced.outputs_function(variant)(x, u, p)
-    f = casadi.vertcat(traced.derivatives_function(variant)(x, u, p), y)
+    derivatives, outputs = (traced_function(name, variant) for name in ("derivatives", "outputs"))
+    x, u, p = derivatives.sx_in()
+    f = casadi.vertcat(derivatives(x, u, p), outputs(x, u, p))
     jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))
     unknowns = slots_of(layout.of_role(Role.DERIVATIVE)) + slots_of(layout.by_name[v.name] for v in variant.results)
     knowns = slots_of(layout.of_role(Role.STATE)) + slots_of(layout.of_role(Role.INPUT))

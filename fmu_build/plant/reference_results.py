@@ -39,11 +39,7 @@ class ReferenceRun(NamedTuple):
 
 @lru_cache(maxsize=8)  # the units of both FMI versions have them in common
 def reference_runs(platform: Platform) -> tuple[ReferenceRun, ...]:
-    """The paper's open loop on this platform, and varying inputs from the start values of the description.
-
-    The equations are integrated by SciPy instead of the unit; a run ends where its motion cannot go on, at a singular
-    pose.
-    """
+    """The paper's open loop on this platform, and varying inputs, by SciPy; a run ends before a singular pose."""
     case = case_of(platform)
     constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
     home = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))

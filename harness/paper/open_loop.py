@@ -13,7 +13,7 @@ from gough_stewart.model.formulations import kane
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.kinematics import leg_rates
+from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
@@ -54,7 +54,8 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
             progress(t)
         lost = 0.0
         if has_friction:
-            rate = leg_rates(platform, State.from_vector(x[:12])).length_rate
+            state = State.from_vector(x[:12])
+            rate = rates_of_legs(leg_geometry(platform, state.position, state.orientation), state).length_rate
             lost = float(friction_force(platform, rate) @ rate)
         return np.append(kernel.derivatives(x[:12], u, p), lost)
 

@@ -26,7 +26,7 @@ from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import are_too_short, check_leg_com_offsets
-from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
+from gough_stewart.model.pose_limits import COLLAPSED, PITCHED, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, real_array
 
@@ -95,11 +95,7 @@ def lane_rows(size: int, blocks: int) -> FloatArray:
 
 
 class CompiledLanes:
-    """A library of c/lanes or c/loop; it releases the GIL while it works.
-
-    Members that do not run, or fail, stay exactly as they were; functions return the number of those that fail. Poses
-    are checked, and errors estimated, as in c/lanes/lanes.h.
-    """
+    """A library of c/lanes or c/loop, see c/lanes/lanes.h; it releases the GIL while it works."""
 
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features  # of the processor that it was compiled for: equal texts mean equal bits
@@ -324,12 +320,13 @@ class BatchPlant(Plant):
             )
             return StepError("internal steps", most, time, reason)
         if failure == Failure.PITCHED:
-            return pitch_reached(float(x[4]), time)
+            return StepError("orientation[2]", float(x[4]), time, PITCHED)
         platform, pose = batch.parameters_of([k]), (x[None, :3], x[None, 3:6])
         if failure >= Failure.COLLAPSED:
             leg = failure - Failure.COLLAPSED
             with np.errstate(all="ignore"):
-                return leg_collapsed(leg, float(leg_geometry(platform, *pose).length[0, leg]), time)
+                length = float(leg_geometry(platform, *pose).length[0, leg])
+            return StepError(f"leg_length[{leg + 1}]", length, time, COLLAPSED)
         number = float(conditioning(platform, *pose).condition_number[0])
         return singular_pose(number, time, passed=failure == Failure.PASSED_SINGULAR)
 

@@ -89,10 +89,7 @@ def open_plant(
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
-    """The FMU of the paper's platform, or of another variant, for this machine, built once per state of this package.
-
-    See `build` and `kept` for errors.
-    """
+    """The FMU of a variant for this machine, built once per state of this package."""
 
     def built() -> bytes:
         from gough_stewart.fmu_build.build import build  # imports what a cached unit does not need

@@ -6,7 +6,6 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, MembersError, StepError
@@ -78,22 +77,15 @@ class Plant(Closing, Protocol):
         """The first part of the results (*shape, 24), perhaps a view that is valid until the next step."""
         return self.results()[..., : signals.SIZE]
 
-    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
         """Set tunable parameters of these members (N,) only; values of the others are ignored."""
-        self._refuse_members()
 
-    def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
-        """Leave these members (N,) in their present state from now on."""
-        self._refuse_members()
+    def freeze(self, members: BoolArray) -> None:
+        """Leave these members (N,) in their present state from now on; with its only member a run has ended."""
 
     def remarks(self) -> str:
         """What the plant said since the last call while all went well."""
         return ""
-
-    def _refuse_members(self) -> None:
-        raise PlantError(
-            f"{type(self).__name__} is a plant of one platform; expected a plant of many platforms for member actions"
-        )
 
 
 class PlantOfOne(Plant):
@@ -128,9 +120,6 @@ class PlantOfOne(Plant):
         except StepError as error:
             raise MembersError({0: error}) from error
 
-    def freeze(self, members: BoolArray) -> None:
-        """Do nothing: with its only member the run has ended."""
-
 
 def tunable(variant: Variant, name: str) -> Variable:
     """The parameter of this name, which may change during a run; `InterfaceError` lists those that may."""
@@ -142,10 +131,7 @@ def tunable(variant: Variant, name: str) -> Variable:
 
 
 def seen(plant: Plant, side: signals.Side) -> FloatArray:
-    """The signals (*shape, 24) for sensors at this side of legs: the motors' lengths and velocities of elastic ones.
-
-    Both sides of rigid legs are the same.
-    """
+    """The signals (*shape, 24) for sensors at this side of legs: motors' lengths and velocities of elastic ones."""
     if side == "leg" or signals.MOTORS not in plant.columns:
         return plant.signals()
     results, first, n = plant.results(), plant.columns.index(signals.MOTORS), signals.LEGS.stop - signals.LEGS.start

@@ -33,13 +33,7 @@ PerMember = Any
 
 
 def positions(names: Iterable[str]) -> NDArray[np.intp]:
-    """The positions of the elements of some signals in the vector of all signals.
-
-    Raises
-    ------
-    ControllerError
-        An unknown name, or no name.
-    """
+    """Positions of some signals' elements in the vector of all; `ControllerError` for an unknown name, or none."""
     names = [names] if isinstance(names, str) else list(names)
     if not names:
         raise ControllerError(f"no signals; expected one or more of {', '.join(NAMES)}")
@@ -68,10 +62,7 @@ def stacked(values: Sequence[Any]) -> Any:
 
 
 def all_below(values: FloatArray, bound: float) -> bool:
-    """Whether vectors (size, N) are certainly all shorter than a bound; if False, check each.
-
-    Compares the sum of all squares, which no vector's own sum exceeds; also False for NaN.
-    """
+    """Whether the sum of all squares shows that vectors (size, N) are shorter than a bound; False may be undecided."""
     flat = values.reshape(-1)
     return bool(flat.dot(flat) < bound * bound)
 

@@ -62,10 +62,7 @@ _BYTES_KEPT = 500
 
 
 class FmuFile(Closing):
-    """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until closed.
-
-    Its `error` is raised for no such file, no FMU, an unsafe archive, or another kind of FMU.
-    """
+    """An FMU for Co-Simulation, FMI 2.0 or 3.0, unpacked until closed; `error` for what is none, or unsafe."""
 
     error: ClassVar[type[GoughStewartError]] = PlantError
     remedy: ClassVar[str] = "make one with `gough-stewart build`"
@@ -148,10 +145,7 @@ class FmuFile(Closing):
 
 
 class UnitFile(FmuFile):
-    """A plant FMU built by this project; raises `PlantError`, also for another model or version.
-
-    Its `variant` is that of the platform for which it was built.
-    """
+    """A plant FMU of this project, for a platform of its `variant`; `PlantError` for another model or version."""
 
     variant: Variant
 
@@ -292,10 +286,7 @@ def _ends_of(text: bytes | None) -> str:
 
 
 class Values:
-    """Variables of an instance by their value references: their `array`, which `read` fills and `write` hands over.
-
-    FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
-    """
+    """An instance's variables by value references, of scalars in FMI 2.0: `read` fills the `array`, `write` sets it."""
 
     def __init__(self, unit: FmuInstance, references: Sequence[int], size: int) -> None:
         self.array = np.zeros(size)

@@ -52,10 +52,7 @@ class UnitCheck:
 
 
 def check_units(paths: Iterable[Path | str]) -> Iterator[UnitCheck]:
-    """Three checks of each file, one after the other: validation, Co-Simulation, Model Exchange.
-
-    A failure is a check that has not passed, whatever its reason.
-    """
+    """Three checks of each file: validation, Co-Simulation, Model Exchange; a failure is one that has not passed."""
     for path in map(Path, paths):
         try:
             check_archive(path)

@@ -16,7 +16,7 @@ from gough_stewart.harness.quantities import Number
 from gough_stewart.harness.sampling.design import CorrelatedInputs, Sampling
 from gough_stewart.harness.section import TableSection, complaints
 from gough_stewart.model.interface import TOLERANCES
-from gough_stewart.model.units import PLAIN, number, plain_number
+from gough_stewart.model.units import PLAIN, number
 from gough_stewart.model.vectors import FloatArray
 
 # From numbers in (0, 1) to values, elementwise.
@@ -159,7 +159,7 @@ def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
         raise ValueError(f"{kind} is {value!r}; expected {wanted} about the present value")
     # one number for all elements, or one for each
     numbers = [
-        np.array(plain_number(part))
+        np.array(number(part, PLAIN))
         if kind == "lognormal" and k == len(parts) - 1
         else _parsed(part, target, target.shape if isinstance(part, list | tuple) else ())
         for k, part in enumerate(parts)

@@ -47,10 +47,7 @@ class OpenLoopCase:
 
 
 def paper_case(minus_first: bool = False) -> OpenLoopCase:
-    """The simulation of section IV of the paper.
-
-    `minus_first` reads the "±" of its appendix as − first, which swaps the legs of each pair under the same forces.
-    """
+    """Section IV of the paper; `minus_first` reads its appendix's ± as − first, which swaps the legs of each pair."""
     platform = load_preset(PAPER_PRESET)
     title = "open-loop case of Liu, Li & Li (2000)"
     if minus_first:

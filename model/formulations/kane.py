@@ -79,10 +79,7 @@ def _partial_velocity(arm: Array, slide_direction: Array | None) -> Array:
 
 
 def _partial_velocity_rate(arm: Array, omega: Array, u: Array, slide_rate: Array | None) -> Array:
-    """v̇ = [(arm × ω_i − ṡ_i u_i)~  ω_i × u_i] (..., 3, 4); (13), (14), (20), by d(R)/dt = ω~ R, (3).
-
-    `slide_rate` is None for points of the lower part: [(arm × ω_i)~ 0].
-    """
+    """v̇ = [(arm × ω_i − ṡ_i u_i)~  ω_i × u_i] (..., 3, 4), without ṡ_i and u_i of the lower part; (13), (14), (20)."""
     if slide_rate is None:
         return np.concatenate([skew(cross(arm, omega)), np.zeros_like(arm)[..., None]], axis=-1)
     turning = cross(arm, omega) - slide_rate[..., None] * u

@@ -30,10 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Raise `OutputError` if files of these names cannot be written to a folder, before anything is computed.
-
-    Temporary files of processes that were killed there are removed.
-    """
+    """Remove what killed processes left in a folder; `OutputError` if files of these names cannot be written there."""
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent
@@ -50,10 +47,7 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
 
 @contextmanager
 def reserved(folder: Path) -> Iterator[None]:
-    """Keep an output folder, created if needed, for this thread while a block lasts; may be nested.
-
-    `OutputError` if it cannot be written to, or another process or thread writes there.
-    """
+    """Keep an output folder for this thread, also nested; `OutputError` if another one does, or it is not writable."""
     check_output_folder(folder, ())
     is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)

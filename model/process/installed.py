@@ -46,10 +46,7 @@ def manifest_line(file: str, content: bytes, state: str) -> dict[str, str]:
 
 
 def prebuilt(name: str, state: str) -> Path | None:
-    """The file of a name in the manifest, made of sources of this state; None if there is none.
-
-    A file that differs from what was made is refused with a warning.
-    """
+    """The file of a name, made of sources of this state; None if there is none, with a warning if it is damaged."""
     line: Mapping[str, str] | None = manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
         return None

@@ -1,6 +1,7 @@
 """What looks like a mistake: numbers of CAD programs in mm, g, kg mm², g mm², mm/s²; joints in the wrong order."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import combinations, permutations
 from typing import Any
 
@@ -100,8 +101,7 @@ def _crossing(share: float, leg: int, aim: FloatArray) -> gs.Platform:
         return _measured(base, home + R.apply(moved(t)), 3, 4) - share
 
     grid = np.linspace(0, 1, 80)
-    gaps = [gap(t) for t in grid]
-    k = next(k for k in range(1, 80) if gaps[k] < 0)
+    k = next(k for k in range(1, 80) if gap(grid[k]) < 0)
     points = moved(brentq(gap, grid[k - 1], grid[k], xtol=1e-7))
     return replace(UNEVEN, platform_points=points, leg_length_min=None, leg_length_max=None)
 
@@ -144,12 +144,15 @@ def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() 
     u, rho = l / L[..., None], np.sqrt((arms[0] ** 2).sum() / 6)
     numbers = np.linalg.cond(np.concatenate([u, np.cross(arms, u) / rho], axis=-1))
 
+    @cache
+    def closest(k: int) -> float:
+        return min(_measured(base, home + arms[k], *pair) for pair in combinations(range(6), 2))
+
     def searched(low: float, high: float) -> tuple[float, str]:
         """The least condition number of an order that fits, and its numbers of joints."""
         for k in np.argsort(numbers):
             fits = low <= L[k].min() and L[k].max() <= high
-            pairs = combinations(range(6), 2)
-            if fits and min(_measured(base, home + arms[k], *pair) for pair in pairs) >= 0.05:
+            if fits and closest(k) >= 0.05:
                 return float(numbers[k]), ", ".join(str(j + 1) for j in orders[k])
         raise AssertionError("no order fits")
 

@@ -98,13 +98,13 @@ def test_a_range_is_that_of_what_can_be_reached_rounded_outward(
     assert [(a, b) for a, b, known in zip(low, high, is_given, strict=True) if known] == list(given.values())
     wide = np.array([1.6 * low - 0.6 * high, 1.6 * high - 0.6 * low])
     wide[:, is_given] = np.array([low, high])[:, is_given]
-    poses = np.repeat([list(home.values())], 3000, axis=0)
-    poses[:, axes] = rng.uniform(wide[0], wide[1], (3000, len(axes)))
+    poses = np.repeat([list(home.values())], 1500, axis=0)
+    poses[:, axes] = rng.uniform(wide[0], wide[1], (1500, len(axes)))
     poses = reached(platform, np.concatenate([poses, [list(home.values())]]))
     for size in (0.5, 0.3, 0.2, 0.1, 0.1, 0.05, 0.05, 0.03, 0.02, 0.02, 0.01, 0.01):
         # the outermost so far, and some others, are moved on
         outer = [f(poses[:, axis]) for axis in axes for f in (np.argmin, np.argmax)]
-        some = poses[np.concatenate([np.tile(outer, 60), rng.integers(0, len(poses), 1200)])]
+        some = poses[np.concatenate([np.tile(outer, 40), rng.integers(0, len(poses), 600)])]
         some[:, axes] += size * (wide[1] - wide[0]) * rng.normal(size=(len(some), len(axes)))
         some[:, axes] = np.clip(some[:, axes], *wide)
         poses = np.concatenate([poses, reached(platform, some)])
