@@ -260,6 +260,7 @@ class BatchPlant(Plant):
             except PlatformError as error:
                 text = str(error).partition(": ")[2]
                 raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None
+        self._platforms = self._platforms.having(changed)
         for name, new in changed.items():
             self.batch.put_parameter(name, new)
         if not self._begun:

@@ -263,6 +263,24 @@ def test_poses_are_refused_from_the_limits_on() -> None:
     assert [error.value for error in failures.values()] == pytest.approx([5e-4] * 6, rel=1e-9)
 
 
+def test_members_that_restart_repeat_their_run_bit_by_bit(steps: dict[str, Any]) -> None:
+    """Expected: the bits of the first run, of those that restart; of the others, those of a run without restarts."""
+    platforms, starts, inputs = members(N)
+    plant, other = (BatchPlant(platforms, starts, **steps) for _ in range(2))
+    again, found = np.arange(N) % 3 > 0, []
+    for each in (plant, other):
+        each.set_inputs(inputs)
+        for k in range(6):
+            if k == 3 and each is plant:
+                plant.restart(again)
+            each.do_step(k * STEP, STEP)
+            found.append(each.results())
+    np.testing.assert_array_equal(found[5], np.where(again[:, None], found[2], found[11]))
+    for values in (np.ones((N + 1, 3)), np.ones((N, 2)), 1.0):
+        with pytest.raises(GoughStewartError, match=r"^platform_com: has shape"):
+            plant.set_parameters({"platform_com": values})
+
+
 # --- machines that stick or give -------------------------------------------------------------------------------------
 
 STEPS = 14

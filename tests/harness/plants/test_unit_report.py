@@ -39,6 +39,8 @@ def test_the_page_lists_every_variable_as_the_model_description_has_it(folder: P
             if name != "time" and not name.startswith("der("):
                 variables.setdefault(name, []).append(variable)
     assert set(rows) == set(by_version["2"]) == set(by_version["3"])
+    late = {row[0].text_content() for row in page.xpath("//tbody/tr[contains(@class, 'late')]")}
+    assert late == {name for name, (causality, *_) in rows.items() if causality in ("parameter", "local")}
     for name, (causality, elements, unit, slots, reference, start) in rows.items():
         (whole,), parts = by_version["3"][name], by_version["2"][name]
         references = [int(part.valueReference) for part in parts]
