@@ -46,9 +46,8 @@ def cache_folder() -> Path:
 def kept(path: Path, make: Callable[[], bytes]) -> Path:
     """A file of the cache, created by `make` if it is missing or does not match its stored digest.
 
-    Several processes may create it at the same time if its content is deterministic: each writes a temporary file and
-    renames it, so the file is never missing while another process uses it. `BuildError` if it differs from what was
-    written, `OSError` if the cache cannot be written.
+    Several processes may create it at the same time if its content is deterministic, since it is written atomically.
+    `BuildError` if it differs from what was written, `OSError` if the cache cannot be written.
     """
     digest = path.with_name(f"{path.name}.sha256")
 

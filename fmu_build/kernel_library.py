@@ -1,12 +1,7 @@
 """The library of a plant's functions for Python: its unit's stepper, and for the ideal plant the kernel's functions.
 
-The stepper is the unit's own code with c/stepper as its face, and the kernel's functions call the unit's equations;
-`gough_stewart.model.stepping` and `kernel` load them. A wheel carries the library of the ideal plant,
-others are compiled at first use and kept in the cache:
-
-    python -m gough_stewart.fmu_build.kernel_library bristles springs
-
-prints the path of one.
+Both are the unit's own code, loaded by `gough_stewart.model.stepping` and `kernel`. A wheel carries the library of the
+ideal plant, others are compiled at first use: `python -m gough_stewart.fmu_build.kernel_library bristles springs`.
 """
 
 import sys

@@ -59,8 +59,7 @@ class StickTerms(NamedTuple):
 def friction_force(parameters: Parameters, length_rate: Array) -> Array:
     """Smooth friction (..., 6) [N] against the sliding velocity (..., 6) [m/s]: c_i L̇_i + C_i tanh(L̇_i/v_s).
 
-    c_i is `leg_viscous_friction` times the leg's `leg_viscous_friction_factor`, C_i likewise `leg_coulomb_friction`
-    times its factor; `leg_friction_velocity` v_s smooths the sign of the Coulomb part.
+    c_i is `leg_viscous_friction` and C_i `leg_coulomb_friction`, times the leg's factors; v_s `leg_friction_velocity`.
     """
     c, C = of_legs(parameters, "leg_viscous_friction"), of_legs(parameters, "leg_coulomb_friction")
     return np.asarray(c * length_rate + C * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity)))

@@ -445,23 +445,13 @@ def load_preset(name: str) -> Platform:
 
 
 class Platforms(Sequence[Platform]):
-    """N platforms, checked and evaluated at once; each is made as a `Platform` only where it is asked for.
-
-    Parameters
-    ----------
-    bases
-        Platforms.
-    base_of
-        Which of them each of N platforms starts from (N,); by default each one once.
-    values
-        Parameters that replace those of its base, by name (N, *shape).
-    """
+    """N platforms, checked and evaluated at once; each is made as a `Platform` only where it is asked for."""
 
     def __init__(
         self,
         bases: Sequence[Platform],
-        base_of: NDArray[np.intp] | None = None,
-        values: Mapping[str, FloatArray] | None = None,
+        base_of: NDArray[np.intp] | None = None,  # which of them each starts from (N,), by default each one once
+        values: Mapping[str, FloatArray] | None = None,  # parameters that replace those of its base (N, *shape)
     ) -> None:
         self._bases = tuple(bases)
         self._base_of = np.arange(len(self._bases)) if base_of is None else base_of

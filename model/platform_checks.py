@@ -226,8 +226,7 @@ def check_leg_com_offsets(platform: PlatformFields, lengths: FloatArray, pose: s
 def by_leg(values: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters by name, with six values of a parameter that has factors replaced by their mean and the factors.
 
-    `leg_viscous_friction` = (c_1 … c_6) becomes c = Σ c_i / 6 and `leg_viscous_friction_factor` = c_i / c. The
-    parameter stays a scalar: in a batch, six values would be ambiguous between six platforms and six legs. All other
+    (c_1 … c_6) become c = Σ c_i / 6 and c_i / c: in a batch, six values might be those of six platforms. All other
     values are unchanged. `PlatformError` for six values beside factors, or a value below its bound.
     """
     spread = dict(values)

@@ -455,11 +455,9 @@ def default_ranges(
 ) -> dict[str, Range]:
     """Ranges [m or rad] about the reachable region with the other coordinates fixed, rounded outward.
 
-    P_i stays within `leg_length_max` of B_i, which bounds Op by a box; roll and yaw are bounded by half turns from
-    home, pitch by ±90°. A coarse grid over this box finds the region, and two finer ones its ends. A tip thinner than
-    a step of the coarse grid, a hundredth of the box (a twentieth for three coordinates), can be missed. If no limit
-    of the platform bounds a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Given ranges
-    are not changed.
+    A coarse grid over the box that limits leave finds the region, and two finer ones its ends; a tip that is thinner
+    than a step of the coarse one can be missed. Coordinates without limits have `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE`
+    about home. Given ranges are not changed.
     """
     home = home_of(platform)
     free = [name for name, limits in over.items() if limits is None and name in _bounded(platform)]

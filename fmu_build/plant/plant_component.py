@@ -57,31 +57,16 @@ _LAYERED_STANDARD = "org.fmi-standard.fmi-ls-ref"
 def plant_component(
     platform: Platform,
     *,
-    start: State | None = None,
-    actuator_force: Array | None = None,
+    start: State | None = None,  # if not home
+    actuator_force: Array | None = None,  # (6,) [N], if not those that hold the home pose
     tolerance: float = DEFAULT_TOLERANCE,
     fixed_step_size: float = 0.0,
     file_stem: str = PLANT_STEM,
+    # with its controller: without reference results; forces that are all 0 in the first step stand for their start
+    # values, which some masters do not propagate
     is_in_a_system: bool = False,
 ) -> UnitComponent:
-    """The plant with the start values of a platform.
-
-    Parameters
-    ----------
-    platform
-        The platform with the parameters and the default start pose, home.
-    start
-        Start state, if not home.
-    actuator_force
-        Start values of the forces (6,) [N], if not those that hold the home pose; positive extends the leg.
-    tolerance, fixed_step_size
-        Default values of the unit.
-    file_stem
-        Beginning of the archives' names.
-    is_in_a_system
-        Whether the unit is for a system with its controller: without reference results, and in the first step,
-        actuator forces that are all 0 are replaced by their start values, which some masters do not propagate.
-    """
+    """The plant with the start values of a platform."""
     variant = Variant.of(platform)
     layout = plant_layout(variant)
     home = interface.start_values((row.variable for row in layout.rows), platform)

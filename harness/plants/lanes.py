@@ -123,27 +123,12 @@ class Stepping(NamedTuple):
 
 
 class BatchPlant(Plant):
-    """N platforms as a `Plant` of shape (N,), each in its own start state at time 0.
+    """N platforms of one kind as a `Plant` of shape (N,), each in its own start state at time 0.
 
-    Attributes
-    ----------
-    features
-        Processor features of its machine code, see `CompiledLanes`.
-    integration_error
-        The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
-        absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
-        distances from a solution of order 5; see c/lanes/lanes.h.
-    internal_steps
-        Error-controlled internal steps so far (N,), with those that were too large.
-
-    Raises
-    ------
-    PlantError
-        No platforms, another number of starts, or an invalid number of substeps or tolerance.
-    PlatformError
-        Some have stiction or elastic legs, and others have not.
-    BuildError, OSError
-        There is no machine code, and it cannot be built, as `machine_code`.
+    `internal_steps` (N,) counts error-controlled steps so far, with those that were too large; `integration_error` (N,)
+    is the largest estimate so far, max |x − x'| / (1 + |x|): the sum of the internal steps' errors in a plant step, or,
+    with substeps, of their distances from a solution of order 5. `PlantError` or `PlatformError` for platforms or
+    options that do not fit, errors of `machine_code` if there is none.
     """
 
     def __init__(

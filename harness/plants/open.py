@@ -66,8 +66,7 @@ def open_plant(
     """An open plant; an FMU without a file is built for this machine or taken from the cache.
 
     An FMU from a file is third-party code: it runs in its own process, so that a crash does not end the run.
-    `PlantError` for an unknown kind, a file for the model, an FMU of the other version, or one that `FmuPlant` refuses;
-    `BuildError` if the FMU cannot be built, or what runs it is not installed.
+    `PlantError` for a kind and a file that do not fit, or one that `FmuPlant` refuses; `BuildError` from building one.
     """
     if kind in ("model", "scipy"):
         if fmu is not None:

@@ -107,10 +107,9 @@ class FileSet:
 def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> Iterator[FileSet]:
     """A set of files that replaces an older set in a folder, which is created if needed.
 
-    New files are temporary until the end. Then the files of the older set are deleted, and the new ones are moved to
-    their places. If an error or an interrupt ends the set early, the new files written so far are kept, no old file
-    is left beside them, and a note on the error lists the missing files. An empty set does not change the folder. The
-    files to be added have these `names`, `owned` are further ones that an older set can have.
+    New files, of these `names`, are temporary until the end. Then those of the older set, which may have `owned` ones
+    as well, are deleted, and the new ones moved to their places: also after an error, to which a note on missing files
+    is added. An empty set does not change the folder.
     """
     expected = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)
