@@ -282,10 +282,7 @@ def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
 
 
 def universal_binary(libraries: Mapping[str, bytes]) -> bytes:
-    """Mach-O file with the libraries of several processors, by target (as from `lipo -create`).
-
-    The header is big-endian: magic, count; per library: processor, subtype, offset, size, alignment as a power of two.
-    """
+    """Mach-O file with a big-endian header and the libraries of several processors, by target."""
     power = 14  # 16 KiB, the page size of Apple's processors
     entries, content = b"", bytearray(1 << power)
     for target, library in libraries.items():

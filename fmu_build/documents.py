@@ -227,10 +227,7 @@ def mathml(latex: str, display: str) -> str:
 
 
 def to_html(markdown: str) -> str:
-    """HTML of paragraphs, headings and formulas `$$…$$` separated by empty lines; `$…$`, code and bold text inline.
-
-    A heading with one # becomes h2, and so on.
-    """
+    """HTML of paragraphs, headings and formulas `$$…$$`, between empty lines; `$…$`, code and bold text inline."""
     elements = []
     for text in re.split(r"\n\s*\n", html.escape(markdown, quote=False).strip()):
         block = text.strip()

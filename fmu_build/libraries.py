@@ -76,10 +76,7 @@ class Library:
     def kept(
         self, target: Target, stop: Event | None = None, compiler: Compiler | None = None, processor: str = ""
     ) -> Path:
-        """The file of the library, from the cache, else compiled; `processor` tells for which one if not for all.
-
-        `BuildError` if the compiler (extra `compile`) is missing or fails, `OSError` if the cache cannot be written.
-        """
+        """The file of the library, cached or compiled, see `cache.kept`; `processor` if it is for one only."""
         compiler = compiler or zig()
         key = digest_of("\n".join([self.state, *self.flags, compiler.identity, processor]).encode())[:24]
         path = cache_folder() / self.name / f"{key}-{target.name}" / f"{self.name}{target.suffix}"

@@ -140,10 +140,7 @@ _RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}
 
 
 def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
-    """`model.c`: the table of variables, and the block of start values.
-
-    `tokens` are those of FMI 2.0 and 3.0; None for a block of zeros, which the library of all units of this code has.
-    """
+    """`model.c`: the table of variables, and the block of start values, all zero without `tokens`."""
     layout, rows = component.layout, []
     for row in layout.rows:
         v = row.variable

@@ -113,9 +113,8 @@ def parameter_vector(parameters: Parameters, variant: Variant = IDEAL) -> FloatA
 class Kernel:
     """The functions with a fixed block of memory: calls copy into it and allocate nothing.
 
-    Every method returns a view of the block that its next call overwrites: copy the results that you keep. The
-    arguments are the state x (12,), or more of a variant with more states, the inputs u (12,), and the parameters p
-    (`parameter_vector`). Not thread-safe: use one Kernel per thread; they share the code.
+    Methods return views of the block, which the next call overwrites. Arguments are the state x (12,), or more, the
+    inputs u (12,), and p of `parameter_vector`. Not thread-safe: use one Kernel per thread; they share the code.
     """
 
     def __init__(self, variant: Variant = IDEAL) -> None:

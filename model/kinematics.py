@@ -187,10 +187,7 @@ def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:
 def joint_angles(
     parameters: Parameters, position: Array, orientation: Array, home_position: Array, home_orientation: Array
 ) -> tuple[Array, Array]:
-    """Angles of the base and platform joints from their directions in the home pose, each (..., 6) [rad].
-
-    At B_i the angle between u_i and its home direction in world, at P_i the same in platform axes; NumPy only.
-    """
+    """Angles of base and platform joints (..., 6) [rad] from their home directions, in world and in platform axes."""
     (u, R), (u_home, R_home) = (
         (leg_geometry(parameters, p, o).direction, matrix_from_orientation(o)[..., None, :, :])
         for p, o in ((position, orientation), (home_position, home_orientation))

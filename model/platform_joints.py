@@ -25,10 +25,7 @@ JOINT_KEYS = (*CIRCLE_KEYS, *_CYLINDRICAL, "legs")
 
 
 def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a table with `JOINT_KEYS` replaced by joints and home pose by name; without such keys, unchanged.
-
-    `PlatformError` if a key is missing, stands beside what it determines, or has an impossible value.
-    """
+    """Values with joints and home pose in the place of `JOINT_KEYS`; `PlatformError` for keys that do not fit."""
     joints = dict(values)
     circles = {key: joints.pop(key) for key in CIRCLE_KEYS if key in joints}
     if circles:

@@ -24,10 +24,9 @@ PITCHED, COLLAPSED = "the pitch has reached ±90°", "the leg has collapsed"
 
 
 def check_pose(platform: PlatformFields, x: Array, time: float, handedness: float | None = None) -> float:
-    """Raise `StepError` if the pose of a state x (12,), or longer, is beyond a limit.
+    """Raise `StepError` if the pose of a state x (12,), or longer, is beyond a limit; returns the sign of det J.
 
-    Returns the sign of det J, which changes at singular poses; `handedness` is the one at an earlier state of the same
-    motion, if any.
+    It changes at singular poses; `handedness` is the one at an earlier state of the same motion.
     """
     position, orientation = x[:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:

@@ -71,10 +71,7 @@ def orientation_rate_from_angular_velocity(orientation: Array, angular_velocity:
 
 
 def orientation_from_matrix(rotation: Array) -> Array:
-    """Roll, pitch, yaw (..., 3) [rad] of rotation matrices (..., 3, 3); |β| < π/2, α and γ in (−π, π].
-
-    `OrientationError` for no rotation, or a pitch within `PITCH_MARGIN` of ±90°.
-    """
+    """Roll, pitch, yaw (..., 3) [rad] of rotation matrices; `OrientationError` for none, or a pitch near ±90°."""
     rotation = np.asarray(rotation, dtype=float)
     if rotation.shape[-2:] != (3, 3):
         raise OrientationError(f"rotation has shape {rotation.shape}; expected (..., 3, 3)")

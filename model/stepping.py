@@ -381,10 +381,9 @@ class SteppingModel:
 
 
 class CompiledStepper:
-    """A plant's state in the memory of a unit's component, and its steps.
+    """A plant's state in the memory of a unit's component, and its steps; its vectors are views of that memory.
 
-    The vectors are views of that memory, to be read, and x and u to be written in place; `begin` is called after that
-    of x.
+    x and u are written in place; `begin` is called after that of x.
     """
 
     def __init__(self, variant: Variant, tolerance: float, fixed_step_size: float) -> None:

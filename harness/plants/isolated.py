@@ -38,9 +38,8 @@ if sys.platform == "win32":
 class Isolated:
     """An object in a separate process, which may crash or hang without affecting this one.
 
-    Calls and answers are pickles on the standard streams of the process, one answer per call. An answer is a pair: a
-    success flag, and the value or the error, which is raised here. Output of the FMU is kept for the message after a
-    crash. Not by `multiprocessing`, which would import the user's script again.
+    Calls and answers are pickles on its standard streams; an answer has a success flag, and a value or an error to be
+    raised. Output is kept for the message after a crash. `multiprocessing` would import the user's script again.
     """
 
     def __init__(

@@ -301,11 +301,7 @@ class Values:
 
 
 class FmuPlant(Plant):
-    """An FMU of this project as a `Plant`; `close` removes its unpacked files.
-
-    The platform for which the FMU was built does not matter: all parameters are set. `PlantError` for no such file, no
-    FMU, one of another model, or one that does not run on this machine.
-    """
+    """An FMU of this project as a `Plant`, of any platform of its variant; `PlantError` for other files."""
 
     def __init__(
         self,

@@ -19,8 +19,8 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 def interrupts_held_back() -> Iterator[None]:
     """Defer signals to the end of a block; also a decorator.
 
-    CasADi's operators on single symbols lose exceptions that a signal handler raises in them, such as
-    `KeyboardInterrupt`. Several signals in one block count as one. Only the main thread handles signals.
+    CasADi's operators lose exceptions that a signal handler raises in them, such as `KeyboardInterrupt`. Several
+    signals in one block count as one.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
