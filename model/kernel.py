@@ -158,7 +158,8 @@ def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = I
     from gough_stewart.model.traced import traced_function
 
     arguments, results = FUNCTIONS[name]
-    buffer, evaluate = traced_function(name, variant).buffer()
+    function: Any = traced_function(name, variant)  # its buffer takes what has its size as well
+    buffer, evaluate = function.buffer()
     for i, part in enumerate(arguments):
         buffer.set_arg(i, parts[part].data)
     for i, part in enumerate(results):

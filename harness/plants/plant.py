@@ -6,6 +6,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, MembersError, StepError
@@ -77,11 +78,13 @@ class Plant(Closing, Protocol):
         """The first part of the results (*shape, 24), perhaps a view that is valid until the next step."""
         return self.results()[..., : signals.SIZE]
 
-    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
         """Set tunable parameters of these members (N,) only; values of the others are ignored."""
+        raise PlantError(f"{type(self).__name__} is a plant of one platform; expected one of many for its members")
 
-    def freeze(self, members: BoolArray) -> None:
+    def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
         """Leave these members (N,) in their present state from now on; with its only member a run has ended."""
+        return
 
     def remarks(self) -> str:
         """What the plant said since the last call while all went well."""
