@@ -203,14 +203,14 @@ class Polynomials(Piecewise):
 
     begins: FloatArray  # start times of the pieces (n,) [s]
     coefficients: FloatArray  # in the time since then, highest power first (n, 6, 6)
-    last: float  # end of the last piece [s]
+    end: float  # of the last piece [s]
     source: TimedPath | None = None  # what the pieces are of, from which an export computes them again
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
         time = np.asarray(time, dtype=float)
-        moves = (time >= self.begins[0]) & (time <= self.last + ROUNDING)
-        inside = np.clip(time, self.begins[0], self.last)
+        moves = (time >= self.begins[0]) & (time <= self.end + ROUNDING)
+        inside = np.clip(time, self.begins[0], self.end)
         at = np.searchsorted(self.begins, inside, side="right") - 1
         since = (inside - self.begins[at])[:, None]
         value = rate = half = np.zeros((len(time), 6))
@@ -219,11 +219,6 @@ class Polynomials(Piecewise):
             rate = rate * since + value
             value = value * since + self.coefficients[at, :, power]
         return motion_of(value, moves[:, None] * rate, moves[:, None] * (2 * half))
-
-    @property
-    def end(self) -> float:
-        """The end of the last piece [s]."""
-        return self.last
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
