@@ -179,17 +179,8 @@ class TimedPath:
     start: float = 0.0  # [s]
     amplitude: float = 1.0  # of the deviations from the first pose
 
-    def __call__(self, time: ArrayLike) -> Motion:
-        """The motion at times (n,) [s]."""
-        return self.since_start(np.asarray(time, dtype=float) - self.start)
-
-    @property
-    def end(self) -> float:
-        """The time at which the last pose is reached [s]."""
-        return self.start + self.law.duration
-
-    def since_start(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s] of the time law."""
+    def __call__(self, time: FloatArray) -> Motion:
+        """The motion at times (n,) [s] since its start."""
         at = self.law(time)
         motion = self.path(at.value).motion(at.rate, at.acceleration)
         if self.amplitude == 1:
@@ -249,8 +240,8 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
     knots = np.append(begins + np.repeat(steps / parts, parts) * place, knots[-1])
 
     # accelerations at both ends of a piece, evaluated inside it
-    left = coordinates_of(motion.since_start(knots[:-1]))
-    right = coordinates_of(motion.since_start(np.nextafter(knots[1:], 0)))
+    left = coordinates_of(motion(knots[:-1]))
+    right = coordinates_of(motion(np.nextafter(knots[1:], 0)))
     h = np.diff(knots)[:, None]
     # (pieces, 6 conditions, 6 coordinates), derivatives with respect to τ = t/h
     ends = np.stack([part * h**k for side in (left, right) for k, part in enumerate(side)], axis=1)
@@ -274,4 +265,4 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
         waiting = np.zeros((1, 6, 6))
         waiting[0, :, 5] = pose[0]
         begins, pieces = np.append(0.0, begins), np.concatenate([waiting, pieces])
-    return Polynomials(begins, pieces, motion.end, motion)
+    return Polynomials(begins, pieces, motion.start + law.duration, motion)
