@@ -121,17 +121,12 @@ def columns_of(
     return _in_units(found, timestamps)
 
 
-def usual_headings(header: Sequence[str]) -> dict[str, Heading]:
-    """The columns under usual names, by this project's name, of quantities that the file does not have under that."""
+def other_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
+    """The columns by the name of what they have: chosen ones, and those of usual names that are not this project's."""
     headings = [Heading.of(column) for column in header]
     found = {name: _heading_of(name, headings, {}) for name in _QUANTITIES}
-    return {name: heading for name, heading in found.items() if heading is not None and heading.name != name}
-
-
-def chosen_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
-    """The chosen columns, by the name of what they have."""
-    headings = [Heading.of(column) for column in header]
-    return {name: _chosen(name, headings, text) for name, text in chosen.items()}
+    usual = {name: heading for name, heading in found.items() if heading is not None and heading.name != name}
+    return usual | {name: _chosen(name, headings, text) for name, text in chosen.items()}
 
 
 def _heading_of(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:

@@ -165,8 +165,8 @@ def offences(platform: gs.Platform, position: FloatArray, orientation: FloatArra
 
 def test_the_share_of_a_joints_limit_is_that_of_the_larger_angle_of_its_leg() -> None:
     """Expected: at each row the larger arc cosine of a leg's two joints, in some that of the base, else the other."""
-    sway = {"type": "sine", "position_amplitude": [0.01, 0.012, 0.0], "orientation_amplitude": [-0.05, 0.04, 0.06]}
-    swing = {**sway, "frequency": 0.6, "phase": 0.4}
+    swing: dict[str, Any] = {"type": "sine", "frequency": 0.6, "phase": 0.4}
+    swing |= {"position_amplitude": [0.01, 0.012, 0.0], "orientation_amplitude": [-0.05, 0.04, 0.06]}
     found = gs.check(experiment(DESKTOP, swing, loop={"duration": 0.5, "sample_time": 0.05})).shares.of
     motion = motion_of(DESKTOP, **swing)(0.05 * np.arange(11))
     angles = np.array([joint_angles(DESKTOP, *pose) for pose in zip(*motion[:2], strict=True)])
