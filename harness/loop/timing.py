@@ -74,6 +74,7 @@ class Timing:
         steps, steps_a_sample = round(self.duration / short), round(self.sample_time / short)
         steps_late = np.floor(np.asarray(self.jitter) / short + _ROUNDING)
         times = np.arange(steps + 1, dtype=float) * short
+        times.setflags(write=False)
         jitter, late = np.ravel(self.jitter), np.ravel(steps_late)
         beyond = (jitter != 0) & ~((late >= 1) & (late < steps_a_sample))
         if beyond.any():
