@@ -1,6 +1,7 @@
 """Files of Polars: paths that are not UTF-8, which it refuses, go through memory, and interrupts wait for its end.
 
-A `KeyboardInterrupt` in one of the Python functions that Polars calls from Rust becomes a panic.
+The surrogates that stand for bytes of other encodings are not printable. A `KeyboardInterrupt` in one of the Python
+functions that Polars calls from Rust becomes a panic.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ if TYPE_CHECKING:  # it is slow to import
 
 def readable(path: Path) -> Path | BytesIO:
     """What Polars reads a file from."""
-    return path if _is_utf8(path) else BytesIO(path.read_bytes())
+    return path if str(path).isprintable() else BytesIO(path.read_bytes())
 
 
 @interrupts_held_back()
@@ -38,17 +39,9 @@ def scan_parquet(path: Path) -> "polars.LazyFrame":
 @interrupts_held_back()
 def write_to(path: Path | BytesIO, write: Callable[[Path | BytesIO], None]) -> None:
     """Let Polars write a file, or into memory."""
-    if isinstance(path, BytesIO) or _is_utf8(path):
+    if isinstance(path, BytesIO) or str(path).isprintable():
         write(path)
         return
     content = BytesIO()
     write(content)
     path.write_bytes(content.getvalue())
-
-
-def _is_utf8(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True

@@ -148,8 +148,15 @@ class SixChannels(ControllerChoice):
         return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
-        """Discretised by `discretisation`, followed by its links."""
-        continuous = channel_matrices(channels_of(self.gains(platform)), self.derivative_on)
+        """Discretised by `discretisation`, followed by its links; an anti-windup takes at least one sample."""
+        gains = self.gains(platform)
+        tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
+        if tracking < sample_time:
+            raise ControllerError(
+                f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since "
+                "the controller receives the effect of the limits one sample late"
+            )
+        continuous = channel_matrices(channels_of(gains), self.derivative_on)
         discrete = discretised(continuous, sample_time, self.discretisation)
         links = []
         for link in self.links:
@@ -203,17 +210,6 @@ class PID(SixChannels):
     integral_gain: IntegralGains | None = None
     integral_time: PositiveTime | None = None
     anti_windup_time: PositiveTime | None = None
-
-    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
-        """Discretised by `discretisation`, with an anti-windup time of at least one sample."""
-        gains = self.gains(platform)
-        tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
-        if tracking < sample_time:
-            raise ControllerError(
-                f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since "
-                "the controller receives the effect of the limits one sample late"
-            )
-        return super().controller(platform, sample_time, folder)
 
     @model_validator(mode="after")
     def _one_integral(self) -> "PID":

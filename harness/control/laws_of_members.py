@@ -47,21 +47,6 @@ class KnownAhead(NamedTuple):
 LawFrom = Callable[[FloatArray, FloatArray], "Law"]
 
 
-def law_of(
-    controller: Controller, sample_time: float, jacobians: FloatArray, known: KnownAhead | None = None
-) -> LawFrom:
-    """`laws_of` one member, whose maker may fail."""
-    make = laws_of([controller], sample_time, jacobians, () if known is None else (known,))
-
-    def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
-        law = make(reference, measured)
-        for error in law.failures.values():
-            raise error
-        return law
-
-    return law_from
-
-
 def laws_of(
     controllers: Sequence[Controller],  # one for each member
     sample_time: float,  # of the run [s]
@@ -218,14 +203,11 @@ class SeparateLaws:
         self._members = np.minimum(np.arange(len(laws) + copies), len(laws) - 1)
         self._forces = np.zeros((len(laws), N_LEGS))
         self.used = tuple(name for name in signals.NAMES if any(law is not None and name in law.used for law in laws))
+        # the members' CasADi functions; None if one has another controller, or none
+        functions = [law.traced if isinstance(law, CalledLaw) else None for law in laws]
+        self.traced = None if any(f is None for f in functions) else [functions[k] for k in self._members.tolist()]
         # the memory of functions and FMUs is not visible
         self.state: FloatArray = np.zeros((len(self._members), 0))
-
-    @property
-    def traced(self) -> list[Any] | None:
-        """The members' CasADi functions; None if one has another controller, or none."""
-        functions = [law.traced if isinstance(law, CalledLaw) else None for law in self._laws]
-        return None if any(f is None for f in functions) else [functions[k] for k in self._members.tolist()]
 
     @property
     def limited(self) -> BoolArray | None:

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import holding_motor_position, mass_matrix, solve_leg_forces, static_leg_forces
+from gough_stewart.model.dynamics import holding_motor_position, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.interface import SLIDING, Variant
-from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import Array, FloatArray, real_array
@@ -261,17 +260,6 @@ def modes(system: Any) -> list[Mode]:
         (Mode(pole, abs(pole) / (2 * math.pi), -pole.real / abs(pole) if pole else 1.0) for pole in upper),
         key=lambda mode: mode.frequency,
     )
-
-
-def leg_space_mass(platform: Platform, position: Array | None = None, orientation: Array | None = None) -> FloatArray:
-    """Mass matrix seen by the legs in a pose (default: home), J⁻ᵀ M J⁻¹ (6, 6) [kg].
-
-    At rest and without gravity L̈ = (J⁻ᵀ M J⁻¹)⁻¹ F, since L̇ = J [v; ω] and M [v̇; ω̇] = Jᵀ F.
-    """
-    pose = pose_of(platform, position, orientation)
-    # row k is J⁻ᵀ e_k, so the rows form J⁻¹
-    J_inverse = solve_leg_forces(leg_jacobian(platform, *pose).T, np.eye(6))
-    return np.asarray(J_inverse.T @ mass_matrix(platform, *pose) @ J_inverse)
 
 
 def pose_of(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:

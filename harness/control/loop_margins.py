@@ -22,8 +22,7 @@ from gough_stewart.model.vectors import FloatArray
 
 _GRID = 600
 _FINE_GRID = 4000
-# Largest number of states for a direct solution; beyond it, a triangular form is solved in blocks of limited size.
-_FEW_STATES = 64
+# Frequencies that are solved one by one; more are solved together, in blocks of limited size.
 _FEW_FREQUENCIES = 16
 _MOST_NUMBERS = 4_000_000
 # Factors on the gains that are tried for an unstable loop, the nearest first.
@@ -181,18 +180,16 @@ def remedy_of(L: StateSpace) -> str:
 def response(L: StateSpace, omega: FloatArray) -> ComplexArray:
     """L (n, 6, 6) at frequencies (n,) [rad/s]: C (s − A)⁻¹ B + D at s = iω, or at z = e^(iωT)."""
     s = np.exp(1j * omega * L.dt) if L.isdtime() else 1j * omega
-    if L.nstates <= _FEW_STATES:
-        resolvent = s[:, None, None] * np.eye(L.nstates) - L.A
-        return np.asarray(L.C @ np.linalg.solve(resolvent, L.B.astype(complex)[None]) + L.D)
-    # delays add many states: with A = Q T Qᴴ, T an upper triangle, (s − T_ii) x_i = b_i + ∑_{j>i} T_ij x_j is solved
-    # row by row from below, for many frequencies at once
+    # with A = Q T Qᴴ, T an upper triangle, (s − T_ii) x_i = b_i + ∑_{j>i} T_ij x_j is solved row by row from below, for
+    # many frequencies at once
     from scipy.linalg import solve_triangular
 
     T, B, C = _triangular(L)
     (n, m), answers = B.shape, list[ComplexArray]()
-    for part in np.array_split(s, math.ceil(len(s) * n * m / _MOST_NUMBERS)):
+    for part in np.array_split(s, math.ceil(max(1, len(s) * n * m) / _MOST_NUMBERS)):
         if len(part) < _FEW_FREQUENCIES:
-            x = np.array([solve_triangular(point * np.eye(n) - T, B, check_finite=False) for point in part])
+            each = [solve_triangular(point * np.eye(n) - T, B, check_finite=False) for point in part]
+            x = np.reshape(each, (len(part), n, m))
         else:
             flat, at = np.empty((n, len(part) * m), dtype=complex), np.repeat(part, m)
             for i in reversed(range(n)):
@@ -204,11 +201,12 @@ def response(L: StateSpace, omega: FloatArray) -> ComplexArray:
 
 @lru_cache(maxsize=2)
 def _triangular(L: StateSpace) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """T, Qᴴ B and C Q with A = Q T Qᴴ, T upper triangular (Schur)."""
-    from scipy.linalg import schur
+    """T, Qᴴ B and C Q with A = Q T Qᴴ, T upper triangular (Schur), in units of the states that balance A."""
+    from scipy.linalg import matrix_balance, schur
 
-    T, Q = schur(np.asarray(L.A, dtype=complex), output="complex")
-    return T, Q.conj().T @ L.B, L.C @ Q
+    A, (units, _) = matrix_balance(L.A, permute=False, separate=True)
+    T, Q = schur(A.astype(complex), output="complex")
+    return T, Q.conj().T @ (L.B / units[:, None]), (L.C * units) @ Q
 
 
 def one_leg_open(R: ComplexArray, k: int) -> ComplexArray:
@@ -273,7 +271,8 @@ def _classical_margins(L: StateSpace, omega: FloatArray, loci: Sequence[Locus]) 
         near = at(edges)
         size = np.abs(near)
         is_limit = (np.abs(at(beyond) - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)
-        crossing = _crossings(at, lambda value: np.log(np.abs(value)), omega, values)
+        with np.errstate(divide="ignore"):  # a loop may be 0 to rounding
+            crossing = _crossings(at, lambda value: np.log(np.abs(value)), omega, values)
         real_at += [turns[is_real], edges[is_limit]]
         real += [on_axis[is_real].real, near[is_limit].real]
         crossed_at.append(crossing)
@@ -309,8 +308,14 @@ def _crossings(
     """Frequencies [rad/s] at which a part of a function, with these values on the grid, changes its sign."""
     from scipy.optimize import brentq
 
-    after = np.nonzero(np.diff(np.sign(part(values))))[0]
-    return np.array([brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]) for i in after])
+    found = []
+    for i in np.nonzero(np.diff(np.sign(part(values))))[0]:
+        at_ends = part(at(omega[i : i + 2]))
+        if at_ends[0] * at_ends[1] < 0:
+            found.append(brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]))
+        else:  # the sign of one of them is that of rounding, which differs from that on the whole grid
+            found.append(omega[i + int(np.abs(at_ends).argmin())])
+    return np.array(found)
 
 
 def _poles(L: StateSpace) -> ComplexArray:
@@ -351,14 +356,14 @@ def _peak(
     return float(values[best]), float(grid[best])
 
 
-def scaled_norm(M: ComplexArray) -> FloatArray:
+def scaled_norm(M: ComplexArray, scales: FloatArray | None = None) -> FloatArray:
     """Upper bound min over D of σ(D M D⁻¹), D > 0 diagonal, of the structured singular value μ of (n, m, m), each (n,).
 
     For one complex uncertainty per channel: exact for m ≤ 3, rarely a few percent above μ for larger m (Packard & Doyle
     1993, "The complex structured singular value", Automatica 29(1), 71–109). ln σ is convex in ln D; the result is less
-    than 1 % above the minimum, and never below it.
+    than 1 % above the minimum, and never below it. The search begins at these ln D (n, m), by default of `_balance`.
     """
-    scales = _balance(M)
+    scales = _balance(M) if scales is None else scales
     candidate, slope, best, step = scales, np.zeros(scales.shape), np.full(len(M), np.inf), np.full(len(M), 0.5)
     for _ in range(_DESCENTS):
         U, sizes, Vh = np.linalg.svd(_scaled(M, candidate))
@@ -378,12 +383,13 @@ def bounds_of_the_largest(M: ComplexArray) -> FloatArray:
 
     Others are lowered only until they are below it, in the order of their bounds after balancing.
     """
-    bounds: FloatArray = np.linalg.norm(_scaled(M, _balance(M)), 2, axis=(1, 2))
+    balanced = _balance(M)
+    bounds: FloatArray = np.linalg.norm(_scaled(M, balanced), 2, axis=(1, 2))
     largest = -np.inf
     for batch in np.array_split(np.argsort(-bounds), math.ceil(len(M) / _AT_ONCE)):
         if bounds[batch[0]] <= largest:
             break
-        bounds[batch] = scaled_norm(M[batch])
+        bounds[batch] = scaled_norm(M[batch], balanced[batch])
         largest = max(largest, float(bounds[batch].max()))
     return bounds
 

@@ -191,16 +191,8 @@ def structure_of(
         loop_modes.append(StructuralMode(mode.frequency, mode.damping_ratio, float(held_frequency), gain))
     if family is None or not free:
         return LoopStructure(tuple(loop_modes), disk, None)
-    bandwidth, with_bandwidth = family
-    largest = largest_bandwidth(with_bandwidth, disk, free[0].frequency, bandwidth)
-    return LoopStructure(tuple(loop_modes), disk, largest)
-
-
-def largest_bandwidth(with_bandwidth: Callable[[float], StateSpace], disk: float, first: float, start: float) -> float:
-    """The largest bandwidth [Hz] below a first mode whose loop has this disk margin, to 1 %; nan if there is none.
-
-    Searched from the loop's own: upwards as long as the margin is kept, downwards until it is.
-    """
+    start, with_bandwidth = family
+    first = free[0].frequency
 
     def keeps(bandwidth: float) -> bool:
         try:
@@ -209,6 +201,7 @@ def largest_bandwidth(with_bandwidth: Callable[[float], StateSpace], disk: float
             return False
         return is_stable(loop) and disk_margin(loop).alpha >= disk
 
+    # the largest bandwidth below the first mode, to 1 %: upwards as long as the margin is kept, downwards until it is
     low = high = min(start, first)
     if keeps(low):
         while high < first and keeps(high := min(first, _STEP * high)):
@@ -216,9 +209,9 @@ def largest_bandwidth(with_bandwidth: Callable[[float], StateSpace], disk: float
     else:
         while not keeps(low := low / _STEP):
             if low < _LOWEST * first:
-                return math.nan
+                return LoopStructure(tuple(loop_modes), disk, math.nan)
         high = _STEP * low
     while high > (1 + _RESOLUTION) * low:
         middle = math.sqrt(low * high)
         low, high = (middle, high) if keeps(middle) else (low, middle)
-    return low
+    return LoopStructure(tuple(loop_modes), disk, low)

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.linear import leg_space_mass
 from gough_stewart.harness.control.linear_controller import Space
 from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, matrices_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import mass_matrix
+from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces
+from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.operations import greater, less, minimum, where
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray
@@ -166,9 +166,13 @@ def gains_from_bandwidth(
 
 def modal_masses(platform: Platform, space: Space) -> FloatArray:
     """The mass m of each channel (6,) [kg], or of task space [kg, kg m²], see `gains_from_bandwidth`."""
+    home = platform.home_position, platform.home_orientation
+    M = mass_matrix(platform, *home)
     if space == "task":
-        return np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation))
-    return np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())
+        return np.diag(M)
+    # row k of the solution is J⁻ᵀ e_k, so the rows form J⁻¹; at rest and without gravity (J⁻ᵀ M J⁻¹) L̈ = F
+    J_inverse = solve_leg_forces(leg_jacobian(platform, *home).T, np.eye(6))
+    return np.full(6, np.linalg.eigvalsh(J_inverse.T @ M @ J_inverse).max())
 
 
 def gains_of_masses(m: Any, bandwidth: Any, damping_ratio: Any, integral_time: Any) -> tuple[Any, Any, Any]:

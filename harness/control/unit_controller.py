@@ -144,7 +144,7 @@ class ControllerUnit:
                     "a controller that was exported without parts"
                 )
             self._is_initialised = False
-            self._open = stack.pop_all()
+            self.close = stack.pop_all().close  # frees the FMU
 
     def step(self, time: float, step: float, values: FloatArray) -> FloatArray:
         """Forces (6,) [N], and which of them are limited (6,), after a step with these measurements and references."""
@@ -165,10 +165,6 @@ class ControllerUnit:
         except FMICallException as error:
             reason = self._unit.take_messages() or str(error)
             raise ControllerError(f"{self._file.path}: at time {time:.9g} s: {reason}") from error
-
-    def close(self) -> None:
-        """Free the FMU."""
-        self._open.close()
 
     def _elements(self, name: str, pattern: str, size: int) -> tuple[list[str], list[Any]]:
         """Names that a signal of this size has, as an array or as scalars, and those of its variables that exist."""

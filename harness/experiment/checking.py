@@ -33,7 +33,15 @@ from gough_stewart.harness.motion.limits.needs import (
     summary_tables,
 )
 from gough_stewart.harness.motion.limits.reach import factor_near, scale_that_fits
-from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, LegLoads, Peak, Shares, shares_along
+from gough_stewart.harness.motion.limits.shares import (
+    DYNAMIC,
+    LABELS,
+    OPTIONAL,
+    Peak,
+    Shares,
+    loads_of_legs,
+    shares_along,
+)
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, slower
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.quantities import plain
@@ -186,12 +194,12 @@ class MotionCheck:
         with np.errstate(all="ignore"):  # a leg of length 0 has no direction
             legs = leg_geometry(self.platform, motion.position, motion.orientation)
             regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
-            loads = LegLoads(self.platform, motion, legs, regular)
+            loads = loads_of_legs(self.platform, motion, legs, regular, ("velocity", "force", "power"))
             by_motion = {
                 "stroke": ("m", np.asarray(legs.length)),
-                "speed": ("m/s", np.abs(loads.velocity)),
-                "force": ("N", np.abs(loads.force)),
-                "power": ("W", np.maximum(loads.power, 0.0)),
+                "speed": ("m/s", np.abs(loads["velocity"])),
+                "force": ("N", np.abs(loads["force"])),
+                "power": ("W", np.maximum(loads["power"], 0.0)),
             }
         worst = []
         for need, (unit, values) in by_motion.items():

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from gough_stewart.harness.control.by_hand import HandMotion
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
+from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, laws_of
 from gough_stewart.harness.control.linear_controller import Controller, LinearController, controller_of, linear_of
 from gough_stewart.harness.control.machine_parts import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.own_law import LinearForm, linearised
@@ -114,7 +114,8 @@ class Prepared(Setup):
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
         if self.controller is None:
             raise ControllerError("an open loop has no control law")
-        return law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)(reference, measured)
+        laws = laws_of([self.controller], self.loop.timing.sample_time, self.jacobians, [self.known])
+        return laws(reference, measured)
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:

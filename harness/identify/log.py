@@ -14,7 +14,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.motion.recorded.columns import chosen_headings, usual_headings
+from gough_stewart.harness.motion.recorded.columns import other_headings
 from gough_stewart.harness.motion.recorded.recording import converted
 from gough_stewart.harness.plants.signals import Side
 from gough_stewart.harness.polars_paths import readable
@@ -345,7 +345,7 @@ def _renamed(table: polars.DataFrame, chosen: Mapping[str, str]) -> polars.DataF
         index = match and (match[2] or match[3])
         return f"{match[1]}[{index}]" if match and index else name
 
-    headings = {**usual_headings(table.columns), **chosen_headings(table.columns, chosen)}
+    headings = other_headings(table.columns, chosen)
     present = set(map(name_of, table.columns)) - set(chosen)
     timestamps, names = timestamps_of(table), dict[str, str]()
     for name, heading in headings.items():

@@ -396,7 +396,7 @@ class CompiledHost:
                         else:
                             batch.inputs[:N_LEGS, k] = memory["acting"][:, k]
                             cause = str(plant.failure(k, float(self._loop.timing.times[ended])))
-                        monitor.end_one(k, ended + 1, status, cause)
+                        monitor.end(k, ended + 1, status, cause)
                         batch.failure[k] = Failure.GOES_ON
                 row = to
                 if rows.count == rows.most:

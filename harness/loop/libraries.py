@@ -18,7 +18,6 @@ from gough_stewart.fmu_build.cache import BuildError, state_of_files
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, machine_code, vector_library
 from gough_stewart.harness.control.component import Stepped
-from gough_stewart.harness.control.laws_of_members import Law, LinearLaw
 from gough_stewart.harness.control.linear_controller import Controller
 from gough_stewart.harness.control.machine_parts import Cut, Drive, ForceLimits, Freeze, Sensor, Takeover
 from gough_stewart.harness.control.makers import Maker
@@ -159,17 +158,10 @@ def are_traced(controllers: Iterable[Controller | None]) -> bool:
         ]
     except ControllerError:  # the run says so
         return False
-    return all(map(is_casadi_function, made)) and _compiled_together(made) is not None
+    return all(map(is_casadi_function, made)) and compiled_together(made) is not None
 
 
-def compiled_form(law: Law) -> LinearLaw | CompiledLaw | None:
-    """The controllers of a run as machine code has them: linear ones are data; None if there is none for others."""
-    if isinstance(law, LinearLaw):
-        return law
-    return None if law.traced is None else _compiled_together(law.traced)
-
-
-def _compiled_together(functions: Sequence[Any]) -> CompiledLaw | None:
+def compiled_together(functions: Sequence[Any]) -> CompiledLaw | None:
     """CasADi functions of all members as one law in machine code; None if they are not alike, or cannot be compiled."""
     together = traced_law_of(functions)
     library = None if together is None else _library(together.function.serialize())

@@ -118,7 +118,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                     state = law.state
                     force = law.force(j, j * every * step, loop.reference[j * every], reading, excess, due, off)
                     for member, error in law.failures.items():
-                        monitor.end_one(member, monitor.n_rows, "stopped", str(error))
+                        monitor.end(member, monitor.n_rows, "stopped", str(error))
                     due = _due_and_going(due, monitor)
                     new = new + force
                 if loop.has_switch:
@@ -136,7 +136,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                     beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
                     for member in np.flatnonzero(beyond).tolist():  # with this row, before its limits are checked
                         cause = loop.failure_of_forces(j, command[member])
-                        monitor.end_one(member, monitor.n_rows + 1, "diverged", cause)
+                        monitor.end(member, monitor.n_rows + 1, "diverged", cause)
                     due = _due_and_going(due, monitor)
 
                 # what of the command is allowed, and what of that reaches the drives now
@@ -199,7 +199,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
             plant.do_step(time, step)
         except MembersError as error:
             for member, failure in error.failures.items():
-                monitor.end_one(member, row + 1, "diverged", str(failure))
+                monitor.end(member, row + 1, "diverged", str(failure))
             monitor.ended_now = False  # the plant has already frozen them
             if not going.any():
                 return
@@ -240,7 +240,13 @@ class SensorReadings:
             if not 0 <= k - self._first < len(self._block):
                 self._first = k
                 self._block = np.zeros((self._size, *self._deviations.shape))
-                drawn = standard_normal(self._streams, range(k, k + self._size), self._noisy)
+                # standard normal numbers of c/loop/noise.h, each a function of seed, reading and element alone
+                drawn = np.zeros((self._size, len(self._noisy), self._streams.shape[1]))
+                sizes = (drawn.shape[2], k, self._size, self._noisy.start, len(self._noisy))
+                loop_kernel(IDEAL).library.loop_noise(
+                    *(ctypes.c_void_p(self._streams.ctypes.data), *map(ctypes.c_int64, sizes)),
+                    ctypes.c_void_p(drawn.ctypes.data),
+                )
                 self._block[:, self._noisy] = drawn * self._deviations[self._noisy]
             noise = self._block[k - self._first]
         columns = true.T
@@ -270,17 +276,3 @@ def streams_of(seeds: Seeds) -> NDArray[np.int64]:
     several = seeds if isinstance(seeds, tuple) else (seeds,)
     sequences = (seed if isinstance(seed, SeedSequence) else SeedSequence(seed) for seed in several)
     return np.array([sequence.generate_state(4) for sequence in sequences], np.int64).T.copy()
-
-
-def standard_normal(streams: NDArray[np.int64], readings: range, elements: range) -> FloatArray:
-    """White noise (readings, elements, N) of streams (4, N): of consecutive readings, and elements of all signals.
-
-    Standard normal numbers of c/loop/noise.h, each a function of seed, reading and element alone.
-    """
-    n = streams.shape[1]
-    noise = np.zeros((len(readings), len(elements), n))
-    sizes = (n, readings.start, len(readings), elements.start, len(elements))
-    loop_kernel(IDEAL).library.loop_noise(
-        ctypes.c_void_p(streams.ctypes.data), *map(ctypes.c_int64, sizes), ctypes.c_void_p(noise.ctypes.data)
-    )
-    return noise

@@ -136,19 +136,16 @@ class RowMonitor:
         self.all_go, self.ended_now = True, False  # whether some have ended since this was set to False
 
     def end(
-        self, whose: BoolArray | np.bool_ | bool, rows: int, status: Status, cause: str | Callable[[int], str]
+        self, whose: int | slice | BoolArray | np.bool_, rows: int, status: Status, cause: str | Callable[[int], str]
     ) -> None:
-        """End those of these members that still run, after a number of rows."""
-        for member in np.flatnonzero(self.going & whose).tolist():
-            self.end_one(member, rows, status, cause if isinstance(cause, str) else cause(member))
-
-    def end_one(self, member: int, rows: int, status: Status, cause: str) -> None:
-        """End a member, if it still runs, after a number of rows."""
-        if self.going[member]:
-            self._outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), cause)
-            self.counting[member] = rows
-            self.going[member] = self.all_go = False
-            self.ended_now = True
+        """End those of these members, by number or flags (N,), that still run, after a number of rows."""
+        for member in np.atleast_1d(np.arange(self.going.size)[whose]).tolist():
+            if self.going[member]:
+                text = cause if isinstance(cause, str) else cause(member)
+                self._outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), text)
+                self.counting[member] = rows
+                self.going[member] = self.all_go = False
+                self.ended_now = True
 
     def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, see `RowBlock.add`, and end members that are beyond a limit there."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaw, SeparateLaws
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.compiled_host import CompiledHost
-from gough_stewart.harness.loop.libraries import compiled_form
+from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_together
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
 from gough_stewart.harness.loop.python_host import SensorReadings, run_in_python
 from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
@@ -71,23 +71,25 @@ def observe(
                     monitor.rows.used = law.used
                     monitor.rows.state = np.zeros((len(monitor.rows.measured), *law.state.T.shape))
 
-            # in machine code if they and the plant can, else in Python
+            # in machine code if they and the plant can, else in Python; for it linear controllers are data
             lanes = several if isinstance(several, BatchPlant) and several.loop_run is not None else None
-            form = None if lanes is None or law is None else compiled_form(law)
+            form: LinearLaw | CompiledLaw | None = law if isinstance(law, LinearLaw) else None
+            if lanes is not None and isinstance(law, SeparateLaws) and law.traced is not None:
+                form = compiled_together(law.traced)
             if lanes is not None and (law is None or form is not None):
                 for member, error in ({} if law is None else law.failures).items():
-                    monitor.end_one(member, 0, "stopped", str(error))
+                    monitor.end(member, 0, "stopped", str(error))
                 CompiledHost(lanes, form, loop, reading).run(monitor, changes, progress, threads)
             else:
                 run_in_python(several, law, loop, readings, monitor, changes, progress)
     except (StepError, ControllerError, PlantError) as error:
         if not monitor.n_rows:
             raise
-        monitor.end(True, monitor.n_rows, "diverged" if isinstance(error, StepError) else "stopped", str(error))
+        monitor.end(slice(None), monitor.n_rows, "diverged" if isinstance(error, StepError) else "stopped", str(error))
     except KeyboardInterrupt:
         if not monitor.n_rows or not keeps_interrupted:
             raise
-        monitor.end(True, monitor.n_rows, "interrupted", "interrupted by the user")
+        monitor.end(slice(None), monitor.n_rows, "interrupted", "interrupted by the user")
     monitor.pass_on()
     return monitor.outcomes()
 

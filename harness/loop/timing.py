@@ -1,6 +1,6 @@
 """The clocks of a run, plant steps, samples and jitter; and the seeds of its random numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,14 @@ class Timing:
     jitter: PerMember = 0.0  # [s]
     seed: Seeds = 0  # of the jitter
 
+    steps: int = field(init=False)  # plant steps in the run
+    steps_a_sample: int = field(init=False)
+    # whole plant steps in the jitter, () or (N,); rounded, since 0.3e-3 / 0.1e-3 is below 3
+    steps_late: FloatArray = field(init=False, compare=False)
+    times: FloatArray = field(init=False, compare=False)  # of the rows (steps + 1,) [s]
+    # nominal times of the controller's samples [s]; none at the end of the run
+    samples: FloatArray = field(init=False, compare=False)
+
     def __post_init__(self) -> None:
         for name in ("duration", "sample_time", "plant_step"):
             value = getattr(self, name)
@@ -63,33 +71,22 @@ class Timing:
                     f"plant_step {short:g} s does not divide {name} {long:g} s ({long / short:g} times); expected a "
                     f"whole number, for instance a plant_step of {long / max(1, round(long / short)):g} s"
                 )
-        jitter, late = np.ravel(self.jitter), np.ravel(self.steps_late)
-        beyond = (jitter != 0) & ~((late >= 1) & (late < self.steps_a_sample))
+        steps, steps_a_sample = round(self.duration / short), round(self.sample_time / short)
+        steps_late = np.floor(np.asarray(self.jitter) / short + _ROUNDING)
+        times = np.arange(steps + 1, dtype=float) * short
+        times.setflags(write=False)
+        jitter, late = np.ravel(self.jitter), np.ravel(steps_late)
+        beyond = (jitter != 0) & ~((late >= 1) & (late < steps_a_sample))
         if beyond.any():
             raise ControllerError(
                 f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
                 f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
             )
-
-    @property
-    def steps(self) -> int:
-        """Number of plant steps in the run."""
-        return round(self.duration / self.plant_step)
-
-    @property
-    def steps_a_sample(self) -> int:
-        """Number of plant steps per sample."""
-        return round(self.sample_time / self.plant_step)
-
-    @property
-    def times(self) -> FloatArray:
-        """Times of the rows (steps + 1,) [s]."""
-        return np.arange(self.steps + 1, dtype=float) * self.plant_step
-
-    @property
-    def samples(self) -> FloatArray:
-        """Nominal times of the controller's samples [s]; none at the end of the run."""
-        return self.times[: self.steps : self.steps_a_sample]
+        for name, value in (
+            *(("steps", steps), ("steps_a_sample", steps_a_sample), ("steps_late", steps_late)),
+            *(("times", times), ("samples", times[:steps:steps_a_sample])),
+        ):
+            object.__setattr__(self, name, value)
 
     @property
     def rows_of_samples(self) -> NDArray[np.intp]:
@@ -108,11 +105,6 @@ class Timing:
             differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
             rows = rows[:, None] + late if differ else rows + late[:, 0]
         return np.minimum(rows, self.steps - 1)
-
-    @property
-    def steps_late(self) -> FloatArray:
-        """Whole plant steps in the jitter, () or (N,); rounded, since 0.3e-3 / 0.1e-3 is below 3."""
-        return np.asarray(np.floor(np.asarray(self.jitter) / self.plant_step + _ROUNDING))
 
     def steps_in(self, time: float, name: str) -> int:
         """The number of plant steps in a time [s], which must be a whole number."""

@@ -55,10 +55,8 @@ class Reference(Protocol):
 class Piecewise(Reference, ABC):
     """A motion that is piecewise polynomial, exactly or up to rounding, so that it can be exported as a table."""
 
-    @property
-    @abstractmethod
-    def end(self) -> float:
-        """The last time at which anything moves [s]."""
+    end: float
+    """The last time at which anything moves [s]."""
 
     @property
     @abstractmethod

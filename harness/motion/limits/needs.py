@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.motion.limits.shares import LABELS, LegLoads, Shares
+from gough_stewart.harness.motion.limits.shares import LABELS, Shares, loads_of_legs
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
@@ -112,12 +112,12 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, motion.position, motion.orientation)
         regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
-        loads = LegLoads(platform, motion, legs, regular)
-        length, v, a = np.asarray(legs.length), loads.velocity, loads.acceleration
+        v, a, force, power = loads_of_legs(platform, motion, legs, regular).values()
+        length = np.asarray(legs.length)
         home = (platform.home_position, platform.home_orientation)
         base_angle, platform_angle = joint_angles(platform, motion.position, motion.orientation, *home)
     # forces exist in all rows, or none of their figures does
-    F, P = (part if regular.all() else np.full_like(part, np.nan) for part in (loads.force, loads.power))
+    F, P = (part if regular.all() else np.full_like(part, np.nan) for part in (force, power))
     mean_length = _integral(time, length) / (time[-1] - time[0])
     needs = {
         "leg_length_min": Need("m", length.min(axis=0)),

@@ -1,5 +1,6 @@
 """The share of every limit of a platform that a motion uses: 1 is at the limit."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -30,6 +31,8 @@ WORST_CONDITION_NUMBER = 100.0
 GEOMETRIC = ("pitch", "condition_number", "side", "stroke", "joint_angle_max")
 # Limits of speed and effort, of which a margin can be reserved.
 DYNAMIC = ("leg_velocity_max", "leg_acceleration_max", "actuator_force_max", "actuator_power_max")
+# What they limit.
+LOADS = ("velocity", "acceleration", "force", "power")
 _UNITS = ("m/s", "m/s²", "N", "W")
 # Limits that a platform may state or not.
 OPTIONAL = ("stroke", "joint_angle_max", *DYNAMIC)
@@ -47,41 +50,31 @@ LABELS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class LegLoads:
-    """What a motion asks of the legs at n times, each (n, 6), evaluated when it is needed."""
+def loads_of_legs(
+    platform: Platform,
+    motion: Motion,
+    legs: LegGeometry,
+    regular: NDArray[np.bool_] | None = None,  # rows (n,) in which the legs can hold the pose; all by default
+    names: Collection[str] = LOADS,
+) -> dict[str, FloatArray]:
+    """What a motion asks of the legs, each (n, 6): `velocity` L̇ [m/s], `acceleration` L̈ [m/s²], `force` F [N], `power`.
 
-    platform: Platform
-    motion: Motion
-    legs: LegGeometry
-    # rows (n,) in which the legs can hold the pose; all rows by default
-    regular: NDArray[np.bool_] | None = None
-
-    @cached_property
-    def velocity(self) -> FloatArray:
-        """L̇ [m/s]."""
-        return np.asarray(rates_of_legs(self.legs, State(*self.motion[:4])).length_rate)
-
-    @cached_property
-    def acceleration(self) -> FloatArray:
-        """L̈ [m/s²]."""
-        return leg_accelerations(self.legs, State(*self.motion[:4]), *self.motion[4:])
-
-    @cached_property
-    def force(self) -> FloatArray:
-        """F [N] by inverse dynamics without external forces; 0 where legs cannot hold the pose, refused elsewhere."""
-        n = len(self.motion.position)
-        regular = np.ones(n, dtype=bool) if self.regular is None else self.regular
-        force = np.zeros((n, 6))
-        if regular.any():
-            rows = [part[regular] for part in self.motion]
-            force[regular] = inverse_dynamics(self.platform, State(*rows[:4]), Acceleration(*rows[4:]))
-        return force
-
-    @cached_property
-    def power(self) -> FloatArray:
-        """F L̇ [W]."""
-        return self.force * self.velocity
+    Forces are those of inverse dynamics without external forces; 0 where legs cannot hold the pose. Power is F L̇ [W].
+    """
+    state, loads = State(*motion[:4]), dict[str, FloatArray]()
+    if not {"velocity", "power"}.isdisjoint(names):
+        loads["velocity"] = np.asarray(rates_of_legs(legs, state).length_rate)
+    if "acceleration" in names:
+        loads["acceleration"] = leg_accelerations(legs, state, *motion[4:])
+    if not {"force", "power"}.isdisjoint(names):
+        rows = motion if regular is None else [part[regular] for part in motion]
+        loads["force"] = force = np.zeros((len(motion.position), 6))
+        if len(rows[0]):
+            of_rows = inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))
+            force[slice(None) if regular is None else regular] = of_rows
+    if "power" in names:
+        loads["power"] = loads["force"] * loads["velocity"]
+    return loads
 
 
 class Beyond(NamedTuple):
@@ -229,8 +222,13 @@ def shares_along(
             for where, values in zip(("base", "platform"), angles, strict=True):
                 quantity = f"the angle of the {where} joint"
                 limited.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
-        loads = LegLoads(platform, rows, legs, condition_number < LARGEST_CONDITION_NUMBER)
-        for limit, name, unit in zip(DYNAMIC, ("velocity", "acceleration", "force", "power"), _UNITS, strict=True):
-            if (most := getattr(platform, limit)) is not None:
-                limited.append(Limited(limit, f"the {name}", unit, getattr(loads, name), -most, most))
+        stated = [
+            (*kind, most)
+            for kind in zip(LOADS, DYNAMIC, _UNITS, strict=True)
+            if (most := getattr(platform, kind[1])) is not None
+        ]
+        regular = condition_number < LARGEST_CONDITION_NUMBER
+        loads = loads_of_legs(platform, rows, legs, regular, [name for name, *_ in stated])
+        for name, limit, unit, most in stated:
+            limited.append(Limited(limit, f"the {name}", unit, loads[name], -most, most))
     return Shares(time, tuple(quantity._replace(values=quantity.values[of_row]) for quantity in limited))

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.limits.shares import DYNAMIC, LegLoads
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, loads_of_legs
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.time_law import (
     AlongPath,
@@ -56,9 +56,10 @@ _LEAST = 0.05
 _ROUNDING = 1e-8
 _MOST_STRETCHES = 15
 # Samples of each piece in the search for the largest share, how often those around it are refined, and the share of
-# the largest within which a piece is searched on: far more than the error of the first samples.
-_SAMPLES = np.linspace(0.0, 1.0, 9)
-_REFINEMENTS = 6
+# the largest within which a piece is searched on: far more than the error of the first samples, and less with each
+# refinement, as the error is.
+_SAMPLES = np.linspace(0.0, 1.0, 5)
+_REFINEMENTS = 12
 _NEAR = 1e-3
 # Share of the largest x below which √x is not linearised.
 _SMALLEST_SQUARED_RATE = 1e-6
@@ -307,21 +308,21 @@ def _largest_near(values: FloatArray, time: FloatArray, knots: FloatArray, windo
 def largest_share(platform: Platform, motion: Polynomials, limits: DynamicLimits) -> float:
     """The largest share that a motion uses of the limits at any time, also between rows, to about 1e-9.
 
-    Each piece is sampled, and the neighbourhood of its largest share sampled again, until it is shorter by 4⁶.
+    Each piece is sampled, and the neighbourhood of its largest share sampled again, until it is shorter by 2¹².
     """
+    limited = {name: limit for name, limit in limits._asdict().items() if np.min(limit) < np.inf}
     low = motion.begins
     high = np.nextafter(np.append(low[1:], motion.end), 0)  # the acceleration may jump at the end
     largest = 0.0
-    for _ in range(_REFINEMENTS + 1):
+    for refinement in range(_REFINEMENTS + 1):
         time = low[:, None] + (high - low)[:, None] * _SAMPLES
         rows = motion(time.reshape(-1))
-        loads = LegLoads(platform, rows, leg_geometry(platform, rows.position, rows.orientation))
-        used = [
-            np.abs(getattr(loads, name)) / limit for name, limit in limits._asdict().items() if np.min(limit) < np.inf
-        ]
+        legs = leg_geometry(platform, rows.position, rows.orientation)
+        loads = loads_of_legs(platform, rows, legs, names=limited)
+        used = [np.abs(loads[name]) / limit for name, limit in limited.items()]
         share = np.max(used, axis=(0, 2)).reshape(time.shape)
         largest = max(largest, float(share.max()))
-        near = np.flatnonzero(share.max(axis=1) >= largest * (1 - _NEAR))
+        near = np.flatnonzero(share.max(axis=1) >= largest * (1 - _NEAR / 2**refinement))
         peak = share[near].argmax(axis=1)
         low, high = time[near, np.maximum(peak - 1, 0)], time[near, np.minimum(peak + 1, len(_SAMPLES) - 1)]
     return largest

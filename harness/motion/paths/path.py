@@ -11,7 +11,7 @@ from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.operations import less, where
 from gough_stewart.model.rotations import angles_of, matrix_from_orientation, nearest_angle, orientation_from_matrix
-from gough_stewart.model.vectors import Array, FloatArray, cross, dot, real_array, skew
+from gough_stewart.model.vectors import Array, FloatArray, cross, dot, skew
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -72,11 +72,6 @@ class GeometricPath:
         n = len(self.position)
         if n < 2:
             raise MotionError(f"a path of {n} poses; expected at least 2")
-        for name in ("position", "orientation"):
-            try:
-                object.__setattr__(self, name, real_array(getattr(self, name), (n, 3)))
-            except ValueError as error:
-                raise MotionError(f"{name} of the poses {error}") from None
         from scipy.interpolate import make_interp_spline
         from scipy.spatial.transform import Rotation
 

@@ -179,17 +179,8 @@ class TimedPath:
     start: float = 0.0  # [s]
     amplitude: float = 1.0  # of the deviations from the first pose
 
-    def __call__(self, time: ArrayLike) -> Motion:
-        """The motion at times (n,) [s]."""
-        return self.since_start(np.asarray(time, dtype=float) - self.start)
-
-    @property
-    def end(self) -> float:
-        """The time at which the last pose is reached [s]."""
-        return self.start + self.law.duration
-
-    def since_start(self, time: FloatArray) -> Motion:
-        """The motion at times (n,) [s] of the time law."""
+    def __call__(self, time: FloatArray) -> Motion:
+        """The motion at times (n,) [s] since its start."""
         at = self.law(time)
         motion = self.path(at.value).motion(at.rate, at.acceleration)
         if self.amplitude == 1:
@@ -203,14 +194,14 @@ class Polynomials(Piecewise):
 
     begins: FloatArray  # start times of the pieces (n,) [s]
     coefficients: FloatArray  # in the time since then, highest power first (n, 6, 6)
-    last: float  # end of the last piece [s]
+    end: float  # of the last piece [s]
     source: TimedPath | None = None  # what the pieces are of, from which an export computes them again
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
         time = np.asarray(time, dtype=float)
-        moves = (time >= self.begins[0]) & (time <= self.last + ROUNDING)
-        inside = np.clip(time, self.begins[0], self.last)
+        moves = (time >= self.begins[0]) & (time <= self.end + ROUNDING)
+        inside = np.clip(time, self.begins[0], self.end)
         at = np.searchsorted(self.begins, inside, side="right") - 1
         since = (inside - self.begins[at])[:, None]
         value = rate = half = np.zeros((len(time), 6))
@@ -219,11 +210,6 @@ class Polynomials(Piecewise):
             rate = rate * since + value
             value = value * since + self.coefficients[at, :, power]
         return motion_of(value, moves[:, None] * rate, moves[:, None] * (2 * half))
-
-    @property
-    def end(self) -> float:
-        """The end of the last piece [s]."""
-        return self.last
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
@@ -254,8 +240,8 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
     knots = np.append(begins + np.repeat(steps / parts, parts) * place, knots[-1])
 
     # accelerations at both ends of a piece, evaluated inside it
-    left = coordinates_of(motion.since_start(knots[:-1]))
-    right = coordinates_of(motion.since_start(np.nextafter(knots[1:], 0)))
+    left = coordinates_of(motion(knots[:-1]))
+    right = coordinates_of(motion(np.nextafter(knots[1:], 0)))
     h = np.diff(knots)[:, None]
     # (pieces, 6 conditions, 6 coordinates), derivatives with respect to τ = t/h
     ends = np.stack([part * h**k for side in (left, right) for k, part in enumerate(side)], axis=1)
@@ -279,4 +265,4 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
         waiting = np.zeros((1, 6, 6))
         waiting[0, :, 5] = pose[0]
         begins, pieces = np.append(0.0, begins), np.concatenate([waiting, pieces])
-    return Polynomials(begins, pieces, motion.end, motion)
+    return Polynomials(begins, pieces, motion.start + law.duration, motion)

@@ -74,6 +74,7 @@ def columns_of(
     *,
     timed: bool = True,
     timestamps: Collection[str] = (),
+    only_legs: bool = False,  # whether leg lengths are read in any case
 ) -> dict[str, LogColumn]:
     """The columns for time, position, and one of orientation, quaternion, rotation_vector; or for time and leg lengths.
 
@@ -92,9 +93,8 @@ def columns_of(
             raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
     headings_found = {name: _heading_of(name, headings, chosen) for name in _QUANTITIES}
     has_position = any(headings_found[name] is not None for name in _PLACE[1:])
-    if any(name in chosen for name in LEGS) or (
-        not has_position and any(headings_found[name] is not None for name in LEGS)
-    ):
+    has_legs = any(headings_found[name] is not None for name in LEGS)
+    if only_legs or any(name in chosen for name in LEGS) or (has_legs and not has_position):
         required: tuple[str, ...] = (*_PLACE[: 1 if timed else 0], *LEGS)
     else:
         kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
@@ -121,26 +121,12 @@ def columns_of(
     return _in_units(found, timestamps)
 
 
-def leg_columns(header: Sequence[str]) -> dict[str, LogColumn]:
-    """The columns for six leg lengths."""
-    headings = [Heading.of(column) for column in header]
-    found = {name: heading for name in LEGS if (heading := _heading_of(name, headings, {})) is not None}
-    if len(found) < len(LEGS):
-        raise MotionError(f"has {len(found)} columns of leg lengths; expected {LEGS[0]} to {LEGS[-1]}")
-    return _in_units(found, ())
-
-
-def usual_headings(header: Sequence[str]) -> dict[str, Heading]:
-    """The columns under usual names, by this project's name, of quantities that the file does not have under that."""
+def other_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
+    """The columns by the name of what they have: chosen ones, and those of usual names that are not this project's."""
     headings = [Heading.of(column) for column in header]
     found = {name: _heading_of(name, headings, {}) for name in _QUANTITIES}
-    return {name: heading for name, heading in found.items() if heading is not None and heading.name != name}
-
-
-def chosen_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
-    """The chosen columns, by the name of what they have."""
-    headings = [Heading.of(column) for column in header]
-    return {name: _chosen(name, headings, text) for name, text in chosen.items()}
+    usual = {name: heading for name, heading in found.items() if heading is not None and heading.name != name}
+    return usual | {name: _chosen(name, headings, text) for name, text in chosen.items()}
 
 
 def _heading_of(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, motion_of
 from gough_stewart.model.units import UNITS
-from gough_stewart.model.vectors import FloatArray, real_array
+from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -45,20 +45,17 @@ class FromTable(Piecewise):
     time: FloatArray  # (n,) [s]
     position: FloatArray  # (n, 3) [m]
     orientation: FloatArray  # (n, 3) [rad]
+    end: float = field(init=False, repr=False)  # time of the last row [s]
+    defined_until: float = field(init=False, repr=False)  # the same: nothing is known after it
     _spline: "BSpline" = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        n = np.size(self.time)
+        n = len(self.time)
         if n <= _SPLINE_DEGREE:
             raise MotionError(f"a table of {n} rows; expected at least {_SPLINE_DEGREE + 1} for quintic splines")
-        for name, shape in (("time", (n,)), ("position", (n, 3)), ("orientation", (n, 3))):
-            try:
-                array = real_array(getattr(self, name), shape)
-            except ValueError as error:
-                raise MotionError(f"{name} {error}") from None
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
         check_increasing(self.time)
+        for name in ("end", "defined_until"):
+            object.__setattr__(self, name, float(self.time[-1]))
         from scipy.interpolate import make_interp_spline  # half a second of imports, needed here only
 
         pose = np.hstack([self.position, self.orientation])
@@ -76,16 +73,6 @@ class FromTable(Piecewise):
             )
         inside = np.clip(time, first, last)
         return motion_of(*(self._spline(inside, k) for k in range(3)))
-
-    @property
-    def end(self) -> float:
-        """The time of the last row [s]."""
-        return float(self.time[-1])
-
-    @property
-    def defined_until(self) -> float:
-        """The time of the last row [s], after which nothing is known."""
-        return self.end
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:

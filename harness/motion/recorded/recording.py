@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import MotionError, TableError
-from gough_stewart.harness.motion.recorded.columns import LEGS, LogColumn, columns_of, leg_columns
+from gough_stewart.harness.motion.recorded.columns import LEGS, LogColumn, columns_of
 from gough_stewart.harness.motion.recorded.from_table import FromTable, check_increasing
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, check_convention
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of, timestamps_of, without_repeated_rows
@@ -89,7 +89,7 @@ def read_recording(
             pose = _poses(values, convention)
             if platform is not None and not (columns and isinstance(columns, str)):  # a record's own names
                 how = convention if "orientation[1]" in chosen else replace(convention, rotation_order=QUATERNION)
-                _compare_with_legs(table, rows, platform, pose, how, leg_lengths)
+                _compare_with_legs(table, columns, rows, platform, pose, how, leg_lengths)
         elif platform is None:
             raise MotionError("has leg lengths and no positions; expected poses")  # noqa: TRY301 - named with the file
         else:
@@ -103,6 +103,7 @@ def read_recording(
 
 def _compare_with_legs(
     table: "polars.DataFrame",
+    columns: Mapping[str, str] | str,  # as chosen for the poses
     rows: NDArray[np.intp],
     platform: Platform,
     pose: tuple[FloatArray, FloatArray],
@@ -111,10 +112,10 @@ def _compare_with_legs(
 ) -> None:
     """Refuse poses that contradict the leg lengths beside them, if the file has such columns with units."""
     try:
-        columns = leg_columns(table.columns)
+        of_legs = columns_of(table.columns, columns, timed=False, only_legs=True)
     except MotionError:  # none, or without units
         return
-    lengths = _stacked(_values(table, columns), LEGS)[rows]
+    lengths = _stacked(_values(table, of_legs), LEGS)[rows]
     try:
         check_convention(platform, absolute_lengths(platform, lengths, leg_lengths), *pose, convention)
     except ValueError as error:

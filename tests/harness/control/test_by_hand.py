@@ -16,11 +16,10 @@ BEGIN = 0.5  # when the hand takes over [s]
 OMEGA = 2 * np.pi * 1.5
 
 
-def moved(folder: Path, by: FloatArray, time: Any, period: float) -> Any:
-    """A hold whose pose a hand moves, at times after the hand has taken over."""
-    write_table(
-        folder / "targets.csv", dict(zip(NAMES, [[BEGIN], *[[value] for value in HOME + by], [0.0]], strict=True))
-    )
+def moved(folder: Path, by: FloatArray, time: Any, period: float, *jumps: tuple[float, FloatArray]) -> Any:
+    """A hold whose pose a hand moves, at times after the hand has taken over; targets that jump come later."""
+    rows = [(BEGIN, *(HOME + by), 0.0), *((BEGIN + at, *(HOME + target), 1.0) for at, target in jumps)]
+    write_table(folder / "targets.csv", dict(zip(NAMES, map(list, zip(*rows, strict=True)), strict=True)))
     keys: dict[str, Any] = {"file": "targets.csv", "motion": {"type": "hold"}, "sample_time": period}
     return motion_of(UNEVEN, folder, type="by_hand", **keys)(BEGIN + time)
 
@@ -48,3 +47,14 @@ def test_limits_hold_rates_are_integrals_and_it_comes_to_rest(size: float, tmp_p
     assert np.diff(value) == pytest.approx(steps, abs=1e-12)
     assert [value[-1], rate[-1], acceleration[-1]] == pytest.approx([HOME[2] + size, 0, 0], abs=1e-6)
     assert np.abs(value - HOME[2]).max() <= abs(size) * 1.1
+
+
+def test_a_target_that_jumps_takes_the_filter_with_it(tmp_path: Path) -> None:
+    """Expected: from its sample on the motion without the jump, moved as far; two jumps add up."""
+    time, by = 0.01 * np.arange(60), np.array([0.02, -0.01, 0.03, 0.02, -0.01, 0.04])
+    first, second = 3 * by[::-1], np.array([-0.1, 0.2, 0.0, 0.1, 0.0, -0.2])
+    still = moved(tmp_path, by, time, 0.01)
+    motion = moved(tmp_path, by, time, 0.01, (0.2, by + first), (0.35, by + first + second))
+    shift = np.outer(time > 0.195, first) + np.outer(time > 0.345, second)
+    assert np.hstack(motion[:2]) == pytest.approx(np.hstack(still[:2]) + shift, abs=1e-12)
+    assert motion.velocity == pytest.approx(still.velocity, abs=1e-12)

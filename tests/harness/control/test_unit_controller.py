@@ -130,7 +130,8 @@ def test_what_does_not_fit_is_refused_by_name(
 def test_what_fits_is_taken_as_it_is_meant(theirs: Path, tmp_path: Path) -> None:
     """Expected: units of types or none, a delay of one sample; u = gain (r − y) with references as they were set.
 
-    Flags are outputs above a half, here the forces themselves; a step that is refused is named with its time.
+    Flags are outputs above a half, here the forces from the last leg to the first; a step that is refused is named with
+    its time.
     """
     fitting: list[tuple[Any, dict[str, Any]]] = [
         ((*IN_MM[:1], ("<ModelVariables>", TYPES.format("m"))), {}),  # the unit of a type
@@ -146,9 +147,15 @@ def test_what_fits_is_taken_as_it_is_meant(theirs: Path, tmp_path: Path) -> None
     with closing(opened(theirs, names, gain=20.0, r=r)) as unit:
         assert unit.force(0, 0.0, np.full(30, 9.0), measured, none) == pytest.approx(20 * (r - y))
     measured[12:18] = [-1.0, 0.4, -0.49, -0.51, 2.0, -0.7]
-    with closing(opened(theirs, NAMES | {"force_limited": "u"}, gain=1.0)) as unit:
+    flags = "".join(f'<ScalarVariable name="f_{k}" valueReference="{18 - k}" causality="output"><Real unit="N"/>'
+                    "</ScalarVariable>" for k in range(1, 7))  # fmt: skip
+    unknowns = "".join(f'<Unknown index="{k}"/>' for k in range(19, 25))
+    before, after = '<ScalarVariable name="gain"', "</Outputs>"
+    with_flags = ((before, flags + before), (after, unknowns + after))
+    path = described(theirs, tmp_path / "flags.fmu", *with_flags)
+    with closing(opened(path, NAMES | {"force_limited": "f_{}"}, gain=1.0)) as unit:
         unit.force(0, 0.0, np.zeros(30), measured, none)
-        assert unit.limited.tolist() == [True, False, False, True, False, True]
+        assert unit.limited.tolist() == [True, False, True, False, False, True]
     with closing(opened(theirs, sample_time=FAILS_AT, gain=REFUSES)) as unit:
         unit.force(0, 0.0, np.zeros(30), measured, none)
         with pytest.raises(gs.GoughStewartError, match=r"theirs\.fmu: at time 0\.5 s: .*3 \(error\)"):

@@ -87,21 +87,20 @@ def test_samples_are_late_by_up_to_the_jitter_and_hold_in_between() -> None:
 
 
 @pytest.mark.parametrize(
-    ("jitter", "plant_step", "largest"),
+    ("jitter", "plant_step", "steps_a_sample", "largest"),
     [
-        *((1e-3, 1e-3, 1), (4e-3, 1e-3, 4), (4.9e-3, 1e-3, 4), (1.3e-3, 1e-4, 13)),
-        (0.3e-3, 0.1e-3, 3),  # 2.9999999999999996 as a quotient
-        (float(np.nextafter(2e-3, 0)), 1e-3, 2),
+        *((1e-3, 1e-3, 5, 1), (4e-3, 1e-3, 5, 4), (4.9e-3, 1e-3, 5, 4), (1.3e-3, 1e-4, 20, 13)),
+        (0.3e-3, 0.1e-3, 5, 3),  # 2.9999999999999996 as a quotient
+        (float(np.nextafter(2e-3, 0)), 1e-3, 5, 2),
     ],
 )
 def test_the_largest_delay_is_the_whole_number_of_steps_in_the_jitter(
-    jitter: float, plant_step: float, largest: int
+    jitter: float, plant_step: float, steps_a_sample: int, largest: int
 ) -> None:
     """Expected: each number of steps from 0 to ⌊jitter / plant step⌋, within rounding, and no other."""
-    clocks = {"duration": 0.8, "jitter": jitter, "plant_step": plant_step}
-    late = starts_of(**clocks) - round(T / plant_step) * np.arange(160)
-    assert set(late.tolist()) == set(range(largest + 1))
-    assert not np.array_equal(starts_of(**clocks, seed=4), starts_of(**clocks))
+    step = steps_a_sample * plant_step
+    starts = starts_of(duration=160 * step, sample_time=step, jitter=jitter, plant_step=plant_step)
+    assert set((starts - steps_a_sample * np.arange(160)).tolist()) == set(range(largest + 1))
 
 
 def test_the_last_sample_comes_before_the_end() -> None:

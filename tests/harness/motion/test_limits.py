@@ -163,6 +163,18 @@ def offences(platform: gs.Platform, position: FloatArray, orientation: FloatArra
     return found
 
 
+def test_the_share_of_a_joints_limit_is_that_of_the_larger_angle_of_its_leg() -> None:
+    """Expected: at each row the larger arc cosine of a leg's two joints, in some that of the base, else the other."""
+    swing: dict[str, Any] = {"type": "sine", "frequency": 0.6, "phase": 0.4}
+    swing |= {"position_amplitude": [0.01, 0.012, 0.0], "orientation_amplitude": [-0.05, 0.04, 0.06]}
+    found = gs.check(experiment(DESKTOP, swing, loop={"duration": 0.5, "sample_time": 0.05})).shares.of
+    motion = motion_of(DESKTOP, **swing)(0.05 * np.arange(11))
+    angles = np.array([joint_angles(DESKTOP, *pose) for pose in zip(*motion[:2], strict=True)])
+    assert DESKTOP.joint_angle_max is not None
+    assert 10 < (angles[:, 0] > 1.1 * angles[:, 1]).sum() < 56
+    assert found["joint_angle_max"] == pytest.approx(angles.max(axis=1) / DESKTOP.joint_angle_max, rel=1e-6)
+
+
 LEFT_OUT: dict[str, dict[str, Any]] = {
     "nothing": {},
     "joints": {"joint_angle_max": None},
@@ -180,8 +192,8 @@ def test_the_first_offence_is_that_of_an_independent_loop(
     platform = replace(DESKTOP, **LEFT_OUT[limits])
     along = {"position_amplitude": 0.1 * size * amplitude[:3], "orientation_amplitude": size * amplitude[3:]}
     swing = {"type": "sine", **{name: part.tolist() for name, part in along.items()}, "frequency": 0.6, "phase": phase}
-    tried = experiment(platform, swing, loop={"duration": 1.0, "sample_time": 0.04}, limits={"reference": "warn"})
-    times = 0.04 * np.arange(26)
+    tried = experiment(platform, swing, loop={"duration": 0.96, "sample_time": 0.08}, limits={"reference": "warn"})
+    times = 0.08 * np.arange(13)
     motion = motion_of(platform, **swing)(times)
     every = ((t, offences(platform, *pose)) for t, *pose in zip(times, *motion[:2], strict=True))
     expected = next(((t, found) for t, found in every if found), None)

@@ -75,7 +75,7 @@ def test_the_largest_share_is_that_of_dense_rows(law: TimeLaw) -> None:
     """Expected: the largest share of some thousand rows, the ends and knots densest."""
     motion = polynomials_of(TimedPath(GeometricPath(POSITION, ORIENTATION, 0.7), law))
     platform = replace(UNEVEN, **{NAMES[name]: most for name, most in LIMITS.items()})
-    knots = np.append(motion.begins, motion.last)
+    knots = np.append(motion.begins, motion.end)
     near = np.concatenate([knots + side * 10.0**-power for side in (-1, 1) for power in (4, 6, 9)])
     time = np.clip(np.concatenate([np.linspace(0, motion.end, 6001), near]), 0, motion.end)
     shares = shares_along(platform, time, motion(time)).of
