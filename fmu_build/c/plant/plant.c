@@ -87,15 +87,13 @@ outcome refuse_step(component *c, const char *quantity, double value, const char
     snprintf(failure->quantity, sizeof failure->quantity, "%s", quantity);
     failure->value = value;
     failure->time = c->s.time;
-    write_message(c->message, "at time %.12g s: %s = %.6g%s: %s", c->s.time, quantity, value, unit, failure->reason);
-    return NOT_POSSIBLE;
+    return write_message(c->message, "at time %.12g s: %s = %.6g%s: %s", c->s.time, quantity, value, unit, failure->reason);
 }
 
 static outcome not_finite(component *c, const char *what)
 {
-    write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large", what,
-                  c->s.time);
-    return NOT_POSSIBLE;
+    return write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large", what,
+                         c->s.time);
 }
 
 static outcome find_xdot(component *c)
@@ -200,11 +198,9 @@ outcome component_result_rates(component *c, double rates[])
 
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
 {
-    if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE)) {
-        write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
-                      SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE);
-        return MISUSE;
-    }
+    if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE))
+        return write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
+                             SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE), MISUSE;
     outcome checked = check_experiment(start_time, stop_time, c->message);
     if (checked != DONE)
         return checked;
@@ -252,7 +248,8 @@ outcome component_check_state(component *c)
 
 outcome component_check_parameters(component *c)
 {
-    if (c->inertia_is_unchecked && !(check_inertia(c->s.p, c->message) && check_parts(c->s.p, c->message)))
+    if (c->inertia_is_unchecked &&
+        (check_inertia(c->s.p, c->message) != DONE || check_parts(c->s.p, c->message) != DONE))
         return NOT_POSSIBLE;
     c->inertia_is_unchecked = 0;
     return DONE;
@@ -261,27 +258,20 @@ outcome component_check_parameters(component *c)
 outcome component_begin(component *c)
 {
     double handedness = c->s.handedness;
-    outcome checked = component_check_parameters(c);
-    if (checked == DONE && !check_joints(c->s.p, c->message))
-        checked = NOT_POSSIBLE;
-    if (checked == DONE)
-        checked = check_pose(c, &handedness);
-    if (checked == DONE && !(check_leg_coms(c->s.p, legs_of(c)->length, c->message) &&
-                             check_motors(c->s.x, legs_of(c)->length, c->message)))
-        checked = NOT_POSSIBLE;
-    if (checked == DONE)
-        c->s.handedness = handedness;
-    return checked;
+    if (component_check_parameters(c) != DONE || check_joints(c->s.p, c->message) != DONE ||
+        check_pose(c, &handedness) != DONE || check_leg_coms(c->s.p, legs_of(c)->length, c->message) != DONE ||
+        check_motors(c->s.x, legs_of(c)->length, c->message) != DONE)
+        return NOT_POSSIBLE;
+    c->s.handedness = handedness;
+    return DONE;
 }
 
 double component_time(const component *c) { return c->s.time; }
 
 outcome component_set_time(component *c, double time)
 {
-    if (!isfinite(time)) {
-        write_message(c->message, "time = %g s rejected; expected a finite number", time);
-        return MISUSE;
-    }
+    if (!isfinite(time))
+        return write_message(c->message, "time = %g s rejected; expected a finite number", time), MISUSE;
     c->s.time = time;
     return DONE;
 }

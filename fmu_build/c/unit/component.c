@@ -34,12 +34,13 @@ void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list ar
             *c = '_';
 }
 
-void write_message(char message[MESSAGE_SIZE], const char *format, ...)
+outcome write_message(char message[MESSAGE_SIZE], const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
     write_message_of(message, format, arguments);
     va_end(arguments);
+    return NOT_POSSIBLE;
 }
 
 const variable *variable_of(int slot) { return &VARIABLES[VARIABLE_OF_SLOT[slot]]; }
@@ -77,8 +78,7 @@ outcome refuse_value(int slot, double value, const char *expected, char message[
     char name[NAME_SIZE];
     const char *unit = variable_of(slot)->unit;
     write_slot_name(slot, name);
-    write_message(message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
-    return NOT_POSSIBLE;
+    return write_message(message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
 }
 
 outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE])

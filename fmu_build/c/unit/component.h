@@ -21,7 +21,7 @@ typedef enum {
 } outcome;
 
 /* Called after every internal step of a communication step, at the component's time. It may read results and set
-   inputs, and may end the communication step early by reducing `*end`. */
+   inputs, and may end the communication step early by reducing `*end`, not to before `time`. */
 typedef struct {
     void *context;
     void (*notice)(void *context, double time, double *end);
@@ -81,8 +81,8 @@ void component_restore(component *c, const double saved[]);
 
 #define MESSAGE_SIZE 400
 /* Like snprintf into MESSAGE_SIZE characters of UTF-8, but without '%', in case an importer uses it as a format. Messages
-   have the value found, the value expected, and a remedy. */
-void write_message(char message[MESSAGE_SIZE], const char *format, ...);
+   have the value found, the value expected, and a remedy. Returns NOT_POSSIBLE. */
+outcome write_message(char message[MESSAGE_SIZE], const char *format, ...);
 void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments);
 /* The message for a value that a slot cannot have. Returns NOT_POSSIBLE. */
 outcome refuse_value(int slot, double value, const char *expected, char message[MESSAGE_SIZE]);
