@@ -108,30 +108,25 @@ static controller_parameters parameters_of(const component *c)
     return p;
 }
 
-/* Message for an invalid parameter: its values and what is expected; `place` counts variables. */
-static outcome explain_parameter(component *c, int place)
+/* The message for an invalid parameter has its values and what is expected. */
+outcome component_check_parameters(component *c)
 {
     static const char *const expectations[] = EXPECTATIONS;
-    const variable *v = variable_of(FIRST_PARAMETER) + place;
+    if (c->is_prepared)
+        return DONE;
+    controller_parameters p = parameters_of(c);
+    int wrong = controller_prepare(&p, &c->coefficients); /* counts variables from 1 */
+    c->is_prepared = !wrong;
+    if (!wrong)
+        return DONE;
+    const variable *v = variable_of(FIRST_PARAMETER) + wrong - 1;
     char values[120] = "";
     for (int k = 0; k < v->size && k < 6; k++) {
         size_t length = strlen(values);
         snprintf(values + length, sizeof values - length, " %g", c->s.slots[v->first + k]);
     }
     return write_message(c->message, "%s =%s%s %s rejected; expected %s", v->name, values, v->size > 6 ? " ..." : "",
-                         v->unit, expectations[place]);
-}
-
-outcome component_check_parameters(component *c)
-{
-    if (c->is_prepared)
-        return DONE;
-    controller_parameters p = parameters_of(c);
-    int wrong = controller_prepare(&p, &c->coefficients);
-    if (wrong)
-        return explain_parameter(c, wrong - 1);
-    c->is_prepared = 1;
-    return DONE;
+                         v->unit, expectations[wrong - 1]);
 }
 
 /* ---- time ----------------------------------------------------------------------------------------------------- */
@@ -148,7 +143,6 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
 }
 
 outcome component_begin(component *c) { return component_check_parameters(c); }
-double component_time(const component *c) { return c->s.time; }
 
 /* Time from step to step of the controller. */
 static double step_period(const component *c) { return c->s.slots[SAMPLE_TIME] / STEPS_A_SAMPLE; }
@@ -303,10 +297,8 @@ void component_restore(component *c, const double saved[])
 #define NOT_CALLED(name, ...)                                                                                          \
     outcome name(component *c, __VA_ARGS__) { return MISUSE; }
 NOT_CALLED(component_set_time, double time)
-NOT_CALLED(component_set_states, const double x[])
 NOT_CALLED(component_derivatives, double xdot[])
 NOT_CALLED(component_forward, const double dx[], const double du[], const double dp[], double dxdot[], double dy[])
 NOT_CALLED(component_reverse, const double wxdot[], const double wy[], double gx[], double gu[], double gp[])
 NOT_CALLED(component_result_rates, double rates[])
 outcome component_check_state(component *c) { return MISUSE; }
-void component_get_states(const component *c, double x[]) {}

@@ -103,12 +103,9 @@ static outcome find_xdot(component *c)
         c->has_xdot = 1;
     }
     for (int i = 0; i < N_STATES; i++)
-        if (!isfinite(c->xdot[i])) {
-            char name[NAME_SIZE];
-            write_slot_name(FIRST_DERIVATIVE + i, name);
-            return refuse_step(c, name, c->xdot[i], "", "derivatives are not finite; the pose is singular or the forces "
-                               "are too large");
-        }
+        if (!isfinite(c->xdot[i]))
+            return refuse_step(c, NAME_OF_SLOT(FIRST_DERIVATIVE + i), c->xdot[i], "",
+                               "derivatives are not finite; the pose is singular or the forces are too large");
     return DONE;
 }
 
@@ -153,11 +150,8 @@ outcome component_get(component *c, int slot, double *value)
         *value = c->xdot[slot - FIRST_DERIVATIVE];
     } else {
         *value = find_result(c, slot - FIRST_RESULT);
-        if (!isfinite(*value)) {
-            char name[NAME_SIZE];
-            write_slot_name(slot, name);
-            return not_finite(c, name);
-        }
+        if (!isfinite(*value))
+            return not_finite(c, NAME_OF_SLOT(slot));
     }
     return DONE;
 }
@@ -212,7 +206,6 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
 
 outcome check_pose(component *c, double *handedness)
 {
-    char name[NAME_SIZE];
     const double *x = c->s.x;
     const leg_state *legs = legs_of(c);
     int failure = pose_failure(x, N_STATES, legs->length, legs->jacobian, legs->rho, handedness), k = 0;
@@ -222,11 +215,9 @@ outcome check_pose(component *c, double *handedness)
     case FAILURE_NOT_FINITE:
         while (isfinite(x[k]))
             k++;
-        write_slot_name(FIRST_STATE + k, name);
-        return refuse_step(c, name, x[k], "", "the motion is not finite");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_STATE + k), x[k], "", "the motion is not finite");
     case FAILURE_PITCHED:
-        write_slot_name(FIRST_STATE + X_PITCH, name);
-        return refuse_step(c, name, x[X_PITCH], " rad", "the pitch has reached 90 degrees");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_STATE + X_PITCH), x[X_PITCH], " rad", "the pitch has reached 90 degrees");
     case FAILURE_SINGULAR:
     case FAILURE_PASSED_SINGULAR:
         return refuse_step(c, "condition number of the leg Jacobian", exact_condition_number(legs->jacobian), "",
@@ -235,8 +226,7 @@ outcome check_pose(component *c, double *handedness)
                                                        : "passed a singular pose since the last internal step");
     default:
         k = failure - FAILURE_COLLAPSED;
-        write_slot_name(FIRST_RESULT + R_LEG_LENGTH + k, name);
-        return refuse_step(c, name, legs->length[k], " m", "the leg has collapsed");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_RESULT + R_LEG_LENGTH + k), legs->length[k], " m", "the leg has collapsed");
     }
 }
 
@@ -266,27 +256,11 @@ outcome component_begin(component *c)
     return DONE;
 }
 
-double component_time(const component *c) { return c->s.time; }
-
 outcome component_set_time(component *c, double time)
 {
     if (!isfinite(time))
         return write_message(c->message, "time = %g s rejected; expected a finite number", time), MISUSE;
     c->s.time = time;
-    return DONE;
-}
-
-void component_get_states(const component *c, double x[]) { memcpy(x, c->s.x, sizeof c->s.x); }
-
-outcome component_set_states(component *c, const double x[])
-{
-    for (int i = 0; i < N_STATES; i++) {
-        outcome checked = component_check(c, FIRST_STATE + i, x[i]);
-        if (checked != DONE)
-            return checked;
-    }
-    for (int i = 0; i < N_STATES; i++)
-        component_put(c, FIRST_STATE + i, x[i]);
     return DONE;
 }
 

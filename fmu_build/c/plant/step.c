@@ -194,8 +194,8 @@ static double momentum_step(const communication_step *step, const double x[N_STA
     return fmax(largest, share_of_friction(&m, s.rate[3], end_rate) / FORCE_RESOLUTION);
 }
 
-/* A fixed step to `end`, divided where needed: the state there and its derivatives. REACHED_END or TOO_FAST. */
-static integration sticking_step(communication_step *step, double end, double x[N_STATES], double rate[N_STATES])
+/* A fixed step to `end`, divided where needed: the state there and its derivatives. 1, or 0 if no division resolves it. */
+static int sticking_step(communication_step *step, double end, double x[N_STATES], double rate[N_STATES])
 {
     const component *c = step->c;
     double start = c->s.time, size = end - start, next[N_STATES], next_rate[N_STATES];
@@ -213,11 +213,11 @@ static integration sticking_step(communication_step *step, double end, double x[
         memcpy(x, next, sizeof next);
         memcpy(rate, next_rate, sizeof next_rate);
         if (parts == 1)
-            return REACHED_END;
+            return 1;
         step->t += step->h;
     }
     step->size = step->t > start ? step->t - start : size;
-    return TOO_FAST;
+    return 0;
 }
 #endif
 
@@ -281,23 +281,6 @@ static integration integrate_controlled(communication_step *step, double end, do
 
 /* ---- fixed steps ------------------------------------------------------------------------------------------------- */
 
-/* One step to t: the state there and its derivatives. */
-static integration fixed_step(communication_step *step, double t, double x[N_STATES], double rate[N_STATES])
-{
-#if HAS_BRISTLES
-    return sticking_step(step, t, x, rate);
-#else
-    const component *c = step->c;
-    double rates[4][N_STATES];
-    step->t = c->s.time;
-    step->h = t - c->s.time;
-    memcpy(rates[0], c->xdot, sizeof c->xdot);
-    rk4_step(step->h, c->s.x, rates, find_stage_rates, step, x);
-    find_rates(step, t, x, rate);
-    return all_finite(x, N_STATES) && all_finite(rate, N_STATES) ? REACHED_END : NOT_FINITE;
-#endif
-}
-
 /* Number of equal steps of at most `size`, within the rounding of times of this magnitude. */
 static double number_of_steps(double start, double end, double size)
 {
@@ -326,9 +309,19 @@ static integration integrate_fixed(communication_step *step, double end, double 
         double t = (double)done < n ? start + span * ((double)done / n) : end;
         if (!(t > c->s.time))
             return STEP_TOO_SMALL;
-        integration how = fixed_step(step, t, x, rate);
-        if (how != REACHED_END)
-            return how;
+#if HAS_BRISTLES
+        if (!sticking_step(step, t, x, rate))
+            return TOO_FAST;
+#else
+        double rates[4][N_STATES];
+        step->t = c->s.time;
+        step->h = t - c->s.time;
+        memcpy(rates[0], c->xdot, sizeof c->xdot);
+        rk4_step(step->h, c->s.x, rates, find_stage_rates, step, x);
+        find_rates(step, t, x, rate);
+        if (!all_finite(x, N_STATES) || !all_finite(rate, N_STATES))
+            return NOT_FINITE;
+#endif
         if (!arrive(step, t, x, rate, &end))
             return GIVEN_UP;
     }
@@ -341,40 +334,28 @@ static integration integrate_fixed(communication_step *step, double end, double 
 /* |A^1024|^(1/1024) is within 2 % of the spectral radius for norms that differ by 10^9. */
 enum { SQUARINGS = 10 };
 
-static double largest_element(double a[N_STATES][N_STATES])
-{
-    double largest = 0;
-    for (int i = 0; i < N_STATES; i++)
-        for (int j = 0; j < N_STATES; j++)
-            largest = fmax(largest, fabs(a[i][j]));
-    return largest;
-}
-
-static void square(double a[N_STATES][N_STATES])
-{
-    double product[N_STATES][N_STATES];
-    memset(product, 0, sizeof product);
-    for (int i = 0; i < N_STATES; i++)
-        for (int k = 0; k < N_STATES; k++)
-            for (int j = 0; j < N_STATES; j++)
-                product[i][j] += a[i][k] * a[k][j];
-    memcpy(a, product, sizeof product);
-}
-
 static double spectral_radius(double a[N_STATES][N_STATES])
 {
     double logarithm = 0, power = 1;
-    for (int k = 0;; k++) {
-        double size = largest_element(a);
+    for (int squared = 0;; squared++) {
+        double size = 0, product[N_STATES][N_STATES];
+        for (int i = 0; i < N_STATES; i++)
+            for (int j = 0; j < N_STATES; j++)
+                size = fmax(size, fabs(a[i][j]));
         if (!(size > 0))
             return 0;
         logarithm += log(size) / power;
-        if (k == SQUARINGS)
+        if (squared == SQUARINGS)
             return exp(logarithm);
         for (int i = 0; i < N_STATES; i++)
             for (int j = 0; j < N_STATES; j++)
                 a[i][j] /= size;
-        square(a);
+        memset(product, 0, sizeof product);
+        for (int i = 0; i < N_STATES; i++)
+            for (int k = 0; k < N_STATES; k++)
+                for (int j = 0; j < N_STATES; j++)
+                    product[i][j] += a[i][k] * a[k][j];
+        memcpy(a, product, sizeof product);
         power *= 2;
     }
 }
@@ -432,16 +413,6 @@ static outcome explain_failure(const communication_step *step, integration how, 
     return NOT_POSSIBLE;
 }
 
-/* Some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean
-   that the controller has no output yet. */
-static int forces_are_unset(const component *c)
-{
-    int is_zero = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;
-    for (int leg = 0; leg < N_LEGS; leg++)
-        is_zero = is_zero && c->s.inputs[leg] == 0;
-    return is_zero;
-}
-
 /* A step in which the modes of sticking or elastic legs would grow, or rest where they should not, is refused. */
 static outcome check_fixed_step(component *c, double time, double step)
 {
@@ -472,9 +443,13 @@ outcome component_step(component *c, double time, double step, const step_observ
     checked = check_fixed_step(c, c->s.time, step);
     if (checked != DONE)
         return checked;
-    if (forces_are_unset(c))
-        for (int leg = 0; leg < N_LEGS; leg++)
-            component_put(c, FIRST_INPUT + leg, START_INPUTS[leg]);
+    /* some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean that
+       the controller has no output yet */
+    int is_unset = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;
+    for (int leg = 0; leg < N_LEGS; leg++)
+        is_unset = is_unset && c->s.inputs[leg] == 0;
+    for (int leg = 0; is_unset && leg < N_LEGS; leg++)
+        component_put(c, FIRST_INPUT + leg, START_INPUTS[leg]);
     communication_step run = {.c = c, .observer = observer, .since = before.time, .size = c->s.internal_step};
     memcpy(run.from, c->s.inputs, sizeof run.from);
     for (int i = 0; i < N_INPUTS; i++)

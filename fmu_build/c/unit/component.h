@@ -50,13 +50,9 @@ outcome component_begin(component *c);
 /* Steps from `time`, which must be the current time, over `step` seconds. `reached` is the time at the end. */
 outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached);
 
-double component_time(const component *c);
-
 /* For external integrators and for derivatives; never called of a component without continuous states, since there is no
-   instance for Model Exchange, and modes.h does not allow derivatives. Vectors have N_STATES elements: */
+   instance for Model Exchange, and modes.h does not allow derivatives; xdot has N_STATES elements: */
 outcome component_set_time(component *c, double time);
-void component_get_states(const component *c, double x[]);
-outcome component_set_states(component *c, const double x[]);
 outcome component_derivatives(component *c, double xdot[]);
 /* Whether the current state is valid. */
 outcome component_check_state(component *c);

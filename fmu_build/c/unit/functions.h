@@ -88,7 +88,12 @@ FMI(Status) FMI(SetContinuousStates)(void *instance, const double x[], size_t n)
     fmi_instance *i = instance;
     if (!has_states(i, __func__, CALL_SET_CONTINUOUS_STATES, x, n))
         return FMI(Error);
-    return AS_FMI(conclude(i, __func__, CALL_SET_CONTINUOUS_STATES, component_set_states(i->core, x)));
+    outcome checked = DONE;
+    for (int k = 0; k < N_STATES && checked == DONE; k++)
+        checked = component_check(i->core, FIRST_STATE + k, x[k]);
+    for (int k = 0; k < N_STATES && checked == DONE; k++)
+        component_put(i->core, FIRST_STATE + k, x[k]);
+    return AS_FMI(conclude(i, __func__, CALL_SET_CONTINUOUS_STATES, checked));
 }
 
 FMI(Status) FMI(GetContinuousStates)(void *instance, double x[], size_t n)
@@ -96,7 +101,8 @@ FMI(Status) FMI(GetContinuousStates)(void *instance, double x[], size_t n)
     fmi_instance *i = instance;
     if (!has_states(i, __func__, CALL_GET_CONTINUOUS_STATES, x, n))
         return FMI(Error);
-    component_get_states(i->core, x);
+    for (int k = 0; k < N_STATES; k++)
+        component_get(i->core, FIRST_STATE + k, x + k);
     return FMI(OK);
 }
 

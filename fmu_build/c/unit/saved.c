@@ -57,7 +57,7 @@ fmi_status restore_state(fmi_instance *i, const char *function, const void *save
     i->mode = (fmi_mode)s->mode;
     component_restore(i->core, s->numbers);
     i->step_status = STATUS_OK;
-    i->last_successful_time = component_time(i->core);
+    component_get(i->core, TIME, &i->last_successful_time);
     return STATUS_OK;
 }
 

@@ -79,8 +79,8 @@ static fmi_status check_set(fmi_instance *i, const char *function, int slot, dou
     fmi_call needed = call_to_set(i, slot);
     if (allows(i, needed))
         return conclude(i, function, needed, component_check(i->core, slot, value));
-    char name[NAME_SIZE], refused[2 * NAME_SIZE];
-    write_slot_name(slot, name);
+    const char *name = NAME_OF_SLOT(slot);
+    char refused[2 * NAME_SIZE];
     if (needed == CALL_NOT_OFFERED)
         return report(i, STATUS_ERROR, "%s: %s is computed; only inputs, start values and parameters can be set",
                       function, name);
