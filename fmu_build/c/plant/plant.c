@@ -98,10 +98,9 @@ static outcome not_finite(component *c, const char *what)
 
 static outcome find_xdot(component *c)
 {
-    if (!c->has_xdot) {
+    if (!c->has_xdot)
         kernel_derivatives(c->s.x, c->s.inputs, c->s.p, c->xdot);
-        c->has_xdot = 1;
-    }
+    c->has_xdot = 1;
     for (int i = 0; i < N_STATES; i++)
         if (!isfinite(c->xdot[i]))
             return refuse_step(c, NAME_OF_SLOT(FIRST_DERIVATIVE + i), c->xdot[i], "",
@@ -123,16 +122,13 @@ _Static_assert(R_LEG_LENGTH == N_STATES && R_LEG_VELOCITY == N_STATES + N_LEGS, 
 /* Results other than the states. Leg lengths and rates do not need the dynamics, at a fifth of the cost. */
 static double find_result(component *c, int result)
 {
-    if (c->has_legs || !c->has_results) {
-        if (result < R_LEG_VELOCITY)
-            return legs_of(c)->length[result - R_LEG_LENGTH];
-        if (result < R_LEG_VELOCITY + N_LEGS)
-            return legs_of(c)->length_rate[result - R_LEG_VELOCITY];
+    if (result < R_LEG_VELOCITY + N_LEGS && (c->has_legs || !c->has_results)) {
+        const leg_state *legs = legs_of(c);
+        return result < R_LEG_VELOCITY ? legs->length[result - R_LEG_LENGTH] : legs->length_rate[result - R_LEG_VELOCITY];
     }
-    if (!c->has_results) {
+    if (!c->has_results)
         kernel_outputs(c->s.x, c->s.inputs, c->s.p, c->results);
-        c->has_results = 1;
-    }
+    c->has_results = 1;
     return c->results[result];
 }
 
