@@ -208,8 +208,8 @@ static outcome take_step(component *c)
     controller_step(&p, &c->coefficients, memory, inputs, force, limited);
 #endif
     if (memory->input_status >= (double)CONTROLLER_FORCE_NOT_FINITE)
-        return write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
-                                         "the platform's workspace", c->s.time);
+        return write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are "
+                                         "within the platform's workspace", c->s.time);
     for (int k = 0; k < 6; k++) {
         outputs[k] = force[k];
         outputs[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];

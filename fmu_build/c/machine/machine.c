@@ -275,7 +275,8 @@ static int bounded(const turning *t, const loop *l, int which, double value)
         if (t->wanted[BANDWIDTH] == 0 || !t->gains[12])
             return 1;
         /* below, the loop with these gains is unstable: 1/(2 zeta w) */
-        return value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]) && value < INFINITY;
+        return value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]) &&
+               value < INFINITY;
     }
 }
 

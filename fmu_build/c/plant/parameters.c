@@ -36,8 +36,9 @@ outcome check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
         for (int b = 0; b < 3; b++)
             unit[a][b] = (a == b) * largest - unit[a][b];
     if (!is_positive_definite(unit))
-        return write_message(message, "platform_inertia is unphysical: the largest principal moment exceeds the sum of the "
-                                      "others (triangle inequality); check the units and that it is about the centre of mass");
+        return write_message(message, "platform_inertia is unphysical: the largest principal moment exceeds the sum of "
+                                      "the others (triangle inequality); check the units and that it is about the "
+                                      "centre of mass");
     return DONE;
 }
 
@@ -105,14 +106,16 @@ outcome check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
         double stiffness = p[P_LEG_BRISTLE_STIFFNESS] * p[P_LEG_BRISTLE_STIFFNESS_FACTOR + i];
         double share = p[P_LEG_BREAKAWAY_SHARE] * p[P_LEG_BREAKAWAY_SHARE_FACTOR + i];
         if (!(coulomb > 0))
-            return write_message(message, "leg_coulomb_friction is %g N in leg %d; stiction needs > 0 in each", coulomb, i + 1);
+            return write_message(message, "leg_coulomb_friction is %g N in leg %d; stiction needs > 0 in each", coulomb,
+                                 i + 1);
         if (fixed > 0 && fixed < coulomb)
-            return write_message(message, "leg_static_friction is %g N, below leg_coulomb_friction = %g N; expected at least "
-                                          "that, or 0 for the same friction at rest as in motion (leg %d)",
-                                 factor > 0 ? fixed : fixed / of_coulomb, factor > 0 ? coulomb : coulomb / of_coulomb, i + 1);
+            return write_message(message, "leg_static_friction is %g N, below leg_coulomb_friction = %g N; expected at "
+                                          "least that, or 0 for the same friction at rest as in motion (leg %d)",
+                                 factor > 0 ? fixed : fixed / of_coulomb, factor > 0 ? coulomb : coulomb / of_coulomb,
+                                 i + 1);
         if (stiffness > 0 && largest / stiffness > LONGEST_PRESLIDING)
-            return write_message(message, "leg_bristle_stiffness is %g N/m: legs would stick over %.3g m before they slide; "
-                                          "expected %g N/m or more, or 0 to derive it (leg %d)", stiffness,
+            return write_message(message, "leg_bristle_stiffness is %g N/m: legs would stick over %.3g m before they "
+                                          "slide; expected %g N/m or more, or 0 to derive it (leg %d)", stiffness,
                                  largest / stiffness, largest / LONGEST_PRESLIDING, i + 1);
         if (share > LARGEST_SHARE)
             return write_message(message, "leg_breakaway_share is %g; expected at most %g, or 0 for the default (leg %d)",
@@ -130,9 +133,9 @@ outcome check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
             return write_message(message, "leg_armature is %g kg; a leg with leg_stiffness needs a motor with inertia: set "
                                           "leg_armature = J (2 pi/lead)^2 (leg %d)", armature, i + 1);
         if (!(stiffness >= least))
-            return write_message(message, "leg_stiffness is %g N/m; expected %.3g N/m or more, at which the platform bounces "
-                                          "at about %g Hz; rigid legs are a unit without springs (leg %d)", stiffness, least,
-                                 SLOWEST_MODE, i + 1);
+            return write_message(message, "leg_stiffness is %g N/m; expected %.3g N/m or more, at which the platform "
+                                          "bounces at about %g Hz; rigid legs are a unit without springs (leg %d)",
+                                 stiffness, least, SLOWEST_MODE, i + 1);
     }
 #endif
     (void)p, (void)message;

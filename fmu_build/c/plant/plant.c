@@ -92,8 +92,8 @@ outcome refuse_step(component *c, const char *quantity, double value, const char
 
 static outcome not_finite(component *c, const char *what)
 {
-    return write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large", what,
-                         c->s.time);
+    return write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large",
+                         what, c->s.time);
 }
 
 static outcome find_xdot(component *c)
@@ -222,7 +222,8 @@ outcome check_pose(component *c, double *handedness)
                                                        : "passed a singular pose since the last internal step");
     default:
         k = failure - FAILURE_COLLAPSED;
-        return refuse_step(c, NAME_OF_SLOT(FIRST_RESULT + R_LEG_LENGTH + k), legs->length[k], " m", "the leg has collapsed");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_RESULT + R_LEG_LENGTH + k), legs->length[k], " m",
+                           "the leg has collapsed");
     }
 }
 

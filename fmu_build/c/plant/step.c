@@ -443,8 +443,8 @@ outcome component_step(component *c, double time, double step, const step_observ
     checked = check_fixed_step(c, c->s.time, step);
     if (checked != DONE)
         return checked;
-    /* some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean that
-       the controller has no output yet */
+    /* some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean
+       that the controller has no output yet */
     int is_unset = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;
     for (int leg = 0; leg < N_LEGS; leg++)
         is_unset = is_unset && c->s.inputs[leg] == 0;

@@ -51,7 +51,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 
 FUNCTION(fmi2SetupExperiment, (fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
                                fmi2Boolean stopTimeDefined, fmi2Real stopTime),
-         set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime))
+         set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime, stopTimeDefined,
+                        stopTime))
 FUNCTION(fmi2EnterInitializationMode, (fmi2Component c),
          change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL))
 

@@ -140,7 +140,8 @@ static fmi_status no_dependencies(fmi_instance *i, const char *function, fmi3Val
         return STATUS_ERROR;
     if (!slots_of_reference(reference, &first, &size))
         return report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)reference);
-    return report(i, STATUS_ERROR, "%s: dependencies do not change at run time; they are in modelDescription.xml", function);
+    return report(i, STATUS_ERROR, "%s: dependencies do not change at run time; they are in modelDescription.xml",
+                  function);
 }
 
 FUNCTION(fmi3GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference reference, size_t *n),
