@@ -108,32 +108,25 @@ static controller_parameters parameters_of(const component *c)
     return p;
 }
 
-/* Message for an invalid parameter: its values and what is expected; `place` counts variables. */
-static void explain_parameter(component *c, int place)
+/* The message for an invalid parameter has its values and what is expected. */
+outcome component_check_parameters(component *c)
 {
     static const char *const expectations[] = EXPECTATIONS;
-    const variable *v = variable_of(FIRST_PARAMETER) + place;
+    if (c->is_prepared)
+        return DONE;
+    controller_parameters p = parameters_of(c);
+    int wrong = controller_prepare(&p, &c->coefficients); /* counts variables from 1 */
+    c->is_prepared = !wrong;
+    if (!wrong)
+        return DONE;
+    const variable *v = variable_of(FIRST_PARAMETER) + wrong - 1;
     char values[120] = "";
     for (int k = 0; k < v->size && k < 6; k++) {
         size_t length = strlen(values);
         snprintf(values + length, sizeof values - length, " %g", c->s.slots[v->first + k]);
     }
-    write_message(c->message, "%s =%s%s %s rejected; expected %s", v->name, values, v->size > 6 ? " ..." : "", v->unit,
-                  expectations[place]);
-}
-
-outcome component_check_parameters(component *c)
-{
-    if (c->is_prepared)
-        return DONE;
-    controller_parameters p = parameters_of(c);
-    int wrong = controller_prepare(&p, &c->coefficients);
-    if (wrong) {
-        explain_parameter(c, wrong - 1);
-        return NOT_POSSIBLE;
-    }
-    c->is_prepared = 1;
-    return DONE;
+    return write_message(c->message, "%s =%s%s %s rejected; expected %s", v->name, values, v->size > 6 ? " ..." : "",
+                         v->unit, expectations[wrong - 1]);
 }
 
 /* ---- time ----------------------------------------------------------------------------------------------------- */
@@ -150,7 +143,6 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
 }
 
 outcome component_begin(component *c) { return component_check_parameters(c); }
-double component_time(const component *c) { return c->s.time; }
 
 /* Time from step to step of the controller. */
 static double step_period(const component *c) { return c->s.slots[SAMPLE_TIME] / STEPS_A_SAMPLE; }
@@ -174,22 +166,19 @@ static outcome check_samples(component *c, double end)
 {
     double latest = fmax(fabs(c->s.start_time), end);
     if (step_period(c) < 1e3 * DBL_EPSILON * latest)
-        write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
-                      c->s.slots[SAMPLE_TIME], latest);
-    else if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES))
-        write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
-                                  "use shorter steps", end, MOST_SAMPLES, step_period(c));
-    else
-        return DONE;
-    return NOT_POSSIBLE;
+        return write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
+                             c->s.slots[SAMPLE_TIME], latest);
+    if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES))
+        return write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
+                                         "use shorter steps", end, MOST_SAMPLES, step_period(c));
+    return DONE;
 }
 
 static outcome check_inputs(component *c)
 {
     if (all_finite(c->s.slots + FIRST_INPUT, N_INPUTS))
         return DONE;
-    write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
-    return NOT_POSSIBLE;
+    return write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
 }
 
 /* The outputs that a step determines; steps count from 0. */
@@ -218,11 +207,9 @@ static outcome take_step(component *c)
 #else
     controller_step(&p, &c->coefficients, memory, inputs, force, limited);
 #endif
-    if (memory->input_status >= (double)CONTROLLER_FORCE_NOT_FINITE) {
-        write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
-                                  "the platform's workspace", c->s.time);
-        return NOT_POSSIBLE;
-    }
+    if (memory->input_status >= (double)CONTROLLER_FORCE_NOT_FINITE)
+        return write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are "
+                                         "within the platform's workspace", c->s.time);
     for (int k = 0; k < 6; k++) {
         outputs[k] = force[k];
         outputs[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
@@ -257,12 +244,8 @@ static outcome run(component *c, double end, const step_observer *observer)
         if (time <= c->s.time) /* more than one sample is due */
             continue;
         advance(c, time);
-        if (observer) {
-            double requested_end = end;
-            observer->notice(observer->context, time, &requested_end);
-            if (requested_end < end)
-                end = fmax(requested_end, time);
-        }
+        if (observer)
+            observer->notice(observer->context, time, &end);
     }
     return check_inputs(c); /* a state that is not finite could not be restored */
 }
@@ -279,12 +262,10 @@ outcome component_step(component *c, double time, double step, const step_observ
         return done;
     controller_state before = c->s;
     done = run(c, time + step, observer);
-    if (done != DONE) {
+    if (done != DONE)
         c->s = before;
-        return done;
-    }
     *reached = c->s.time;
-    return DONE;
+    return done;
 }
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
@@ -312,20 +293,12 @@ void component_restore(component *c, const double saved[])
 
 /* ---- not called: there are no continuous states --------------------------------------------------------------- */
 
-#define NOT_CALLED(name, ...)                                                                                          \
-    outcome name(component *c, __VA_ARGS__)                                                                            \
-    {                                                                                                                  \
-        (void)c;                                                                                                       \
-        return MISUSE;                                                                                                 \
-    }
 #pragma GCC diagnostic ignored "-Wunused-parameter"
-
+#define NOT_CALLED(name, ...)                                                                                          \
+    outcome name(component *c, __VA_ARGS__) { return MISUSE; }
 NOT_CALLED(component_set_time, double time)
-NOT_CALLED(component_set_states, const double x[])
 NOT_CALLED(component_derivatives, double xdot[])
 NOT_CALLED(component_forward, const double dx[], const double du[], const double dp[], double dxdot[], double dy[])
 NOT_CALLED(component_reverse, const double wxdot[], const double wy[], double gx[], double gu[], double gp[])
 NOT_CALLED(component_result_rates, double rates[])
-
-outcome component_check_state(component *c) { return (void)c, MISUSE; }
-void component_get_states(const component *c, double x[]) { (void)c, (void)x; }
+outcome component_check_state(component *c) { return MISUSE; }

@@ -91,19 +91,6 @@ static mask broken(const folds_of_members *block, const lanes row[])
     return sum != sum;
 }
 
-/* Adds rows of a chunk to all folds. Returns how many of them count: those before one that is broken, `most` at the most. */
-static mask add_rows(const folds_of_members *block, int64_t vector, int64_t index, int64_t rows, mask most,
-                     const lanes *chunk, int64_t elements)
-{
-    for (int64_t row = 0; row < rows; row++) {
-        mask ends = broken(block, chunk + (row + 1) * elements), at = (mask)(whole)row;
-        most = (ends & least(most, at)) | (~ends & most);
-    }
-    for (const fold *f = block->folds; f < block->folds + block->n_folds; f++)
-        add(block, f, vector, index, rows, most, chunk, elements);
-    return most;
-}
-
 /* Adds rows of one vector to the states: (rows + 1, elements, 8), `elements` of a row, the first row being the one
    before. A member's rows from the first one on that has a number that is not finite do not count. `counting` has -1 for
    members all of whose rows counted so far, else how many did; `ends` (8) how many of these rows each member has, more
@@ -112,13 +99,19 @@ OFFERED void folds_rows(const folds_of_members *block, int64_t vector, int64_t f
                 const int64_t *ends, const double *chunk)
 {
     int64_t *counting = block->counting + vector * WIDTH;
-    mask most = (mask)(whole)0;
+    const lanes *all = (const lanes *)chunk;
+    mask stop = (mask)(whole)0; /* how many rows count: those before one that is broken */
     for (int64_t k = 0; k < WIDTH; k++)
         if (counting[k] < 0)
-            most[k] = ends[k] < rows ? ends[k] : rows;
-    if (!any(most))
+            stop[k] = ends[k] < rows ? ends[k] : rows;
+    if (!any(stop))
         return;
-    mask stop = add_rows(block, vector, first, rows, most, (const lanes *)chunk, elements);
+    for (int64_t row = 0; row < rows; row++) {
+        mask breaks = broken(block, all + (row + 1) * elements), at = (mask)(whole)row;
+        stop = (breaks & least(stop, at)) | (~breaks & stop);
+    }
+    for (const fold *f = block->folds; f < block->folds + block->n_folds; f++)
+        add(block, f, vector, first, rows, stop, all, elements);
     for (int64_t k = 0; k < WIDTH; k++)
         if (counting[k] < 0 && (stop[k] < rows || ends[k] <= rows))
             counting[k] = first + stop[k];

@@ -1,5 +1,7 @@
 /* Poses with given leg lengths, row after row of a log: Newton's method from the pose of the row before. */
+#define WIDTH 1
 #include "conditioning.h"
+#include "kernel.h"
 #include "vectors.h"
 
 #include <math.h>
@@ -11,32 +13,16 @@ enum { MOST_ITERATIONS = 30 };
 #define SMALLEST_PIVOT 1e-12
 
 typedef struct {
-    const double (*base)[3], (*platform)[3];
-    double size; /* of the platform [m] */
+    double p[N_PARAMETERS]; /* those of the geometry */
+    double size;            /* of the platform [m] */
 } geometry;
 
-/* Leg lengths at a pose x, y, z, roll, pitch, yaw, and their rates by a twist [v; w], the rows [u, c x u]. */
-static void legs_at(const geometry *g, const double pose[6], double length[6], double jacobian[6][6])
+/* Leg lengths at a pose x, y, z, roll, pitch, yaw, and their rates by a twist [v; rho w]. */
+static void legs_at(const geometry *g, const double pose[6], double length[6], double jacobian[6][6], double *rho)
 {
-    double sa = sin(pose[3]), ca = cos(pose[3]), sb = sin(pose[4]), cb = cos(pose[4]), sc = sin(pose[5]), cc = cos(pose[5]);
-    const double R[3][3] = {
-        {cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa},
-        {sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa},
-        {-sb, cb * sa, cb * ca},
-    };
-    for (int leg = 0; leg < 6; leg++) {
-        double c[3], l[3], *row = jacobian[leg];
-        for (int i = 0; i < 3; i++) {
-            const double *p = g->platform[leg];
-            c[i] = R[i][0] * p[0] + R[i][1] * p[1] + R[i][2] * p[2];
-            l[i] = pose[i] + c[i] - g->base[leg][i];
-        }
-        length[leg] = sqrt(l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);
-        for (int i = 0; i < 3; i++)
-            row[i] = l[i] / length[leg];
-        for (int i = 0; i < 3; i++)
-            row[3 + i] = c[(i + 1) % 3] * row[(i + 2) % 3] - c[(i + 2) % 3] * row[(i + 1) % 3];
-    }
+    double x[N_STATES] = {0}, rate[6];
+    memcpy(x, pose, 6 * sizeof *pose);
+    kernel_legs(x, g->p, length, rate, jacobian[0], rho);
 }
 
 /* Replaces b by the solution of A x = b; returns the sign of det A, or 0 if A is singular. */
@@ -53,14 +39,15 @@ static int solve(double A[6][6], double b[6])
     return determinant > 0 ? 1 : -1;
 }
 
-/* Moves a pose by a twist, shortened to LARGEST_STEP; the angles by their rates. */
-static void move(const geometry *g, double pose[6], const double twist[6])
+/* Moves a pose by a twist [v; rho w], shortened to LARGEST_STEP; the angles by their rates. */
+static void move(const geometry *g, double pose[6], const double twist[6], double rho)
 {
+    const double w[3] = {twist[3] / rho, twist[4] / rho, twist[5] / rho};
     double shift = sqrt(twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]) / g->size;
-    double turn = sqrt(twist[3] * twist[3] + twist[4] * twist[4] + twist[5] * twist[5]);
+    double turn = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
     double share = LARGEST_STEP / fmax(LARGEST_STEP, fmax(shift, turn));
-    double sc = sin(pose[5]), cc = cos(pose[5]), across = cc * twist[3] + sc * twist[4];
-    double rates[3] = {across / cos(pose[4]), cc * twist[4] - sc * twist[3], twist[5] + tan(pose[4]) * across};
+    double sc = sin(pose[5]), cc = cos(pose[5]), across = cc * w[0] + sc * w[1];
+    double rates[3] = {across / cos(pose[4]), cc * w[1] - sc * w[0], w[2] + tan(pose[4]) * across};
     for (int i = 0; i < 3; i++) {
         pose[i] += share * twist[i];
         pose[3 + i] += share * rates[i];
@@ -75,8 +62,8 @@ static double found_pose(const geometry *g, int side, double tolerance, const do
     for (int leg = 0; leg < 6; leg++)
         longest = fmax(longest, length[leg]);
     for (*iterations = 0; *iterations <= MOST_ITERATIONS; ++*iterations) {
-        double at[6], jacobian[6][6], error[6], largest = 0;
-        legs_at(g, pose, at, jacobian);
+        double at[6], jacobian[6][6], error[6], rho, largest = 0;
+        legs_at(g, pose, at, jacobian, &rho);
         for (int leg = 0; leg < 6; leg++) {
             error[leg] = length[leg] - at[leg];
             largest = fmax(largest, fabs(error[leg]));
@@ -85,7 +72,7 @@ static double found_pose(const geometry *g, int side, double tolerance, const do
             return NAN;
         if (largest <= tolerance * longest)
             return largest;
-        move(g, pose, error);
+        move(g, pose, error, rho);
     }
     return NAN;
 }
@@ -96,11 +83,13 @@ OFFERED size_t poses_of_lengths(const double base[6][3], const double platform[6
                                 double tolerance, size_t rows, const double lengths[][6], double poses[][6],
                                 double residuals[], int iterations[])
 {
-    const geometry g = {base, platform, size};
-    double at[6], jacobian[6][6], last[6], change[6] = {0};
+    geometry g = {.size = size};
+    double at[6], jacobian[6][6], last[6], change[6] = {0}, rho;
     size_t lost = 0;
+    memcpy(g.p + P_BASE_POINTS, base, 18 * sizeof(double));
+    memcpy(g.p + P_PLATFORM_POINTS, platform, 18 * sizeof(double));
     memcpy(last, guess, sizeof last);
-    legs_at(&g, guess, at, jacobian);
+    legs_at(&g, guess, at, jacobian, &rho);
     int side = solve(jacobian, at);
     for (size_t k = 0; k < rows; k++) {
         int is_known = 1;

@@ -1,5 +1,6 @@
 /* What the processor and the system can do: the level of x86-64 [x86-64 psABI, 3.1.1] that they support, 1 to 4; 0 on
    other processors. */
+#define WIDTH 1
 #include "vectors.h"
 
 OFFERED int processor_level(void);

@@ -33,18 +33,10 @@ static inline lanes without_quarters(lanes x, mask *quarters)
 static inline lanes wave(lanes r, mask quarters)
 {
     lanes z = r * r;
-    lanes s = r + r * z *
-                      (-0.16666666666666666 +
-                       z * (0.008333333333330948 +
-                            z * (-0.00019841269836756774 +
-                                 z * (2.7557316101617874e-06 +
-                                      z * (-2.505113165023518e-08 + z * 1.5918115263265974e-10)))));
-    lanes c = 1 - 0.5 * z +
-              z * z *
-                  (0.041666666666666664 +
-                   z * (-0.0013888888888887398 +
-                        z * (2.480158729876456e-05 +
-                             z * (-2.7557317271145144e-07 + z * (2.087614614655861e-09 + z * -1.1382623647474604e-11)))));
+    lanes s = r + r * z * (-0.16666666666666666 + z * (0.008333333333330948 + z * (-0.00019841269836756774 +
+                           z * (2.7557316101617874e-06 + z * (-2.505113165023518e-08 + z * 1.5918115263265974e-10)))));
+    lanes c = 1 - 0.5 * z + z * z * (0.041666666666666664 + z * (-0.0013888888888887398 + z * (2.480158729876456e-05 +
+              z * (-2.7557317271145144e-07 + z * (2.087614614655861e-09 + z * -1.1382623647474604e-11)))));
     lanes w = choose((quarters & 1) != 0, c, s);
     return number(bits(w) ^ shifted(quarters & 2, 62));
 }
@@ -66,17 +58,10 @@ static inline lanes cosine(lanes x)
 /* exp(r) - 1, |r| <= ln(2)/2 */
 static inline lanes growth(lanes r)
 {
-    return r + r * r *
-                   (0.5000000000000001 +
-                    r * (0.16666666666666669 +
-                         r * (0.04166666666662413 +
-                              r * (0.008333333333330062 +
-                                   r * (0.0013888888917213717 +
-                                        r * (0.00019841269863053618 +
-                                             r * (2.4801521295954376e-05 +
-                                                  r * (2.7557268459997064e-06 +
-                                                       r * (2.7620088445409746e-07 +
-                                                            r * 2.510038549551032e-08)))))))));
+    return r + r * r * (0.5000000000000001 + r * (0.16666666666666669 + r * (0.04166666666662413 +
+                   r * (0.008333333333330062 + r * (0.0013888888917213717 + r * (0.00019841269863053618 +
+                   r * (2.4801521295954376e-05 + r * (2.7557268459997064e-06 +
+                   r * (2.7620088445409746e-07 + r * 2.510038549551032e-08)))))))));
 }
 
 /* y = k ln(2) + r, and 2^k */
@@ -125,7 +110,9 @@ static inline lanes sign_of(lanes x) { return truth(x > 0) - truth(x < 0); }
 /* x minus the nearest multiple of y, of two the even one */
 static inline lanes remainder_of(lanes x, lanes y) { return x - nearest(x / y) * y; }
 
-/* the names in the generated code */
+/* the names in the generated code; it may want those of the C library */
+#define sign(x) sign_of(x)
+#ifndef WITH_C_LIBRARY
 #define sqrt(x) square_root(x)
 #define sin(x) sine(x)
 #define cos(x) cosine(x)
@@ -134,7 +121,7 @@ static inline lanes remainder_of(lanes x, lanes y) { return x - nearest(x / y) *
 #define fabs(x) magnitude(x)
 #define fmin(x, y) smaller_of(x, y)
 #define fmax(x, y) larger_of(x, y)
-#define sign(x) sign_of(x)
 #define remainder(x, y) remainder_of(x, y)
+#endif
 
 #endif

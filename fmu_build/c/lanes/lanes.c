@@ -1,5 +1,5 @@
 #include "conditioning.h"
-#include "group.h"
+#include "lanes.h"
 
 /* the generated kernels on `lanes`; included so that the functions of elementary.h are inlined */
 #include "lanes_kernel.h"

@@ -1,21 +1,12 @@
 /* A control law that a user wrote, on eight members at a time: compiled for one law, called by c/loop. */
+/* The C library's functions, for the range and the bits that a user expects. */
+#define WITH_C_LIBRARY
 #include "elementary.h"
 
 /* no fused operations, so that the law has the bits of the user's */
 #ifdef __clang__
 #pragma clang fp contract(off) reciprocal(off)
 #endif
-
-/* The C library's functions, for the range and the bits that a user expects, in place of those for the kernels. */
-#undef sqrt
-#undef sin
-#undef cos
-#undef tanh
-#undef exp
-#undef fabs
-#undef fmin
-#undef fmax
-#undef remainder
 
 #define OF_ONE(name)                                                                                                   \
     static inline lanes each_##name(lanes x)                                                                           \

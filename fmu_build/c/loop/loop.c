@@ -1,7 +1,5 @@
 #include "loop.h"
 
-#include "group.h"
-
 /* no fused operations, so that the loop has the bits of NumPy's */
 #ifdef __clang__
 #pragma clang fp contract(off) reciprocal(off)
@@ -36,11 +34,11 @@ static lanes value_at(const vector *v, const table *t, int64_t row, int64_t elem
     return x;
 }
 
-/* Coefficients of a component, in the one row of a table. */
-static void read_coefficients(const vector *v, const table *t, int64_t first, int n, lanes c[])
+/* Some elements of a row. */
+static void read_row(const vector *v, const table *t, int64_t row, int64_t first, int n, lanes x[])
 {
     for (int k = 0; k < n; k++)
-        c[k] = value_at(v, t, 0, first + k);
+        x[k] = value_at(v, t, row, first + k);
 }
 
 static lanes remembered(const vector *v, const double *memory, int64_t element)
@@ -69,11 +67,11 @@ static void keep(const vector *v, double *memory, int n, const lanes x[], mask w
 static mask everyone_of(const vector *v) { return v->plant.running | ~v->plant.running; }
 
 /* An element of a row of members, if there is a place for it. */
-static void write_number(const vector *v, const rows_of_numbers *to, int64_t row, int64_t element, lanes x, mask where)
+static void write_number(const vector *v, const rows_out *to, int64_t row, int64_t element, lanes x, mask where)
 {
     if (!to->at)
         return;
-    double *place = to->at + row * to->row + element * to->element + v->first;
+    double *place = (double *)to->at + row * to->row + element * to->element + v->first;
     if (v->live == WIDTH && !any(~where))
         put(place, x);
     else
@@ -82,16 +80,16 @@ static void write_number(const vector *v, const rows_of_numbers *to, int64_t row
                 place[lane] = LANE(x, lane);
 }
 
-static void write_numbers(const vector *v, const rows_of_numbers *to, int64_t row, int n, const lanes x[], mask where)
+static void write_numbers(const vector *v, const rows_out *to, int64_t row, int n, const lanes x[], mask where)
 {
     for (int i = 0; i < n; i++)
         write_number(v, to, row, i, x[i], where);
 }
 
-static void write_flags(const vector *v, const rows_of_flags *to, int64_t row, int n, const lanes x[], mask where)
+static void write_flags(const vector *v, const rows_out *to, int64_t row, int n, const lanes x[], mask where)
 {
     for (int i = 0; to->at && i < n; i++) {
-        uint8_t *place = to->at + row * to->row + i * to->element + v->first;
+        uint8_t *place = (uint8_t *)to->at + row * to->row + i * to->element + v->first;
         mask is_set = (x[i] != 0) & 1;
         if (v->live == WIDTH && !any(~where))
             put_flags(place, is_set);
@@ -115,13 +113,11 @@ static void end(vector *v, mask which, int64_t failure, int64_t row)
         }
 }
 
-/* The noise (24) of a reading: 0 where there is none. */
+/* The noise (24) of a reading, where there is one. */
 static void draw_noise(const vector *v, int64_t reading, lanes noise[])
 {
     const loop *l = v->loop;
     words stream[4];
-    for (int i = 0; i < N_SIGNALS; i++)
-        noise[i] = (lanes)0.0;
     for (int i = 0; l->n_noisy && i < 4; i++)
         stream[i] = (words)*(const mask_anywhere *)(l->streams + i * v->stride + v->first);
     for (int64_t k = 0; k < l->n_noisy; k++) {
@@ -133,18 +129,13 @@ static void draw_noise(const vector *v, int64_t reading, lanes noise[])
     }
 }
 
-#if HAS_SPRINGS
-#define AT_MOTOR 2
-#define SENSES(flags) ((flags) & 1)
-#else
-#define SENSES(flags) (flags)
-#endif
+enum { SENSES = 1, AT_MOTOR = 2 };
 
 /* Readings of the members whose sample it is; those of frozen sensors stay. */
 static void read_sensors(const vector *v, int64_t reading, int64_t n, const int64_t *used, mask whose)
 {
     const loop *l = v->loop;
-    lanes noise[N_SIGNALS];
+    lanes noise[N_SIGNALS] = {(lanes)0.0};
     draw_noise(v, reading, noise);
     for (int64_t i = 0; i < n; i++) {
         int64_t element = used[i];
@@ -153,9 +144,9 @@ static void read_sensors(const vector *v, int64_t reading, int64_t n, const int6
         if (l->senses[element] & AT_MOTOR)
             now = v->plant.x[X_MOTOR_POSITION + element - FIRST_LENGTH]; /* the velocities follow */
 #endif
-        if (SENSES(l->senses[element])) {
+        if (l->senses[element] & SENSES) {
             lanes c[SENSOR_COEFFICIENTS];
-            read_coefficients(v, &l->sensors, element * SENSOR_COEFFICIENTS, SENSOR_COEFFICIENTS, c);
+            read_row(v, &l->sensors, 0, element * SENSOR_COEFFICIENTS, SENSOR_COEFFICIENTS, c);
             component_sensor(c, &now, &noise[element], &now);
         }
         if (l->frozen) {
@@ -300,7 +291,7 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
         lanes c[TAKEOVER_COEFFICIENTS], before[TAKEOVER_STATES], after[TAKEOVER_STATES], by_hand[N_LEGS], off[N_LEGS];
         lanes wanted[N_LEGS];
         memcpy(wanted, command, sizeof wanted);
-        read_coefficients(v, &l->takeover, 0, TAKEOVER_COEFFICIENTS, c);
+        read_row(v, &l->takeover, 0, 0, TAKEOVER_COEFFICIENTS, c);
         recall(v, l->transfer, TAKEOVER_STATES, before);
         recall(v, l->manual_force, N_LEGS, by_hand);
         recall(v, l->off, N_LEGS, off);
@@ -316,7 +307,7 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
     if (l->limits.at) {
         lanes c[LIMIT_COEFFICIENTS], before[LIMIT_STATES], after[LIMIT_STATES];
         mask goes_on = due & v->plant.running;
-        read_coefficients(v, &l->limits, 0, LIMIT_COEFFICIENTS, c);
+        read_row(v, &l->limits, 0, 0, LIMIT_COEFFICIENTS, c);
         recall(v, l->planned, LIMIT_STATES, before);
         component_limits(c, before, command, after, allowed, is_cut, excess);
         for (int i = 0; i < N_LEGS; i++)
@@ -340,13 +331,10 @@ static void drive(vector *v, lanes is_behind[])
     const loop *l = v->loop;
     lanes target[N_LEGS], mean[N_LEGS];
     recall(v, l->target, N_LEGS, target);
-    for (int i = 0; i < N_LEGS; i++) {
-        mean[i] = target[i];
-        is_behind[i] = (lanes)0.0;
-    }
+    memcpy(mean, target, sizeof mean);
     if (l->drives.at) {
         lanes c[DRIVE_COEFFICIENTS], before[DRIVE_STATES], after[DRIVE_STATES];
-        read_coefficients(v, &l->drives, 0, DRIVE_COEFFICIENTS, c);
+        read_row(v, &l->drives, 0, 0, DRIVE_COEFFICIENTS, c);
         recall(v, l->driven, DRIVE_STATES, before);
         component_drive(c, before, target, after, mean, is_behind);
         keep(v, l->driven, DRIVE_STATES, after, v->plant.running);
@@ -392,8 +380,7 @@ static void take_row(vector *v, int64_t row, const lanes is_behind[])
     }
     if (l->reference.at) {
         lanes wanted[N_POSE - FIRST_ANGLE];
-        for (int i = FIRST_ANGLE; i < N_POSE; i++)
-            wanted[i - FIRST_ANGLE] = value_at(v, &l->reference, row, i);
+        read_row(v, &l->reference, row, FIRST_ANGLE, N_POSE - FIRST_ANGLE, wanted);
         component_rotation_between(into + FIRST_ANGLE, wanted, into + ROW_ERRORS + FIRST_ANGLE);
     }
     for (int i = 0; i < N_LEGS; i++) {
@@ -482,9 +469,7 @@ static int64_t step_plant(vector *v, int64_t row)
 static void at_row(vector *v, int64_t row)
 {
     const loop *l = v->loop;
-    lanes is_behind[N_LEGS];
-    for (int i = 0; i < N_LEGS; i++)
-        is_behind[i] = (lanes)0.0;
+    lanes is_behind[N_LEGS] = {(lanes)0.0};
     if (row < l->last) {
         int64_t sample = row / l->every;
         mask due = v->plant.running;
@@ -499,15 +484,14 @@ static void at_row(vector *v, int64_t row)
             sample_at(v, row, sample, due);
         drive(v, is_behind);
     }
-    recall(v, l->acting, N_LEGS, v->plant.u);
     if (l->cut) { /* legs without force; their drives go on */
         lanes driven[N_LEGS], cut[N_LEGS];
-        memcpy(driven, v->plant.u, sizeof driven);
+        recall(v, l->acting, N_LEGS, driven);
         recall(v, l->cut, N_LEGS, cut);
         component_cut(driven, cut, v->plant.u);
         keep(v, l->acting, N_LEGS, v->plant.u, v->plant.running);
-        recall(v, l->acting, N_LEGS, v->plant.u);
     }
+    recall(v, l->acting, N_LEGS, v->plant.u);
     if (l->takes)
         take_row(v, row, is_behind);
     else
@@ -553,16 +537,13 @@ int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end
 #if WIDTH == 1
 void loop_begin(const batch *members, const loop *l)
 {
-    vector v = {.loop = l, .stride = members->stride, .live = 1};
-    double frozen[N_SIGNALS];
+    loop unfrozen = *l; /* a sensor that is frozen from the begin has its first reading */
+    vector v = {.loop = &unfrozen, .stride = members->stride, .live = 1};
+    unfrozen.frozen = NULL;
     read_group(&v.plant, members, 0, N_PARAMETERS);
-    if (l->frozen) { /* a sensor that is frozen from the begin has its first reading */
-        memcpy(frozen, l->frozen, sizeof frozen);
-        memset(l->frozen, 0, sizeof frozen);
-    }
     read_sensors(&v, 0, l->size, l->used, everyone_of(&v));
-    if (l->frozen)
-        memcpy(l->frozen, frozen, sizeof frozen);
+    if (l->held)
+        memcpy(l->held, l->measured, N_SIGNALS * sizeof *l->held);
     for (int i = 0; i < N_LEGS && i < l->size; i++) {
         remember(&v, l->lengths, i, remembered(&v, l->measured, l->used[i]));
         remember(&v, l->pose, i, (lanes)0.0);

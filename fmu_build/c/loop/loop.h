@@ -19,23 +19,19 @@ typedef struct {
     int64_t row, member;
 } indices;
 
-/* Where rows of N members are written: row, element, then members side by side. NULL: nowhere. */
+/* Where rows of N members are written, numbers or flags of a byte: row, element, then members side by side. NULL:
+   nowhere. */
 typedef struct {
-    double *at;
+    void *at;
     int64_t row, element;
-} rows_of_numbers;
-
-typedef struct {
-    uint8_t *at;
-    int64_t row, element;
-} rows_of_flags;
+} rows_out;
 
 /* What is kept of some rows: elements of a row, see ROW_ELEMENTS in components.h. */
 typedef struct {
     const int64_t *place; /* by row of the run: where it is kept, or -1 */
     int64_t size;
     const int64_t *elements;
-    rows_of_numbers to;
+    rows_out to;
 } kept_rows;
 
 /* Who takes the rows as they come, in the cache, so that they need not be written: folds, see `folds_rows` of
@@ -120,10 +116,9 @@ typedef struct {
 
     /* what is kept: by row since `first_row`, and by sample */
     int64_t first_row;
-    rows_of_numbers row_signals, row_results, row_forces, row_motors; /* the last of elastic legs */
-    rows_of_flags row_force_limited, row_rate_limited;
-    rows_of_numbers sample_measured, sample_state, sample_command;
-    rows_of_flags sample_limited;
+    rows_out row_signals, row_results, row_forces, row_motors; /* the last of elastic legs */
+    rows_out row_force_limited, row_rate_limited;              /* flags */
+    rows_out sample_measured, sample_state, sample_command, sample_limited;
     const taker *takes; /* NULL: nobody */
 } loop;
 

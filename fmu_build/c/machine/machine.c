@@ -2,8 +2,6 @@
 
 #include <math.h>
 
-#include "elementary.h"
-#include "loop.h"
 #include "machine_fields.h"
 #include "turning.h"
 
@@ -90,15 +88,12 @@ static void piece_at(const planned *p, double time, double motion[])
 {
     double first = p->begins[0], pose[6], rate[6], acceleration[6];
     int moves = time >= first && time <= p->end + MOTION_ROUNDING;
-    int64_t low = 0, high = p->n_pieces;
-    time = time > p->end ? p->end : time;
-    time = time < first ? first : time;
-    while (high - low > 1) {
-        int64_t middle = (low + high) / 2;
-        if (p->begins[middle] <= time)
-            low = middle;
-        else
-            high = middle;
+    int64_t low = 0;
+    time = larger_of(first, smaller_of(p->end, time));
+    for (int64_t high = p->n_pieces; high - low > 1;) {
+        int64_t middle = (low + high) / 2, is_later = p->begins[middle] <= time;
+        low = is_later ? middle : low;
+        high = is_later ? high : middle;
     }
     double since = time - p->begins[low];
     for (int i = 0; i < 6; i++) {
@@ -245,21 +240,18 @@ int64_t machine_run(int64_t *block, int64_t to)
     if (!block[2])
         return row;
     m->loop.first_row = row;
+    most = most < m->loop.last + 1 ? most : m->loop.last + 1;
     to = to < most ? to : most;
-    to = to < m->loop.last + 1 ? to : m->loop.last + 1;
     if (m->forever && row < to)
         sample_rows(m, row, to);
     if (m->plan.kind >= 0 && row < to)
         plan_rows(m, row, to);
     while (row < to) {
-        int64_t stop = to;
         if (m->next_change < m->n_changes && m->change_rows[m->next_change] == row)
             change(m);
-        if (m->next_change < m->n_changes && m->change_rows[m->next_change] < to)
-            stop = m->change_rows[m->next_change];
-        while (!loop_run(&m->members, &m->loop, 0, 1, stop, INT64_MAX))
+        row = m->next_change < m->n_changes && m->change_rows[m->next_change] < to ? m->change_rows[m->next_change] : to;
+        while (!loop_run(&m->members, &m->loop, 0, 1, row, INT64_MAX))
             ;
-        row = stop;
     }
     return row;
 }
@@ -274,26 +266,24 @@ enum { FIRST_OF_LENGTHS = 12, OF_ENCODERS = 6 };
 /* Above 0, or from 0 on. */
 static int bounded(const turning *t, const loop *l, int which, double value)
 {
-    double least = 0;
-    if (which == DELAY)
-        return value >= 0 && value <= (double)l->most_delay && value == floor(value);
-    if (which == FORCE_LIMIT)
-        return value > 0;
-    if (which == BANDWIDTH || which == FILTER_TIME || which == NOISE || which == QUANTISATION)
-        return value >= 0 && value < INFINITY;
-    if (which == INTEGRAL_TIME) {
+    switch (which) {
+    case DELAY: return value >= 0 && value <= (double)l->most_delay && value == floor(value);
+    case FORCE_LIMIT: return value > 0;
+    case BANDWIDTH: case FILTER_TIME: case NOISE: case QUANTISATION: return value >= 0 && value < INFINITY;
+    default: return value > 0 && value < INFINITY;
+    case INTEGRAL_TIME:
         if (t->wanted[BANDWIDTH] == 0 || !t->gains[12])
             return 1;
         /* below, the loop with these gains is unstable: 1/(2 zeta w) */
-        least = 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]);
+        return value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]) &&
+               value < INFINITY;
     }
-    return value > least && value < INFINITY;
 }
 
 static void turn_gains(const turning *t, double used[])
 {
     const double *wanted = t->wanted;
-    double filter = wanted[FILTER_TIME], tracking = t->tracking_time, times[7];
+    double filter = wanted[FILTER_TIME] == 0 ? t->filter_time : wanted[FILTER_TIME], tracking = t->tracking_time, times[7];
     memcpy(used, t->gains, N_USED * sizeof *used);
     if (wanted[BANDWIDTH] > 0) {
         double integral_time = t->gains[12] > 0 ? wanted[INTEGRAL_TIME] : INFINITY;
@@ -302,8 +292,6 @@ static void turn_gains(const turning *t, double used[])
     for (int kind = 0; kind < 3; kind++)
         for (int i = 0; i < N_LEGS; i++)
             used[kind * N_LEGS + i] *= wanted[FACTORS + kind];
-    if (filter == 0)
-        filter = t->filter_time;
     design_times(used, used + N_LEGS, used + 2 * N_LEGS, times);
     used[USED_FILTER] = filter > 0 ? filter : times[0];
     for (int i = 0; i < N_LEGS; i++)
@@ -324,18 +312,6 @@ static int64_t refused(const turning *t, const double used[])
     return 0;
 }
 
-/* The law's entries, from the matrices [C D; A B] of each channel. */
-static void turn_law(const turning *t, const loop *l, const double used[])
-{
-    double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL];
-    for (int i = 0; i < N_LEGS; i++) {
-        const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
-        LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
-    }
-    for (int64_t k = 0; k < l->entries; k++)
-        ((double *)l->values.at)[k * l->values.element] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
-}
-
 /* What a state of the law is of its force. */
 static double part_of(const loop *l, int64_t state)
 {
@@ -349,15 +325,19 @@ static double part_of(const loop *l, int64_t state)
 /* Other gains. Before the first sample the law begins at rest. Later each filter of a derivative gives the force that it
    gave, since what it holds of a length is far more than what it holds of a velocity: about its rest r, c x is kept, as
    x = r' + c/c' (x - r). */
-static void turn_law_on(machine *m, const double used[])
+static void turn_law(const turning *t, loop *l, const double used[])
 {
-    loop *l = &m->loop;
-    int64_t controllers = STATES[m->turned.variant][0];
+    int64_t controllers = STATES[t->variant][0];
     double before[MOST_LAW_STATES], after[MOST_LAW_STATES], part[N_LEGS];
+    double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL]; /* [C D; A B] of each */
     rest_of_law(l, before);
-    for (int i = 0; i < N_LEGS; i++)
+    for (int i = 0; i < N_LEGS; i++) {
+        const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
         part[i] = part_of(l, i * controllers);
-    turn_law(&m->turned, l, used);
+        LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
+    }
+    for (int64_t k = 0; k < l->entries; k++)
+        ((double *)l->values.at)[k * l->values.element] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
     rest_of_law(l, after);
     if (!l->at_row[0])
         memcpy(l->memory, after, (size_t)l->n_states * sizeof *after);
@@ -407,7 +387,7 @@ int64_t machine_turn(int64_t *block)
         loop_begin(&m->members, l);
     }
     if (t->variant >= 0) {
-        turn_law_on(m, used);
+        turn_law(t, l, used);
         memcpy(t->used, used, sizeof used);
     }
     return 0;

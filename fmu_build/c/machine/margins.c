@@ -4,6 +4,7 @@
 #include <float.h>
 #include <math.h>
 
+#define WITH_C_LIBRARY
 #include "turning.h"
 
 /* products and quotients need not look for infinite parts */
@@ -214,8 +215,7 @@ static void join(open_loop *s, const turning *t, const loop *l)
 {
     int64_t n = s->n, np = t->n_plant, readings = l->n_states + (l->kinds == 1 ? 0 : l->size);
     double sign = l->kinds == 1 ? 1 : -1;
-    for (int64_t i = 0; i < n * (n + 2 * N_LEGS); i++)
-        s->A[i] = 0; /* B and C follow */
+    memset(s->A, 0, (size_t)(n * (n + 2 * N_LEGS)) * sizeof *s->A); /* B and C follow */
     for (int64_t i = 0; i < np; i++) {
         for (int64_t j = 0; j < np; j++)
             s->A[i * n + j] = t->A[i * np + j];
@@ -241,8 +241,7 @@ static void join(open_loop *s, const turning *t, const loop *l)
 static void close_loop(const open_loop *s, int64_t m, double complex *M)
 {
     int64_t n = s->n;
-    for (int64_t i = 0; i < m * m; i++)
-        M[i] = 0;
+    memset(M, 0, (size_t)(m * m) * sizeof *M);
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j < n; j++) {
             M[i * m + j] = s->A[i * n + j];
@@ -346,17 +345,6 @@ static void take_gain(double margins[], double complex z)
         margins[1] = gain;
 }
 
-/* The responses of a leg near 0 and at the highest frequency, where they have converged to the real axis. */
-static void take_ends(const open_loop *s, int leg, const double omega[], int64_t n, double margins[])
-{
-    double near[] = {omega[0], omega[n - 1]}, far[] = {omega[0] / 10, omega[n - 1]};
-    for (int k = 0; k < 2; k++) {
-        double complex z = leg_at(s, near[k], leg), beyond = leg_at(s, far[k], leg);
-        if (cabs(beyond - z) <= FLAT * cabs(z) && fabs(cimag(z)) < FLAT * cabs(z))
-            take_gain(margins, beyond);
-    }
-}
-
 static void leg_margins(const open_loop *s, int leg, const double omega[], const double complex at[], int64_t n,
                         double margins[])
 {
@@ -381,7 +369,13 @@ static void leg_margins(const open_loop *s, int leg, const double omega[], const
             margins[3] = fmin(margins[3], lag / w);
             margins[4] = margins[4] > w / (2 * PI) ? margins[4] : w / (2 * PI);
         }
-    take_ends(s, leg, omega, n, margins);
+    /* near 0 and at the highest frequency, where they have converged to the real axis */
+    double near[] = {omega[0], omega[n - 1]}, far[] = {omega[0] / 10, omega[n - 1]};
+    for (int k = 0; k < 2; k++) {
+        double complex z = leg_at(s, near[k], leg), beyond = leg_at(s, far[k], leg);
+        if (cabs(beyond - z) <= FLAT * cabs(z) && fabs(cimag(z)) < FLAT * cabs(z))
+            take_gain(margins, beyond);
+    }
 }
 
 /* The largest value between the neighbours of the largest on the grid, by golden sections. */

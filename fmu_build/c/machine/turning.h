@@ -3,7 +3,6 @@
 #ifndef TURNING_H
 #define TURNING_H
 
-#include "lanes_table.h"
 #include "loop.h"
 
 enum { /* positions in `wanted` */

@@ -40,10 +40,22 @@ double factorise(double a[N][N], double b[N])
     return determinant;
 }
 
-/* Frobenius norm of the inverse, column by column; the order of its columns, that of the pivots, does not matter. */
-static double norm_of_inverse(double lu[N][N])
+static double sum_of_squares(const double a[N][N])
 {
-    double sum = 0;
+    double squares = 0;
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++)
+            squares += a[i][j] * a[i][j];
+    return squares;
+}
+
+double exact_condition_number(const double jacobian[N][N])
+{
+    double lu[N][N], sum = 0;
+    memcpy(lu, jacobian, sizeof lu);
+    if (factorise(lu, NULL) == 0)
+        return INFINITY;
+    /* Frobenius norm of the inverse, column by column; the order of its columns, that of the pivots, does not matter */
     for (int column = 0; column < N; column++) {
         double v[N];
         for (int i = 0; i < N; i++) {
@@ -58,23 +70,7 @@ static double norm_of_inverse(double lu[N][N])
             sum += v[i] * v[i];
         }
     }
-    return sqrt(sum);
-}
-
-static double sum_of_squares(const double a[N][N])
-{
-    double squares = 0;
-    for (int i = 0; i < N; i++)
-        for (int j = 0; j < N; j++)
-            squares += a[i][j] * a[i][j];
-    return squares;
-}
-
-double exact_condition_number(const double jacobian[N][N])
-{
-    double factors[N][N];
-    memcpy(factors, jacobian, sizeof factors);
-    return factorise(factors, NULL) == 0 ? INFINITY : sqrt(sum_of_squares(jacobian)) * norm_of_inverse(factors);
+    return sqrt(sum_of_squares(jacobian)) * sqrt(sum);
 }
 
 double condition_number(const double jacobian[N][N], double *determinant)

@@ -87,30 +87,24 @@ outcome refuse_step(component *c, const char *quantity, double value, const char
     snprintf(failure->quantity, sizeof failure->quantity, "%s", quantity);
     failure->value = value;
     failure->time = c->s.time;
-    write_message(c->message, "at time %.12g s: %s = %.6g%s: %s", c->s.time, quantity, value, unit, failure->reason);
-    return NOT_POSSIBLE;
+    return write_message(c->message, "at time %.12g s: %s = %.6g%s: %s", c->s.time, quantity, value, unit, failure->reason);
 }
 
 static outcome not_finite(component *c, const char *what)
 {
-    write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large", what,
-                  c->s.time);
-    return NOT_POSSIBLE;
+    return write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large",
+                         what, c->s.time);
 }
 
 static outcome find_xdot(component *c)
 {
-    if (!c->has_xdot) {
+    if (!c->has_xdot)
         kernel_derivatives(c->s.x, c->s.inputs, c->s.p, c->xdot);
-        c->has_xdot = 1;
-    }
+    c->has_xdot = 1;
     for (int i = 0; i < N_STATES; i++)
-        if (!isfinite(c->xdot[i])) {
-            char name[NAME_SIZE];
-            write_slot_name(FIRST_DERIVATIVE + i, name);
-            return refuse_step(c, name, c->xdot[i], "", "derivatives are not finite; the pose is singular or the forces "
-                               "are too large");
-        }
+        if (!isfinite(c->xdot[i]))
+            return refuse_step(c, NAME_OF_SLOT(FIRST_DERIVATIVE + i), c->xdot[i], "",
+                               "derivatives are not finite; the pose is singular or the forces are too large");
     return DONE;
 }
 
@@ -128,16 +122,13 @@ _Static_assert(R_LEG_LENGTH == N_STATES && R_LEG_VELOCITY == N_STATES + N_LEGS, 
 /* Results other than the states. Leg lengths and rates do not need the dynamics, at a fifth of the cost. */
 static double find_result(component *c, int result)
 {
-    if (c->has_legs || !c->has_results) {
-        if (result < R_LEG_VELOCITY)
-            return legs_of(c)->length[result - R_LEG_LENGTH];
-        if (result < R_LEG_VELOCITY + N_LEGS)
-            return legs_of(c)->length_rate[result - R_LEG_VELOCITY];
+    if (result < R_LEG_VELOCITY + N_LEGS && (c->has_legs || !c->has_results)) {
+        const leg_state *legs = legs_of(c);
+        return result < R_LEG_VELOCITY ? legs->length[result - R_LEG_LENGTH] : legs->length_rate[result - R_LEG_VELOCITY];
     }
-    if (!c->has_results) {
+    if (!c->has_results)
         kernel_outputs(c->s.x, c->s.inputs, c->s.p, c->results);
-        c->has_results = 1;
-    }
+    c->has_results = 1;
     return c->results[result];
 }
 
@@ -155,11 +146,8 @@ outcome component_get(component *c, int slot, double *value)
         *value = c->xdot[slot - FIRST_DERIVATIVE];
     } else {
         *value = find_result(c, slot - FIRST_RESULT);
-        if (!isfinite(*value)) {
-            char name[NAME_SIZE];
-            write_slot_name(slot, name);
-            return not_finite(c, name);
-        }
+        if (!isfinite(*value))
+            return not_finite(c, NAME_OF_SLOT(slot));
     }
     return DONE;
 }
@@ -200,11 +188,9 @@ outcome component_result_rates(component *c, double rates[])
 
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
 {
-    if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE)) {
-        write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
-                      SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE);
-        return MISUSE;
-    }
+    if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE))
+        return write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
+                             SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE), MISUSE;
     outcome checked = check_experiment(start_time, stop_time, c->message);
     if (checked != DONE)
         return checked;
@@ -216,7 +202,6 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
 
 outcome check_pose(component *c, double *handedness)
 {
-    char name[NAME_SIZE];
     const double *x = c->s.x;
     const leg_state *legs = legs_of(c);
     int failure = pose_failure(x, N_STATES, legs->length, legs->jacobian, legs->rho, handedness), k = 0;
@@ -226,11 +211,9 @@ outcome check_pose(component *c, double *handedness)
     case FAILURE_NOT_FINITE:
         while (isfinite(x[k]))
             k++;
-        write_slot_name(FIRST_STATE + k, name);
-        return refuse_step(c, name, x[k], "", "the motion is not finite");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_STATE + k), x[k], "", "the motion is not finite");
     case FAILURE_PITCHED:
-        write_slot_name(FIRST_STATE + X_PITCH, name);
-        return refuse_step(c, name, x[X_PITCH], " rad", "the pitch has reached 90 degrees");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_STATE + X_PITCH), x[X_PITCH], " rad", "the pitch has reached 90 degrees");
     case FAILURE_SINGULAR:
     case FAILURE_PASSED_SINGULAR:
         return refuse_step(c, "condition number of the leg Jacobian", exact_condition_number(legs->jacobian), "",
@@ -239,8 +222,8 @@ outcome check_pose(component *c, double *handedness)
                                                        : "passed a singular pose since the last internal step");
     default:
         k = failure - FAILURE_COLLAPSED;
-        write_slot_name(FIRST_RESULT + R_LEG_LENGTH + k, name);
-        return refuse_step(c, name, legs->length[k], " m", "the leg has collapsed");
+        return refuse_step(c, NAME_OF_SLOT(FIRST_RESULT + R_LEG_LENGTH + k), legs->length[k], " m",
+                           "the leg has collapsed");
     }
 }
 
@@ -252,7 +235,8 @@ outcome component_check_state(component *c)
 
 outcome component_check_parameters(component *c)
 {
-    if (c->inertia_is_unchecked && !(check_inertia(c->s.p, c->message) && check_parts(c->s.p, c->message)))
+    if (c->inertia_is_unchecked &&
+        (check_inertia(c->s.p, c->message) != DONE || check_parts(c->s.p, c->message) != DONE))
         return NOT_POSSIBLE;
     c->inertia_is_unchecked = 0;
     return DONE;
@@ -261,42 +245,19 @@ outcome component_check_parameters(component *c)
 outcome component_begin(component *c)
 {
     double handedness = c->s.handedness;
-    outcome checked = component_check_parameters(c);
-    if (checked == DONE && !check_joints(c->s.p, c->message))
-        checked = NOT_POSSIBLE;
-    if (checked == DONE)
-        checked = check_pose(c, &handedness);
-    if (checked == DONE && !(check_leg_coms(c->s.p, legs_of(c)->length, c->message) &&
-                             check_motors(c->s.x, legs_of(c)->length, c->message)))
-        checked = NOT_POSSIBLE;
-    if (checked == DONE)
-        c->s.handedness = handedness;
-    return checked;
-}
-
-double component_time(const component *c) { return c->s.time; }
-
-outcome component_set_time(component *c, double time)
-{
-    if (!isfinite(time)) {
-        write_message(c->message, "time = %g s rejected; expected a finite number", time);
-        return MISUSE;
-    }
-    c->s.time = time;
+    if (component_check_parameters(c) != DONE || check_joints(c->s.p, c->message) != DONE ||
+        check_pose(c, &handedness) != DONE || check_leg_coms(c->s.p, legs_of(c)->length, c->message) != DONE ||
+        check_motors(c->s.x, legs_of(c)->length, c->message) != DONE)
+        return NOT_POSSIBLE;
+    c->s.handedness = handedness;
     return DONE;
 }
 
-void component_get_states(const component *c, double x[]) { memcpy(x, c->s.x, sizeof c->s.x); }
-
-outcome component_set_states(component *c, const double x[])
+outcome component_set_time(component *c, double time)
 {
-    for (int i = 0; i < N_STATES; i++) {
-        outcome checked = component_check(c, FIRST_STATE + i, x[i]);
-        if (checked != DONE)
-            return checked;
-    }
-    for (int i = 0; i < N_STATES; i++)
-        component_put(c, FIRST_STATE + i, x[i]);
+    if (!isfinite(time))
+        return write_message(c->message, "time = %g s rejected; expected a finite number", time), MISUSE;
+    c->s.time = time;
     return DONE;
 }
 

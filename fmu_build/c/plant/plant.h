@@ -55,24 +55,23 @@ struct component {
 INTERNAL_BEGIN
 /* To be called after `s` has been replaced. */
 void forget_results(component *c);
-/* Writes the failure of a step at the component's time and its message, `at time T s: QUANTITY = VALUE UNIT: REASON`.
-   Returns NOT_POSSIBLE. */
+/* The failure of a step at the component's time, `at time T s: QUANTITY = VALUE UNIT: REASON`. Returns NOT_POSSIBLE. */
 outcome refuse_step(component *c, const char *quantity, double value, const char *unit, const char *reason, ...);
 /* Whether the current pose is within the limits: a pitch of 90 degrees, a leg of no length, a singular leg Jacobian.
    `handedness` is the sign of det J of the motion so far; if it is 0, it is set from this pose. */
 outcome check_pose(component *c, double *handedness);
 
-/* Validity of the parameters: the checks of gough_stewart.model.platform_checks that concern the plant. */
-/* 1 if the inertia is physically possible, else 0 and the reason. */
-int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
-/* 1 if no two legs share both joints, else 0 and the reason. */
-int check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
-/* 1 if the centres of mass are on the legs, else 0 and the reason. */
-int check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
-/* What a plant with bristles or springs needs besides the bounds of each value, as model/platform_checks.py. */
-int check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
+/* Validity of the parameters, as in gough_stewart.model.platform_checks; NOT_POSSIBLE with the reason.
+   The inertia is physically possible. */
+outcome check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
+/* No two legs share both joints. */
+outcome check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
+/* The centres of mass are on the legs. */
+outcome check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
+/* What a plant with bristles or springs needs besides the bounds of each value. */
+outcome check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
 /* Motors are near the lengths of the legs at the start. */
-int check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
+outcome check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
 INTERNAL_END
 
 #endif

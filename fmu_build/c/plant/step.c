@@ -8,7 +8,7 @@
 
 #include "kernel.h"
 
-/* The current communication step. Internal steps move the component's time, states and derivatives. */
+/* The current communication step. Internal steps, each from t over h, move the component's time, states and derivatives. */
 typedef struct {
     component *c;
     const step_observer *observer;
@@ -16,13 +16,8 @@ typedef struct {
     double since; /* time at which the inputs had the values of `from` */
     double from[N_INPUTS];
     double size; /* of the next internal step; of the last one if it was too small, or the largest that is possible */
-} communication_step;
-
-/* A step from t over h, for the rates in its stages. */
-typedef struct {
-    const communication_step *step;
     double t, h;
-} span;
+} communication_step;
 
 typedef enum {
     REACHED_END,
@@ -49,10 +44,10 @@ static void find_rates(const communication_step *step, double t, const double x[
 }
 
 /* Implements `find_stage`. */
-static void find_stage_rates(const void *of_span, double share, const double x[N_STATES], double rate[N_STATES])
+static void find_stage_rates(const void *owner, double share, const double x[N_STATES], double rate[N_STATES])
 {
-    const span *s = of_span;
-    find_rates(s->step, s->t + share * s->h, x, rate);
+    const communication_step *step = owner;
+    find_rates(step, step->t + share * step->h, x, rate);
 }
 
 /* ---- legs with stiction --------------------------------------------------------------------------------------------- */
@@ -86,16 +81,11 @@ enum { X_BRAKED = X_VELOCITY };
 
 static const double LARGEST_FACTOR = 4, SMALLEST_FACTOR = 0.1, SAFETY = 0.8;
 
-/* What friction does within a step, see kernel_grip. */
+/* The same equations with w for nu over an internal step: what friction does there, see kernel_grip, and z0. */
 typedef struct {
+    const communication_step *step;
     double decay[N_LEGS], gain[N_LEGS * N_LEGS], ratio[N_LEGS], reach[N_LEGS], sliding[N_LEGS];
-} grip;
-
-/* The same equations with w for nu, over a step from t. */
-typedef struct {
-    span of_step;
-    grip of_legs;
-    double start[N_LEGS]; /* z0 */
+    double start[N_LEGS];
 } momentum;
 
 /* v += sign gain b */
@@ -103,7 +93,7 @@ static void add_gain(const momentum *m, double sign, const double b[N_LEGS], dou
 {
     for (int k = 0; k < N_LEGS; k++)
         for (int i = 0; i < N_LEGS; i++)
-            v[i] += sign * m->of_legs.gain[N_LEGS * k + i] * b[k];
+            v[i] += sign * m->gain[N_LEGS * k + i] * b[k];
 }
 
 /* The state of y. */
@@ -121,7 +111,7 @@ static void rates_in_momentum(const void *owner, double share, const double y[N_
     const momentum *m = owner;
     double x[N_STATES];
     leave_momentum(m, y, x);
-    find_stage_rates(&m->of_step, share, x, rate);
+    find_stage_rates(m->step, share, x, rate);
     add_gain(m, 1, rate + X_LEG_BRISTLE, rate + X_BRAKED);
 }
 
@@ -139,20 +129,20 @@ static double missed_integral(const bristle *b, double h)
 /* Adds the errors of bristles whose leg turns within the step from x to `end`. */
 static void add_reversals(const momentum *m, const double x[N_STATES], const double end[N_STATES], double error[N_LEGS])
 {
-    const double *p = m->of_step.step->c->s.p;
+    const double *p = m->step->c->s.p;
     double after[N_LEGS], decay[N_LEGS];
     int known = 0;
     kernel_sliding(end, p, after);
     for (int k = 0; k < N_LEGS; k++) {
-        double before = m->of_legs.sliding[k];
+        double before = m->sliding[k];
         if (!(before * after[k] < 0))
             continue;
         if (!known)
             kernel_decays(end, p, decay);
         known = 1;
-        double kink = fabs(m->of_legs.decay[k] * x[X_LEG_BRISTLE + k] / before) +
+        double kink = fabs(m->decay[k] * x[X_LEG_BRISTLE + k] / before) +
                       fabs(decay[k] * end[X_LEG_BRISTLE + k] / after[k]);
-        error[k] += kink * m->of_step.h / 6 * fabs(before * after[k] / (after[k] - before));
+        error[k] += kink * m->step->h / 6 * fabs(before * after[k] / (after[k] - before));
     }
 }
 
@@ -165,33 +155,32 @@ static double share_of_friction(const momentum *m, const double last_rate[N_STAT
     add_gain(m, 1, end_rate + X_LEG_BRISTLE, end);
     for (int k = 0; k < N_LEGS; k++)
         for (int i = 0; i < N_LEGS; i++)
-            friction[i] += fabs(m->of_legs.gain[N_LEGS * k + i]) * m->of_legs.ratio[k] * m->of_legs.reach[k];
+            friction[i] += fabs(m->gain[N_LEGS * k + i]) * m->ratio[k] * m->reach[k];
     for (int i = 0; i < N_LEGS; i++)
         largest = fmax(largest, fabs(end[i] - last_rate[X_BRAKED + i]) / (10 * friction[i]));
     return largest;
 }
 
-/* One undivided step from (t, x) with the rate there to `end` with its rate; the largest error of bristles and
+/* One undivided internal step from x with the rate there to `end` with its rate; the largest error of bristles and
    accelerations in units of their RESOLUTION, infinite for a step that has diverged. */
-static double momentum_step(const communication_step *step, double t, double h, const double x[N_STATES],
-                            const double rate[N_STATES], double end[N_STATES], double end_rate[N_STATES])
+static double momentum_step(const communication_step *step, const double x[N_STATES], const double rate[N_STATES],
+                            double end[N_STATES], double end_rate[N_STATES])
 {
-    momentum m = {.of_step = {step, t, h}};
-    double last[N_STATES], missed[N_LEGS], error[N_LEGS], largest = 0;
+    momentum m = {.step = step};
+    double last[N_STATES], missed[N_LEGS], error[N_LEGS], largest = 0, h = step->h;
     stages s;
-    grip *g = &m.of_legs;
-    kernel_grip(x, step->c->s.p, g->decay, g->gain, g->ratio, g->reach, g->sliding);
+    kernel_grip(x, step->c->s.p, m.decay, m.gain, m.ratio, m.reach, m.sliding);
     for (int k = 0; k < N_LEGS; k++)
-        s.bristles[k].decay = g->decay[k];
+        s.bristles[k].decay = m.decay[k];
     memcpy(m.start, x + X_LEG_BRISTLE, sizeof m.start);
     memcpy(s.rate[0], rate, sizeof s.rate[0]);
     add_gain(&m, 1, s.rate[0] + X_LEG_BRISTLE, s.rate[0] + X_BRAKED);
     take_step(&s, h, x, rates_in_momentum, &m, last);
     leave_momentum(&m, last, end);
     for (int k = 0; k < N_LEGS; k++)
-        missed[k] = g->ratio[k] * missed_integral(&s.bristles[k], h);
+        missed[k] = m.ratio[k] * missed_integral(&s.bristles[k], h);
     add_gain(&m, -1, missed, end + X_BRAKED);
-    find_rates(step, t + h, end, end_rate);
+    find_rates(step, step->t + h, end, end_rate);
     if (!all_finite(end, N_STATES) || !all_finite(end_rate, N_STATES))
         return INFINITY;
     for (int k = 0; k < N_LEGS; k++) {
@@ -201,32 +190,34 @@ static double momentum_step(const communication_step *step, double t, double h, 
     }
     add_reversals(&m, x, end, error);
     for (int k = 0; k < N_LEGS; k++)
-        largest = fmax(largest, error[k] / (RESOLUTION * g->reach[k]));
+        largest = fmax(largest, error[k] / (RESOLUTION * m.reach[k]));
     return fmax(largest, share_of_friction(&m, s.rate[3], end_rate) / FORCE_RESOLUTION);
 }
 
-/* A fixed step to `end`, divided where needed: the state there and its derivatives. REACHED_END or TOO_FAST. */
-static integration sticking_step(communication_step *step, double end, double x[N_STATES], double rate[N_STATES])
+/* A fixed step to `end`, divided where needed: the state there and its derivatives. 1, or 0 if no division resolves it. */
+static int sticking_step(communication_step *step, double end, double x[N_STATES], double rate[N_STATES])
 {
     const component *c = step->c;
-    double start = c->s.time, t = start, size = end - t, next[N_STATES], next_rate[N_STATES];
+    double start = c->s.time, size = end - start, next[N_STATES], next_rate[N_STATES];
+    step->t = start;
     memcpy(x, c->s.x, sizeof c->s.x);
     memcpy(rate, c->xdot, sizeof c->xdot);
     for (int tried = 0; tried < MOST_SUBSTEPS; tried++) {
-        double parts = ceil((end - t) / size - 1e-9), h = (end - t) / parts;
-        double error = momentum_step(step, t, h, x, rate, next, next_rate);
+        double parts = ceil((end - step->t) / size - 1e-9);
+        step->h = (end - step->t) / parts;
+        double error = momentum_step(step, x, rate, next, next_rate);
         double factor = error > 0 ? SAFETY * pow(error, -0.25) : LARGEST_FACTOR;
-        size = h * fmin(LARGEST_FACTOR, fmax(SMALLEST_FACTOR, factor));
+        size = step->h * fmin(LARGEST_FACTOR, fmax(SMALLEST_FACTOR, factor));
         if (!(error <= 1))
             continue;
         memcpy(x, next, sizeof next);
         memcpy(rate, next_rate, sizeof next_rate);
         if (parts == 1)
-            return REACHED_END;
-        t += h;
+            return 1;
+        step->t += step->h;
     }
-    step->size = t > start ? t - start : size;
-    return TOO_FAST;
+    step->size = step->t > start ? step->t - start : size;
+    return 0;
 }
 #endif
 
@@ -246,10 +237,7 @@ static int arrive(communication_step *step, double t, const double x[N_STATES], 
         return 0;
     if (!step->observer)
         return 1;
-    double requested_end = *end;
-    step->observer->notice(step->observer->context, t, &requested_end);
-    if (requested_end < *end)
-        *end = fmax(requested_end, t);
+    step->observer->notice(step->observer->context, t, end);
     step->since = t;
     memcpy(step->from, c->s.inputs, sizeof step->from);
     if (!c->has_xdot)
@@ -272,7 +260,8 @@ static integration integrate_controlled(communication_step *step, double end, do
         double t = size < left ? c->s.time + size : end;
         if (!(t > c->s.time) || (size < left && size < 16 * DBL_EPSILON * fabs(end)))
             return STEP_TOO_SMALL;
-        const span of_step = {step, c->s.time, size};
+        step->t = c->s.time;
+        step->h = size;
 #if HAS_BRISTLES
         double decay[N_LEGS];
         kernel_decays(c->s.x, c->s.p, decay);
@@ -280,7 +269,7 @@ static integration integrate_controlled(communication_step *step, double end, do
             s.bristles[k].decay = decay[k];
 #endif
         memcpy(s.rate[0], c->xdot, sizeof c->xdot);
-        take_step(&s, size, c->s.x, find_stage_rates, &of_step, x);
+        take_step(&s, size, c->s.x, find_stage_rates, step, x);
         find_rates(step, t, x, s.rate[STAGES]);
         double ratio = error_of_step(&s, size, c->s.x, x) / tolerance;
         proposed = step->size = proposal_after(proposed, size, ratio);
@@ -291,22 +280,6 @@ static integration integrate_controlled(communication_step *step, double end, do
 }
 
 /* ---- fixed steps ------------------------------------------------------------------------------------------------- */
-
-/* One step to t: the state there and its derivatives. */
-static integration fixed_step(communication_step *step, double t, double x[N_STATES], double rate[N_STATES])
-{
-#if HAS_BRISTLES
-    return sticking_step(step, t, x, rate);
-#else
-    const component *c = step->c;
-    const span of_step = {step, c->s.time, t - c->s.time};
-    double rates[4][N_STATES];
-    memcpy(rates[0], c->xdot, sizeof c->xdot);
-    rk4_step(of_step.h, c->s.x, rates, find_stage_rates, &of_step, x);
-    find_rates(step, t, x, rate);
-    return all_finite(x, N_STATES) && all_finite(rate, N_STATES) ? REACHED_END : NOT_FINITE;
-#endif
-}
 
 /* Number of equal steps of at most `size`, within the rounding of times of this magnitude. */
 static double number_of_steps(double start, double end, double size)
@@ -336,9 +309,19 @@ static integration integrate_fixed(communication_step *step, double end, double 
         double t = (double)done < n ? start + span * ((double)done / n) : end;
         if (!(t > c->s.time))
             return STEP_TOO_SMALL;
-        integration how = fixed_step(step, t, x, rate);
-        if (how != REACHED_END)
-            return how;
+#if HAS_BRISTLES
+        if (!sticking_step(step, t, x, rate))
+            return TOO_FAST;
+#else
+        double rates[4][N_STATES];
+        step->t = c->s.time;
+        step->h = t - c->s.time;
+        memcpy(rates[0], c->xdot, sizeof c->xdot);
+        rk4_step(step->h, c->s.x, rates, find_stage_rates, step, x);
+        find_rates(step, t, x, rate);
+        if (!all_finite(x, N_STATES) || !all_finite(rate, N_STATES))
+            return NOT_FINITE;
+#endif
         if (!arrive(step, t, x, rate, &end))
             return GIVEN_UP;
     }
@@ -351,40 +334,28 @@ static integration integrate_fixed(communication_step *step, double end, double 
 /* |A^1024|^(1/1024) is within 2 % of the spectral radius for norms that differ by 10^9. */
 enum { SQUARINGS = 10 };
 
-static double largest_element(double a[N_STATES][N_STATES])
-{
-    double largest = 0;
-    for (int i = 0; i < N_STATES; i++)
-        for (int j = 0; j < N_STATES; j++)
-            largest = fmax(largest, fabs(a[i][j]));
-    return largest;
-}
-
-static void square(double a[N_STATES][N_STATES])
-{
-    double product[N_STATES][N_STATES];
-    memset(product, 0, sizeof product);
-    for (int i = 0; i < N_STATES; i++)
-        for (int k = 0; k < N_STATES; k++)
-            for (int j = 0; j < N_STATES; j++)
-                product[i][j] += a[i][k] * a[k][j];
-    memcpy(a, product, sizeof product);
-}
-
 static double spectral_radius(double a[N_STATES][N_STATES])
 {
     double logarithm = 0, power = 1;
-    for (int k = 0;; k++) {
-        double size = largest_element(a);
+    for (int squared = 0;; squared++) {
+        double size = 0, product[N_STATES][N_STATES];
+        for (int i = 0; i < N_STATES; i++)
+            for (int j = 0; j < N_STATES; j++)
+                size = fmax(size, fabs(a[i][j]));
         if (!(size > 0))
             return 0;
         logarithm += log(size) / power;
-        if (k == SQUARINGS)
+        if (squared == SQUARINGS)
             return exp(logarithm);
         for (int i = 0; i < N_STATES; i++)
             for (int j = 0; j < N_STATES; j++)
                 a[i][j] /= size;
-        square(a);
+        memset(product, 0, sizeof product);
+        for (int i = 0; i < N_STATES; i++)
+            for (int k = 0; k < N_STATES; k++)
+                for (int j = 0; j < N_STATES; j++)
+                    product[i][j] += a[i][k] * a[k][j];
+        memcpy(a, product, sizeof product);
         power *= 2;
     }
 }
@@ -420,7 +391,7 @@ static double stable_step(const double x[N_STATES], const double u[N_INPUTS], co
 /* ---- the communication step -------------------------------------------------------------------------------------- */
 
 /* The failure of an integration that gave up; one of `arrive` has been explained. */
-static void explain_failure(const communication_step *step, integration how, double end)
+static outcome explain_failure(const communication_step *step, integration how, double end)
 {
     component *c = step->c;
     const char *cause = "forces too large, leg_friction_velocity too small, or pose nearly singular";
@@ -439,16 +410,7 @@ static void explain_failure(const communication_step *step, integration how, dou
                     "most %.2g s, or 0 for error control", step->size);
     else if (how == NOT_FINITE)
         refuse_step(c, "fixed_step_size", fixed, " s", "the motion is not finite; the step is too large, or %s", cause);
-}
-
-/* Some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean
-   that the controller has no output yet. */
-static int forces_are_unset(const component *c)
-{
-    int is_zero = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;
-    for (int leg = 0; leg < N_LEGS; leg++)
-        is_zero = is_zero && c->s.inputs[leg] == 0;
-    return is_zero;
+    return NOT_POSSIBLE;
 }
 
 /* A step in which the modes of sticking or elastic legs would grow, or rest where they should not, is refused. */
@@ -481,9 +443,13 @@ outcome component_step(component *c, double time, double step, const step_observ
     checked = check_fixed_step(c, c->s.time, step);
     if (checked != DONE)
         return checked;
-    if (forces_are_unset(c))
-        for (int leg = 0; leg < N_LEGS; leg++)
-            component_put(c, FIRST_INPUT + leg, START_INPUTS[leg]);
+    /* some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean
+       that the controller has no output yet */
+    int is_unset = ZEROS_ARE_UNSET_AT_START && c->s.time == c->s.start_time;
+    for (int leg = 0; leg < N_LEGS; leg++)
+        is_unset = is_unset && c->s.inputs[leg] == 0;
+    for (int leg = 0; is_unset && leg < N_LEGS; leg++)
+        component_put(c, FIRST_INPUT + leg, START_INPUTS[leg]);
     communication_step run = {.c = c, .observer = observer, .since = before.time, .size = c->s.internal_step};
     memcpy(run.from, c->s.inputs, sizeof run.from);
     for (int i = 0; i < N_INPUTS; i++)
@@ -498,8 +464,7 @@ outcome component_step(component *c, double time, double step, const step_observ
             *reached = c->s.time;
             return DONE;
         }
-        explain_failure(&run, how, end);
-        checked = NOT_POSSIBLE;
+        checked = explain_failure(&run, how, end);
     }
     c->s = before;
     forget_results(c);

@@ -2,6 +2,7 @@
 
    A component is plain data, so the host makes it, reads it and changes it in place: time, inputs, states and parameters
    where `stepper_layout` says. One component may be stepped by one thread at a time. */
+#define WIDTH 1
 #include "kernel.h"
 #include "plant.h"
 #include "vectors.h"

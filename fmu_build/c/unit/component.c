@@ -34,17 +34,18 @@ void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list ar
             *c = '_';
 }
 
-void write_message(char message[MESSAGE_SIZE], const char *format, ...)
+outcome write_message(char message[MESSAGE_SIZE], const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
     write_message_of(message, format, arguments);
     va_end(arguments);
+    return NOT_POSSIBLE;
 }
 
 const variable *variable_of(int slot) { return &VARIABLES[VARIABLE_OF_SLOT[slot]]; }
 
-void write_slot_name(int slot, char name[NAME_SIZE])
+const char *write_slot_name(int slot, char name[NAME_SIZE])
 {
     const variable *v = variable_of(slot);
     int k = slot - v->first;
@@ -56,6 +57,7 @@ void write_slot_name(int slot, char name[NAME_SIZE])
         snprintf(name, NAME_SIZE, "%s[%d]", v->name, k + 1);
     else
         snprintf(name, NAME_SIZE, "%s", v->name);
+    return name;
 }
 
 const char *expected_of_slot(int slot, double value)
@@ -74,11 +76,9 @@ const char *expected_of_slot(int slot, double value)
 
 outcome refuse_value(int slot, double value, const char *expected, char message[MESSAGE_SIZE])
 {
-    char name[NAME_SIZE];
     const char *unit = variable_of(slot)->unit;
-    write_slot_name(slot, name);
-    write_message(message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
-    return NOT_POSSIBLE;
+    return write_message(message, "%s = %g%s%s rejected; expected %s", NAME_OF_SLOT(slot), value, *unit ? " " : "", unit,
+                         expected);
 }
 
 outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE])

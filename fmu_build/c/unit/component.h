@@ -21,7 +21,7 @@ typedef enum {
 } outcome;
 
 /* Called after every internal step of a communication step, at the component's time. It may read results and set
-   inputs, and may end the communication step early by reducing `*end`. */
+   inputs, and may end the communication step early by reducing `*end`, not to before `time`. */
 typedef struct {
     void *context;
     void (*notice)(void *context, double time, double *end);
@@ -50,13 +50,9 @@ outcome component_begin(component *c);
 /* Steps from `time`, which must be the current time, over `step` seconds. `reached` is the time at the end. */
 outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached);
 
-double component_time(const component *c);
-
 /* For external integrators and for derivatives; never called of a component without continuous states, since there is no
-   instance for Model Exchange, and modes.h does not allow derivatives. Vectors have N_STATES elements: */
+   instance for Model Exchange, and modes.h does not allow derivatives; xdot has N_STATES elements: */
 outcome component_set_time(component *c, double time);
-void component_get_states(const component *c, double x[]);
-outcome component_set_states(component *c, const double x[]);
 outcome component_derivatives(component *c, double xdot[]);
 /* Whether the current state is valid. */
 outcome component_check_state(component *c);
@@ -81,8 +77,8 @@ void component_restore(component *c, const double saved[]);
 
 #define MESSAGE_SIZE 400
 /* Like snprintf into MESSAGE_SIZE characters of UTF-8, but without '%', in case an importer uses it as a format. Messages
-   have the value found, the value expected, and a remedy. */
-void write_message(char message[MESSAGE_SIZE], const char *format, ...);
+   have the value found, the value expected, and a remedy. Returns NOT_POSSIBLE. */
+outcome write_message(char message[MESSAGE_SIZE], const char *format, ...);
 void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments);
 /* The message for a value that a slot cannot have. Returns NOT_POSSIBLE. */
 outcome refuse_value(int slot, double value, const char *expected, char message[MESSAGE_SIZE]);

@@ -43,56 +43,39 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                             .logger = (any_function)functions->logger,
                             .logs = loggingOn != fmi2False,
                             .name = instanceName ? instanceName : ""};
-    if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation) {
-        report(&request, STATUS_ERROR, "%s: unknown FMU type %d; expected %sCo-Simulation", __func__,
-               (int)fmuType, N_STATES > 0 ? "Model Exchange or " : "");
-        return NULL;
-    }
+    if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation)
+        return report(&request, STATUS_ERROR, "%s: unknown FMU type %d; expected %sCo-Simulation", __func__,
+                      (int)fmuType, N_STATES > 0 ? "Model Exchange or " : ""), NULL;
     return new_instance(&request, instanceName, fmuGUID);
 }
 
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
-                               fmi2Boolean stopTimeDefined, fmi2Real stopTime)
-{
-    return AS_FMI(set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime,
-                                  stopTimeDefined, stopTime));
-}
-
-fmi2Status fmi2EnterInitializationMode(fmi2Component c)
-{
-    return AS_FMI(change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL));
-}
+FUNCTION(fmi2SetupExperiment, (fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
+                               fmi2Boolean stopTimeDefined, fmi2Real stopTime),
+         set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime, stopTimeDefined,
+                        stopTime))
+FUNCTION(fmi2EnterInitializationMode, (fmi2Component c),
+         change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL))
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
-{
-    return AS_FMI(get_values(c, __func__, vr, nvr, value, ONE_EACH));
-}
-
-fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
-{
-    return AS_FMI(set_values(c, __func__, vr, nvr, value, ONE_EACH));
-}
+FUNCTION(fmi2GetReal, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[]),
+         get_values(c, __func__, vr, nvr, value, ONE_EACH))
+FUNCTION(fmi2SetReal, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[]),
+         set_values(c, __func__, vr, nvr, value, ONE_EACH))
 
 /* Functions of types that no variable has. */
 #define NO_VARIABLES(name, type)                                                                                       \
-    fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, type value[])                          \
-    {                                                                                                                  \
-        return AS_FMI(no_such_type(c, __func__, nvr));                                                                 \
-    }
+    FUNCTION(name, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr, type value[]),                         \
+             no_such_type(c, __func__, nvr))
 #define OF_TYPE(name) NO_VARIABLES(fmi2Get##name, fmi2##name) NO_VARIABLES(fmi2Set##name, const fmi2##name)
 OF_TYPE(Integer)
 OF_TYPE(Boolean)
 OF_TYPE(String)
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
+FUNCTION(fmi2GetDirectionalDerivative, (fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
-                                        fmi2Real sensitivity[])
-{
-    return AS_FMI(differentiate(c, __func__, 0, unknowns, n_unknowns, knowns, n_knowns, seed, ONE_EACH, sensitivity,
-                                ONE_EACH));
-}
+                                        fmi2Real sensitivity[]),
+         differentiate(c, __func__, 0, unknowns, n_unknowns, knowns, n_knowns, seed, ONE_EACH, sensitivity, ONE_EACH))
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
@@ -107,23 +90,15 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
-                                       const fmi2Integer order[], const fmi2Real value[])
-{
-    return AS_FMI(set_input_rates(c, __func__, vr, nvr, order, value));
-}
-
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
-                                        const fmi2Integer order[], fmi2Real value[])
-{
-    return AS_FMI(get_output_rates(c, __func__, vr, nvr, order, value, ONE_EACH));
-}
-
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
-                      fmi2Boolean noSetFMUStatePriorToCurrentPoint)
-{
-    return AS_FMI(do_step(c, __func__, currentCommunicationPoint, communicationStepSize, NULL));
-}
+FUNCTION(fmi2SetRealInputDerivatives, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                                       const fmi2Integer order[], const fmi2Real value[]),
+         set_input_rates(c, __func__, vr, nvr, order, value))
+FUNCTION(fmi2GetRealOutputDerivatives, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                                        const fmi2Integer order[], fmi2Real value[]),
+         get_output_rates(c, __func__, vr, nvr, order, value, ONE_EACH))
+FUNCTION(fmi2DoStep, (fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
+                      fmi2Boolean noSetFMUStatePriorToCurrentPoint),
+         do_step(c, __func__, currentCommunicationPoint, communicationStepSize, NULL))
 
 fmi2Status fmi2CancelStep(fmi2Component c)
 {
@@ -132,7 +107,7 @@ fmi2Status fmi2CancelStep(fmi2Component c)
 }
 
 /* fmi2OK if the call is allowed and the requested status is of this type. */
-static fmi2Status check_status(fmi_instance *i, const char *function, int is_of_type, const void *value)
+static fmi2Status check_status(const fmi_instance *i, const char *function, int is_of_type, const void *value)
 {
     if (!is_allowed(i, function, CALL_STEP_STATUS) || !has_array(i, function, value, 1, "value"))
         return fmi2Error;
@@ -141,41 +116,20 @@ static fmi2Status check_status(fmi_instance *i, const char *function, int is_of_
     return AS_FMI(report(i, STATUS_DISCARD, "%s: no such status, since steps are never pending", function));
 }
 
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
-{
-    fmi_instance *i = c;
-    fmi2Status checked = check_status(i, __func__, s == fmi2DoStepStatus, value);
-    if (checked == fmi2OK)
-        *value = AS_FMI(i->step_status);
-    return checked;
-}
-
-fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value)
-{
-    fmi_instance *i = c;
-    fmi2Status checked = check_status(i, __func__, s == fmi2LastSuccessfulTime, value);
-    if (checked == fmi2OK)
-        *value = i->last_successful_time;
-    return checked;
-}
-
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value)
-{
-    return check_status(c, __func__, 0, value);
-}
-
-fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
-{
-    fmi_instance *i = c;
-    fmi2Status checked = check_status(i, __func__, s == fmi2Terminated, value);
-    /* The unit controls its step size: with the same inputs, a shorter communication step fails at the same point. This
-       stops importers that would repeat a discarded step. */
-    if (checked == fmi2OK)
-        *value = i->step_status == STATUS_DISCARD ? fmi2True : fmi2False;
-    return checked;
-}
-
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value)
-{
-    return check_status(c, __func__, 0, value);
-}
+/* A function for statuses of a type, of which there may be one that `is_offered`. */
+#define STATUS_OF(name, type, is_offered, found)                                                                       \
+    fmi2Status name(fmi2Component c, const fmi2StatusKind s, type *value)                                              \
+    {                                                                                                                  \
+        const fmi_instance *i = c;                                                                                     \
+        fmi2Status checked = check_status(i, __func__, is_offered, value);                                             \
+        if (checked == fmi2OK)                                                                                         \
+            *value = found;                                                                                            \
+        return checked;                                                                                                \
+    }
+STATUS_OF(fmi2GetStatus, fmi2Status, s == fmi2DoStepStatus, AS_FMI(i->step_status))
+STATUS_OF(fmi2GetRealStatus, fmi2Real, s == fmi2LastSuccessfulTime, i->last_successful_time)
+STATUS_OF(fmi2GetIntegerStatus, fmi2Integer, 0, 0)
+/* The unit controls its step size: with the same inputs, a shorter communication step fails at the same point. This stops
+   importers that would repeat a discarded step. */
+STATUS_OF(fmi2GetBooleanStatus, fmi2Boolean, s == fmi2Terminated, i->step_status == STATUS_DISCARD)
+STATUS_OF(fmi2GetStringStatus, fmi2String, 0, NULL)

@@ -54,20 +54,17 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                             .logger = (any_function)logMessage, .logs = loggingOn,
                             .intermediate_update = (any_function)intermediateUpdate,
                             .may_return_early = earlyReturnAllowed};
-    if (eventModeUsed) {
-        report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
-        return NULL;
-    }
+    if (eventModeUsed)
+        return report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)",
+                      __func__), NULL;
     if (!has_array(&request, __func__, required, n_required, "requiredIntermediateVariables"))
         return NULL;
     for (size_t k = 0; k < n_required; k++) {
         int first, size;
-        if (!slots_of_reference(required[k], &first, &size) || variable_of(first)->role > RESULT) {
-            report(&request, STATUS_ERROR,
-                   "%s: value reference %lu is not available in intermediate updates; expected an input or output",
-                   __func__, (unsigned long)required[k]);
-            return NULL;
-        }
+        if (!slots_of_reference(required[k], &first, &size) || variable_of(first)->role > RESULT)
+            return report(&request, STATUS_ERROR,
+                          "%s: value reference %lu is not available in intermediate updates; expected an input or output",
+                          __func__, (unsigned long)required[k]), NULL;
     }
     return new_instance(&request, name, token);
 }
@@ -81,9 +78,9 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
 {
     fmi_instance request = {.layer = &FMI_3, .environment = environment, .logger = (any_function)logMessage,
                             .logs = loggingOn};
-    report(&request, STATUS_ERROR, "instantiation: Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
-           N_STATES > 0 ? "Model Exchange and " : "");
-    return NULL;
+    return report(&request, STATUS_ERROR,
+                  "instantiation: Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
+                  N_STATES > 0 ? "Model Exchange and " : ""), NULL;
 }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
@@ -97,24 +94,16 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[],
-                          size_t n)
-{
-    return AS_FMI(get_values(instance, __func__, vr, nvr, values, n));
-}
-
-fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
-                          const fmi3Float64 values[], size_t n)
-{
-    return AS_FMI(set_values(instance, __func__, vr, nvr, values, n));
-}
+FUNCTION(fmi3GetFloat64, (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[], size_t n),
+         get_values(instance, __func__, vr, nvr, values, n))
+FUNCTION(fmi3SetFloat64,
+         (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, const fmi3Float64 values[], size_t n),
+         set_values(instance, __func__, vr, nvr, values, n))
 
 /* A function of a type that no variable has: its vectors are read for no reference. */
 #define NO_VARIABLES(name, size, ...)                                                                                  \
-    fmi3Status name(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, __VA_ARGS__)                     \
-    {                                                                                                                  \
-        return AS_FMI(no_such_type(instance, __func__, size));                                                         \
-    }
+    FUNCTION(name, (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, __VA_ARGS__),                    \
+             no_such_type(instance, __func__, size))
 #define OF_TYPE(name)                                                                                                  \
     NO_VARIABLES(fmi3Get##name, nvr + n, fmi3##name values[], size_t n)                                                \
     NO_VARIABLES(fmi3Set##name, nvr + n, const fmi3##name values[], size_t n)
@@ -144,53 +133,38 @@ NO_VARIABLES(fmi3SetShiftDecimal, nvr, const fmi3Float64 shifts[])
 NO_VARIABLES(fmi3GetShiftFraction, nvr, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
 NO_VARIABLES(fmi3SetShiftFraction, nvr, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 
-static fmi3Status no_dependencies(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
+static fmi_status no_dependencies(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
 {
     int first, size;
     if (!is_allowed(i, function, CALL_GET) || !has_array(i, function, n, 1, "nDependencies"))
-        return fmi3Error;
+        return STATUS_ERROR;
     if (!slots_of_reference(reference, &first, &size))
-        return AS_FMI(report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
-                             (unsigned long)reference));
-    return AS_FMI(report(i, STATUS_ERROR, "%s: dependencies do not change at run time; they are in modelDescription.xml",
-                         function));
+        return report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)reference);
+    return report(i, STATUS_ERROR, "%s: dependencies do not change at run time; they are in modelDescription.xml",
+                  function);
 }
 
-fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *n)
-{
-    return no_dependencies(instance, __func__, reference, n);
-}
-
-fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent,
+FUNCTION(fmi3GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference reference, size_t *n),
+         no_dependencies(instance, __func__, reference, n))
+FUNCTION(fmi3GetVariableDependencies, (fmi3Instance instance, fmi3ValueReference dependent,
                                        size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
                                        size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
-                                       size_t n)
-{
-    return no_dependencies(instance, __func__, dependent, &n);
-}
+                                       size_t n),
+         no_dependencies(instance, __func__, dependent, &n))
 
-fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,
-                                        const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
-                                        size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
-{
-    return AS_FMI(differentiate(instance, __func__, 0, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,
-                                sensitivity, n_sensitivity));
-}
-
-fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,
-                                    const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
-                                    size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
-{
-    return AS_FMI(differentiate(instance, __func__, 1, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,
-                                sensitivity, n_sensitivity));
-}
+#define DERIVATIVE_OF(name, is_adjoint)                                                                                \
+    FUNCTION(name, (fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,                     \
+                    const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[], size_t n_seed,       \
+                    fmi3Float64 sensitivity[], size_t n_sensitivity),                                                  \
+             differentiate(instance, __func__, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,       \
+                           sensitivity, n_sensitivity))
+DERIVATIVE_OF(fmi3GetDirectionalDerivative, 0)
+DERIVATIVE_OF(fmi3GetAdjointDerivative, 1)
 
 /* ---- events --------------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
-{
-    return is_allowed(instance, __func__, CALL_EVALUATE_DISCRETE) ? fmi3OK : fmi3Error;
-}
+FUNCTION(fmi3EvaluateDiscreteStates, (fmi3Instance instance),
+         is_allowed(instance, __func__, CALL_EVALUATE_DISCRETE) ? STATUS_OK : STATUS_ERROR)
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
                                     fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
@@ -213,31 +187,22 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
-static fmi3Status get_number(fmi_instance *i, const char *function, size_t *n, size_t number)
+static fmi_status get_number(fmi_instance *i, const char *function, size_t *n, size_t number)
 {
     if (!is_allowed(i, function, CALL_GET_NUMBERS) || !has_array(i, function, n, 1, "the number"))
-        return fmi3Error;
+        return STATUS_ERROR;
     *n = number;
-    return fmi3OK;
+    return STATUS_OK;
 }
 
-fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
-{
-    return get_number(instance, __func__, nEventIndicators, 0);
-}
-
-fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
-{
-    return get_number(instance, __func__, nContinuousStates, N_STATES);
-}
+FUNCTION(fmi3GetNumberOfEventIndicators, (fmi3Instance instance, size_t *n), get_number(instance, __func__, n, 0))
+FUNCTION(fmi3GetNumberOfContinuousStates, (fmi3Instance instance, size_t *n), get_number(instance, __func__, n, N_STATES))
 
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
-                                    const fmi3Int32 orders[], fmi3Float64 values[], size_t n)
-{
-    return AS_FMI(get_output_rates(instance, __func__, vr, nvr, orders, values, n));
-}
+FUNCTION(fmi3GetOutputDerivatives, (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
+                                    const fmi3Int32 orders[], fmi3Float64 values[], size_t n),
+         get_output_rates(instance, __func__, vr, nvr, orders, values, n))
 
 /* After an internal step: the importer can read results, set inputs and request an early return. */
 static void intermediate_update(void *context, double time, double *end)
@@ -250,8 +215,8 @@ static void intermediate_update(void *context, double time, double *end)
                                                              i->may_return_early && time < *end, &early_return,
                                                              &return_time);
     i->mode = STEP;
-    if (i->may_return_early && early_return)
-        *end = return_time < *end ? return_time : *end; /* no change for NaN */
+    if (i->may_return_early && early_return && return_time < *end) /* not if it is NaN */
+        *end = return_time > time ? return_time : time;
 }
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
@@ -277,17 +242,14 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 
 /* ---- not offered: clocked partitions, step mode after events, structural parameters ---------------------------- */
 
-static fmi3Status not_offered(const fmi_instance *i, const char *function)
+static fmi_status not_offered(const fmi_instance *i, const char *function)
 {
     is_allowed(i, function, CALL_NOT_OFFERED);
-    return fmi3Error;
+    return STATUS_ERROR;
 }
 
-fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time)
-{
-    return not_offered(instance, __func__);
-}
-
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) { return not_offered(instance, __func__); }
-fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) { return not_offered(instance, __func__); }
-fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) { return not_offered(instance, __func__); }
+FUNCTION(fmi3ActivateModelPartition, (fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time),
+         not_offered(instance, __func__))
+FUNCTION(fmi3EnterStepMode, (fmi3Instance instance), not_offered(instance, __func__))
+FUNCTION(fmi3EnterConfigurationMode, (fmi3Instance instance), not_offered(instance, __func__))
+FUNCTION(fmi3ExitConfigurationMode, (fmi3Instance instance), not_offered(instance, __func__))

@@ -10,15 +10,16 @@
 
 #define AS_FMI(status) ((FMI(Status))(status))
 
+/* A function of the standard that returns the status of a call. */
+#define FUNCTION(name, arguments, status)                                                                              \
+    FMI(Status) name arguments { return AS_FMI(status); }
+
 const char *FMI(GetVersion)(void) { return FMI(Version); }
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
-FMI(Status) FMI(SetDebugLogging)(void *instance, FMI(Boolean) loggingOn, size_t nCategories,
-                                 const FMI(String) categories[])
-{
-    return AS_FMI(set_logging(instance, __func__, loggingOn, nCategories, categories));
-}
+FUNCTION(FMI(SetDebugLogging), (void *instance, FMI(Boolean) loggingOn, size_t n, const FMI(String) categories[]),
+         set_logging(instance, __func__, loggingOn, n, categories))
 
 void FMI(FreeInstance)(void *instance) { free(instance); }
 
@@ -29,10 +30,7 @@ FMI(Status) FMI(ExitInitializationMode)(void *instance)
     return AS_FMI(change_mode(i, __func__, CALL_EXIT_INITIALIZATION, next, component_begin));
 }
 
-FMI(Status) FMI(Terminate)(void *instance)
-{
-    return AS_FMI(change_mode(instance, __func__, CALL_TERMINATE, TERMINATED, NULL));
-}
+FUNCTION(FMI(Terminate), (void *instance), change_mode(instance, __func__, CALL_TERMINATE, TERMINATED, NULL))
 
 FMI(Status) FMI(Reset)(void *instance)
 {
@@ -44,36 +42,21 @@ FMI(Status) FMI(Reset)(void *instance)
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-FMI(Status) FMI_STATE(Get, )(void *instance, void **saved) { return AS_FMI(save_state(instance, __func__, saved)); }
-FMI(Status) FMI_STATE(Set, )(void *instance, void *saved) { return AS_FMI(restore_state(instance, __func__, saved)); }
-FMI(Status) FMI_STATE(Free, )(void *instance, void **saved) { return AS_FMI(free_state(instance, __func__, saved)); }
-
-FMI(Status) FMI_STATE(Serialized, Size)(void *instance, void *saved, size_t *size)
-{
-    return AS_FMI(serialized_size(instance, __func__, saved, size));
-}
-
-FMI(Status) FMI_STATE(Serialize, )(void *instance, void *saved, FMI(Byte) bytes[], size_t size)
-{
-    return AS_FMI(serialize(instance, __func__, saved, (unsigned char *)bytes, size));
-}
-
-FMI(Status) FMI_DESERIALIZE(void *instance, const FMI(Byte) bytes[], size_t size, void **saved)
-{
-    return AS_FMI(deserialize(instance, __func__, (const unsigned char *)bytes, size, saved));
-}
+FUNCTION(FMI_STATE(Get, ), (void *instance, void **saved), save_state(instance, __func__, saved))
+FUNCTION(FMI_STATE(Set, ), (void *instance, void *saved), restore_state(instance, __func__, saved))
+FUNCTION(FMI_STATE(Free, ), (void *instance, void **saved), free_state(instance, __func__, saved))
+FUNCTION(FMI_STATE(Serialized, Size), (void *instance, void *saved, size_t *size),
+         serialized_size(instance, __func__, saved, size))
+FUNCTION(FMI_STATE(Serialize, ), (void *instance, void *saved, FMI(Byte) bytes[], size_t size),
+         serialize(instance, __func__, saved, (unsigned char *)bytes, size))
+FUNCTION(FMI_DESERIALIZE, (void *instance, const FMI(Byte) bytes[], size_t size, void **saved),
+         deserialize(instance, __func__, (const unsigned char *)bytes, size, saved))
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
-FMI(Status) FMI(EnterEventMode)(void *instance)
-{
-    return AS_FMI(change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT, NULL));
-}
-
-FMI(Status) FMI(EnterContinuousTimeMode)(void *instance)
-{
-    return AS_FMI(change_mode(instance, __func__, CALL_ENTER_CONTINUOUS, CONTINUOUS, component_check_parameters));
-}
+FUNCTION(FMI(EnterEventMode), (void *instance), change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT, NULL))
+FUNCTION(FMI(EnterContinuousTimeMode), (void *instance),
+         change_mode(instance, __func__, CALL_ENTER_CONTINUOUS, CONTINUOUS, component_check_parameters))
 
 /* The simulation must end when the pose is beyond the limits. */
 FMI(Status) FMI(CompletedIntegratorStep)(void *instance, FMI(Boolean) noSetFMUStatePriorToCurrentPoint,
@@ -105,7 +88,12 @@ FMI(Status) FMI(SetContinuousStates)(void *instance, const double x[], size_t n)
     fmi_instance *i = instance;
     if (!has_states(i, __func__, CALL_SET_CONTINUOUS_STATES, x, n))
         return FMI(Error);
-    return AS_FMI(conclude(i, __func__, CALL_SET_CONTINUOUS_STATES, component_set_states(i->core, x)));
+    outcome checked = DONE;
+    for (int k = 0; k < N_STATES && checked == DONE; k++)
+        checked = component_check(i->core, FIRST_STATE + k, x[k]);
+    for (int k = 0; k < N_STATES && checked == DONE; k++)
+        component_put(i->core, FIRST_STATE + k, x[k]);
+    return AS_FMI(conclude(i, __func__, CALL_SET_CONTINUOUS_STATES, checked));
 }
 
 FMI(Status) FMI(GetContinuousStates)(void *instance, double x[], size_t n)
@@ -113,7 +101,8 @@ FMI(Status) FMI(GetContinuousStates)(void *instance, double x[], size_t n)
     fmi_instance *i = instance;
     if (!has_states(i, __func__, CALL_GET_CONTINUOUS_STATES, x, n))
         return FMI(Error);
-    component_get_states(i->core, x);
+    for (int k = 0; k < N_STATES; k++)
+        component_get(i->core, FIRST_STATE + k, x + k);
     return FMI(OK);
 }
 
@@ -135,8 +124,7 @@ FMI(Status) FMI(GetNominalsOfContinuousStates)(void *instance, double nominals[]
 
 FMI(Status) FMI(GetEventIndicators)(void *instance, double indicators[], size_t n)
 {
-    return is_allowed(instance, __func__, CALL_GET_CONTINUOUS_STATES) &&
-                   has_length(instance, __func__, n, 0, "event indicators")
-               ? FMI(OK)
-               : FMI(Error);
+    int is_right = is_allowed(instance, __func__, CALL_GET_CONTINUOUS_STATES) &&
+                   has_length(instance, __func__, n, 0, "event indicators");
+    return is_right ? FMI(OK) : FMI(Error);
 }

@@ -21,16 +21,13 @@ static const struct {
 
 static const char *name_of_mode(fmi_mode mode)
 {
-    switch (mode) {
-    case INSTANTIATED: return "the instantiated state";
-    case INITIALIZATION: return "initialization mode";
-    case EVENT: return "event mode";
-    case CONTINUOUS: return "continuous-time mode";
-    case STEP: return "step mode";
-    case INTERMEDIATE: return "intermediate update mode";
-    case TERMINATED: return "the terminated state";
-    }
-    return "an unknown mode";
+    static const char *const names[] = {"the instantiated state", "initialization mode", "event mode",
+                                        "continuous-time mode", "step mode", "intermediate update mode",
+                                        "the terminated state"};
+    int k = 0;
+    while (mode >> (k + 1))
+        k++;
+    return names[k];
 }
 
 const char *name_of_kind(fmi_kind kind)
@@ -66,12 +63,10 @@ int is_allowed(const fmi_instance *i, const char *function, fmi_call call)
     if (allows(i, call))
         return 1;
     if (ALLOWED[call].modes == NEVER)
-        report(i, STATUS_ERROR, "%s: not offered by this unit", function);
-    else if (!(ALLOWED[call].kinds & (int)i->kind))
-        report(i, STATUS_ERROR, "%s: not allowed in %s", function, name_of_kind(i->kind));
-    else
-        report(i, STATUS_ERROR, "%s: not allowed in %s", function, name_of_mode(i->mode));
-    return 0;
+        return report(i, STATUS_ERROR, "%s: not offered by this unit", function), 0;
+    int has_kind = ALLOWED[call].kinds & (int)i->kind;
+    return report(i, STATUS_ERROR, "%s: not allowed in %s", function,
+                  has_kind ? name_of_mode(i->mode) : name_of_kind(i->kind)), 0;
 }
 
 fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome result)
@@ -86,19 +81,17 @@ fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, 
 
 int has_array(const fmi_instance *i, const char *function, const void *array, size_t n, const char *name)
 {
-    if (array || n == 0)
-        return 1;
-    report(i, STATUS_ERROR, "%s: %s is a null pointer", function, name);
-    return 0;
+    if (!array && n > 0)
+        return report(i, STATUS_ERROR, "%s: %s is a null pointer", function, name), 0;
+    return 1;
 }
 
 int has_length(const fmi_instance *i, const char *function, size_t found, size_t expected, const char *name)
 {
-    if (found == expected || found == ONE_EACH)
-        return 1;
-    report(i, STATUS_ERROR, "%s: found %lu %s; expected %lu", function, (unsigned long)found, name,
-           (unsigned long)expected);
-    return 0;
+    if (found != expected && found != ONE_EACH)
+        return report(i, STATUS_ERROR, "%s: found %lu %s; expected %lu", function, (unsigned long)found, name,
+                      (unsigned long)expected), 0;
+    return 1;
 }
 
 int has_states(const fmi_instance *i, const char *function, fmi_call call, const void *x, size_t n)
@@ -140,27 +133,19 @@ void begin_anew(fmi_instance *i)
 
 fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token)
 {
-    if (!name || name[strspn(name, " \t\r\n")] == 0) {
-        report(request, STATUS_ERROR, "instantiation: the instance name is empty; expected a non-empty text");
-        return NULL;
-    }
-    const char *expected = request->layer->token;
-    if (!token || !*expected || strcmp(token, expected) != 0) {
-        report(request, STATUS_ERROR,
-               "instantiation: wrong token '%s'; expected '%s'; use the modelDescription.xml of this binary",
-               token ? token : "(null)", expected);
-        return NULL;
-    }
-    if (request->kind == MODEL_EXCHANGE && N_STATES == 0) {
-        report(request, STATUS_ERROR, "instantiation: Model Exchange is not offered by this unit; it has Co-Simulation");
-        return NULL;
-    }
-    size_t length = strlen(name) + 1;
-    fmi_instance *i = malloc(sizeof *i + COMPONENT_SIZE + length);
-    if (!i) {
-        report(request, STATUS_ERROR, "instantiation: out of memory");
-        return NULL;
-    }
+    const char *expected = request->layer->token, *fault = "instantiation: out of memory";
+    fmi_instance *i = NULL;
+    size_t length = name ? strlen(name) + 1 : 0;
+    if (!name || name[strspn(name, " \t\r\n")] == 0)
+        fault = "instantiation: the instance name is empty; expected a non-empty text";
+    else if (!token || !*expected || strcmp(token, expected) != 0)
+        fault = "instantiation: wrong token '%s'; expected '%s'; use the modelDescription.xml of this binary";
+    else if (request->kind == MODEL_EXCHANGE && N_STATES == 0)
+        fault = "instantiation: Model Exchange is not offered by this unit; it has Co-Simulation";
+    else
+        i = malloc(sizeof *i + COMPONENT_SIZE + length);
+    if (!i)
+        return report(request, STATUS_ERROR, fault, token ? token : "(null)", expected), NULL;
     *i = *request;
     i->categories = ALL;
     i->core = (component *)(void *)(i + 1);

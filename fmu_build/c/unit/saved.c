@@ -21,11 +21,10 @@ static size_t serial_size(void) { return state_size() + sizeof(uint64_t); }
 
 static int is_saved_state(const fmi_instance *i, const char *function, const saved_state *saved)
 {
-    if (saved && memcmp(saved->magic, MAGIC, sizeof MAGIC) == 0)
-        return 1;
-    report(i, STATUS_ERROR, "%s: %s is not an FMU state of this unit", function,
-           saved ? "the pointer" : "a null pointer");
-    return 0;
+    if (!saved || memcmp(saved->magic, MAGIC, sizeof MAGIC) != 0)
+        return report(i, STATUS_ERROR, "%s: %s is not an FMU state of this unit", function,
+                      saved ? "the pointer" : "a null pointer"), 0;
+    return 1;
 }
 
 /* Overwrites the importer's state if there is one. */
@@ -58,7 +57,7 @@ fmi_status restore_state(fmi_instance *i, const char *function, const void *save
     i->mode = (fmi_mode)s->mode;
     component_restore(i->core, s->numbers);
     i->step_status = STATUS_OK;
-    i->last_successful_time = component_time(i->core);
+    component_get(i->core, TIME, &i->last_successful_time);
     return STATUS_OK;
 }
 
@@ -114,13 +113,9 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
 /* 1 if an instance can be in this state: a valid checksum does not guarantee it for bytes from another source. */
 static int is_possible(const saved_state *s)
 {
-    int modes = BEFORE_START | TERMINATED;
-    modes |= s->kind == MODEL_EXCHANGE ? EVENT | CONTINUOUS : STEP;
-    int mode = (int)s->mode;
+    int mode = (int)s->mode, modes = BEFORE_START | TERMINATED | (s->kind == CO_SIMULATION ? STEP : EVENT | CONTINUOUS);
     int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0);
-    if (!is_offered || !(mode & modes) || (mode & (mode - 1)))
-        return 0;
-    return component_can_restore(s->numbers);
+    return is_offered && mode & modes && !(mode & (mode - 1)) && component_can_restore(s->numbers);
 }
 
 fmi_status deserialize(const fmi_instance *i, const char *function, const unsigned char bytes[], size_t size,

@@ -39,10 +39,9 @@ static int find_all(const fmi_instance *i, const char *function, const uint32_t 
     if (!has_array(i, function, references, n, "value references"))
         return 0;
     for (size_t k = 0; k < n; k++) {
-        if (!i->layer->resolve(references[k], &first, &size)) {
-            report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)references[k]);
-            return 0;
-        }
+        if (!i->layer->resolve(references[k], &first, &size))
+            return report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
+                          (unsigned long)references[k]), 0;
         total += (size_t)size;
     }
     return has_length(i, function, n_values, total, name) && has_array(i, function, values, total, name);
@@ -80,8 +79,8 @@ static fmi_status check_set(fmi_instance *i, const char *function, int slot, dou
     fmi_call needed = call_to_set(i, slot);
     if (allows(i, needed))
         return conclude(i, function, needed, component_check(i->core, slot, value));
-    char name[NAME_SIZE], refused[2 * NAME_SIZE];
-    write_slot_name(slot, name);
+    const char *name = NAME_OF_SLOT(slot);
+    char refused[2 * NAME_SIZE];
     if (needed == CALL_NOT_OFFERED)
         return report(i, STATUS_ERROR, "%s: %s is computed; only inputs, start values and parameters can be set",
                       function, name);
@@ -120,29 +119,17 @@ fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n)
 
 static int is_input(int slot) { return role_at(slot) == INPUT; }
 static int is_output(int slot) { return slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS; }
-
-static int is_known(int slot)
-{
-    int role = role_at(slot);
-    return role == INPUT || role == STATE || parameter_at(slot) >= 0;
-}
-
-static int is_unknown(int slot)
-{
-    int role = role_at(slot);
-    return role == STATE || role == RESULT || role == DERIVATIVE;
-}
+static int is_known(int slot) { return is_input(slot) || role_at(slot) == STATE || parameter_at(slot) >= 0; }
+static int is_unknown(int slot) { return role_at(slot) == STATE || role_at(slot) == RESULT || role_at(slot) == DERIVATIVE; }
 
 /* 1 if all references are of variables with a suitable role. */
 static int have_roles(const fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                       int (*fits)(int slot), const char *place, const char *expected)
 {
     for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
-        if (!fits(at.slot)) {
-            report(i, STATUS_ERROR, "%s: %s is not an allowed %s; expected %s", function, variable_of(at.slot)->name,
-                   place, expected);
-            return 0;
-        }
+        if (!fits(at.slot))
+            return report(i, STATUS_ERROR, "%s: %s is not an allowed %s; expected %s", function,
+                          variable_of(at.slot)->name, place, expected), 0;
     return 1;
 }
 
@@ -195,10 +182,8 @@ fmi_status differentiate(fmi_instance *i, const char *function, int is_adjoint, 
 static int have_order_1(const fmi_instance *i, const char *function, const int32_t orders[], size_t n)
 {
     for (size_t k = 0; k < n; k++)
-        if (orders[k] != 1) {
-            report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]);
-            return 0;
-        }
+        if (orders[k] != 1)
+            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]), 0;
     return 1;
 }
 

@@ -416,7 +416,7 @@ void controller_step(const controller_parameters *parameters, const controller_c
     real target[6], cut[6];
 #endif
 #if HAS_DRIVES
-    real next[12], mean[6];
+    real next[12];
 #endif
     int k;
 
@@ -438,15 +438,11 @@ void controller_step(const controller_parameters *parameters, const controller_c
         take_sample(parameters, coefficients, memory, measured, reference, target, cut);
     count(memory);
 #if HAS_DRIVES
-    drives(coefficients->drives, memory->drives, target, next, mean, memory->rate_limited);
+    drives(coefficients->drives, memory->drives, target, next, force, memory->rate_limited);
     memcpy(memory->drives, next, sizeof next);
-#endif
-    for (k = 0; k < 6; ++k) {
-#if HAS_DRIVES
-        force[k] = mean[k];
 #else
-        force[k] = target[k];
+    memcpy(force, target, sizeof(real) * 6);
 #endif
+    for (k = 0; k < 6; ++k)
         limited[k] = cut[k] > 0;
-    }
 }

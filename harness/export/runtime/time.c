@@ -74,31 +74,11 @@ typedef real moment;
 #define FROM_HOME(x, home) (x)
 #define HIGH(a) (a)
 #define CONSTANT(x) x
-
-MAYBE_UNUSED static moment moment_of(real high, real low)
-{
-    return high + low;
-}
-
-MAYBE_UNUSED static moment moment_sum(moment a, moment b)
-{
-    return a + b;
-}
-
-MAYBE_UNUSED static moment moment_minus(moment a)
-{
-    return -a;
-}
-
-MAYBE_UNUSED static real moment_value(moment a)
-{
-    return a;
-}
-
-MAYBE_UNUSED static real moment_since(moment a, moment b)
-{
-    return a - b;
-}
+#define moment_of(high, low) ((high) + (low))
+#define moment_sum(a, b) ((a) + (b))
+#define moment_minus(a) (-(a))
+#define moment_value(a) (a)
+#define moment_since(a, b) ((a) - (b))
 #endif
 
 MAYBE_UNUSED static int moment_less(moment a, moment b)
