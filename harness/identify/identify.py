@@ -161,7 +161,7 @@ def _identified_from_forces(
     cutoff: float | None,
 ) -> Estimate:
     """The estimate by the linear method: the logs are screened, brought to both sides of elastic legs, and fitted."""
-    names = expanded(estimate, platform)
+    names = expanded(estimate)
     for name in names:
         stem = name.partition("[")[0]
         if stem in _ELSEWHERE:
@@ -214,7 +214,7 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     scale, not_excited = scales(platform, names, *changes), tuple[str, ...]()
     if rows:
         # what of the platform's masses the motion does not excite, estimated or not
-        masses = [name for name in expanded(MASSES, platform) if name not in names]
+        masses = [name for name in expanded(MASSES) if name not in names]
         elements, sizes = [*linear, *masses], np.concatenate([scale[at], scales(platform, masses, *changes)])
         not_excited = identifiability(rows, smooth, elements, nominal_values(elements, smooth), sizes).not_excited
 
