@@ -96,14 +96,14 @@ def _controls() -> tuple[tuple[Any, Any], ...]:
     return tuple(controls)
 
 
-def identify_linear(  # noqa: PLR0915 - one station after the other
+def identify_linear(
     parts: Sequence[Part],
     platform: Platform,
     names: tuple[str, ...],
     *,
     cutoff: float | None = None,
     not_excited: Sequence[str] = (),
-) -> Estimate:
+) -> tuple[Estimate, Whitened]:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
     Generalised least squares, (F − W φ)ᵀ V⁻¹ (F − W φ): the covariance V of the rows is that of white noise of forces
@@ -172,16 +172,18 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
             "changes unexplained; check the joints, the order of the legs, the sign of the forces (positive extends a "
             "leg), and that lengths are from joint to joint"
         )
-    D = whole.of(whole.fit.columns * scale)
-    white = whole.of(residual[is_fitted])
-    freedom = int(used.sum()) - len(names)
+    regressed = whole.of(whole.fit.columns * scale), whole.of(residual[is_fitted]), int(used.sum()) - len(names)
     time, validating = on_one_axis(parts, times)
     note = f"{fitted} rows of {highest:.3g} Hz fitted, {len(is_fitted) - fitted} kept for validation"
     channels = Channels(
         "force of leg", "N", time, regression.force, residual, model.force(nominal), is_fitted, validating
     )  # fmt: skip
-    estimate = estimate_of(names, nominal, scale, best, held, (D, white, freedom), channels, note)
-    diagnosis = diagnosis_of(whole, estimate.standard_errors)
+    return estimate_of(names, nominal, scale, best, held, regressed, channels, note), whole
+
+
+def judged(estimate: Estimate, whole: Whitened) -> Estimate:
+    """The estimate of these rows with what its residuals say of the model, and how it predicts rows not fitted."""
+    diagnosis, fit = diagnosis_of(whole, estimate.standard_errors), whole.fit
     estimate = replace(
         estimate,
         diagnosis=diagnosis,
@@ -189,16 +191,16 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
         notes=(*estimate.notes, *diagnosis.sentences),
         residuals=replace(estimate.residuals, whiteness=diagnosis.whiteness),
     )
-    kept = usable * ~is_fitted[:, None]
+    kept = fit.model.regression.used(fit.model.names) * ~fit.is_fitted[:, None]
     if not kept.any():
         return estimate
-    judged = _validated(whole, model.columns(best) * scale, kept, D, white, freedom)
-    said = f"{judged.rms:.3g} N where {judged.expected:.3g} N are expected (p = {judged.p_value:.2g})"
-    if not judged.alarm or estimate.alarms:
+    validation = _validated(whole, estimate.scale, kept)
+    said = f"{validation.rms:.3g} N where {validation.expected:.3g} N are expected (p = {validation.p_value:.2g})"
+    if not validation.alarm or estimate.alarms:
         note = f"rows kept for validation are off by {said}"
-        return replace(estimate, validation=judged, notes=(*estimate.notes, note))
+        return replace(estimate, validation=validation, notes=(*estimate.notes, note))
     alarm = f"the fit does not predict the rows kept for validation, which are off by {said}"
-    return replace(estimate, validation=judged, alarms=(alarm,))
+    return replace(estimate, validation=validation, alarms=(alarm,))
 
 
 def _linear_fit(
@@ -273,9 +275,12 @@ def _best_fit(
         by_eta = np.stack([values(eta + step).imag / 1e-30 for step in 1e-30j * np.eye(len(eta))], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)
 
+    def of_body(eta: FloatArray) -> FloatArray:
+        return residual(values(eta))
+
     start = np.maximum(eta, bound + 1e-9 * np.abs(units))
     options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
-    best = least_squares(lambda eta: residual(values(eta)), start, chained, **options)
+    best = least_squares(of_body, start, chained, **options)
     return np.asarray(values(best.x)), (*held, "platform_inertia")
 
 
@@ -337,17 +342,17 @@ def scales(platform: Platform, names: Sequence[str], force: float, velocity: flo
     return np.array([sizes.get(name.partition("[")[0]) or abs(value_of(platform, name)) or 1.0 for name in names])
 
 
-def _validated(
-    whole: Whitened, columns: FloatArray, kept: FloatArray, D: FloatArray, white: FloatArray, freedom: int
-) -> Validation:
+def _validated(whole: Whitened, scale: FloatArray, kept: FloatArray) -> Validation:
     """Whether rows that were not fitted are predicted as well as their noise and the estimate's errors allow.
 
     e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν). Here e are
-    the residuals in rows that are `kept` (m, 6), with ∂(reading)/∂θ `columns` (m, 6, p); D (n, p), `white` (n,) and ν,
-    `freedom`, are those of the fit.
+    the residuals in rows that are `kept` (m, 6), with ∂(reading)/∂θ W; D and ν are those of the fit, θ in units of
+    `scale` (p,).
     """
-    chosen, residual = ~whole.fit.is_fitted, whole.fit.all_residuals
-    parts = noises_of(whole.fit.model.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
+    fit = whole.fit
+    chosen, residual, columns = ~fit.is_fitted, fit.all_residuals, fit.model.columns(fit.values) * scale
+    D, white, freedom = whole.of(fit.columns * scale), whole.of(fit.residual), int(fit.used.sum()) - len(scale)
+    parts = noises_of(fit.model.regression, fit.derivatives.by_legs, chosen, kept[chosen])
     shares = [whole.noise.of(part.which) for part in parts]
     mixed = kept[chosen][..., None] * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
     flat = mixed.reshape(-1, mixed.shape[2])

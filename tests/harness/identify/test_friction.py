@@ -70,3 +70,6 @@ def test_slopes_by_length_and_rows_that_slide_are_those_of_closed_forms() -> Non
     slides = sliding_rows(DERIVED, turning, H)
     np.testing.assert_array_equal(slides[:, 0], [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1])
     np.testing.assert_array_equal(slides[:, 1], [0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1])
+    # 150 N at 1e7 N/m are 15 µm, of which four are 60 µm, after six rows of 11 µm
+    stronger = PLATFORM.with_parameters({"leg_static_friction": 150.0})
+    np.testing.assert_array_equal(sliding_rows(stronger, np.full((9, 6), 0.011), H)[:, 0], [0] * 5 + [1] * 4)
