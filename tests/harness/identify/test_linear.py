@@ -217,8 +217,10 @@ def test_sizes_of_changes_are_those_of_the_platform_and_of_each_leg() -> None:
     """Expected: the platform's mass and size; deviations of each leg's force about its own mean, and RMS velocities."""
     swings = (Swing(seed=seed, fade=0.5, frequency=f, harmonics=3) for seed, f in ((3, 0.4), (5, 0.6)))
     logs = [machine_log(course=Course(swing, duration=3.0, rate=500.0)) for swing in swings]
-    names = ("platform_mass", "platform_com[2]", "platform_inertia[1,3]", "leg_armature", "leg_viscous_friction")
-    names = (*names, "leg_coulomb_friction", "force_offset[3]", "delay", "base_tilt[2]")
+    names = [
+        *("platform_mass", "platform_com[2]", "platform_inertia[1,3]", "leg_armature", "leg_viscous_friction"),
+        *("leg_coulomb_friction", "force_offset[3]", "delay", "base_tilt[2]"),
+    ]
     estimate = identify(logs, replace(MACHINE, actuator_force_max=None), names, validation=0.0)
     force = np.mean([force_of(log).std(axis=0).mean() for log in logs])
     velocity = np.mean([np.sqrt((np.diff(log.leg_length, axis=0) ** 2).mean()) * 500.0 for log in logs])
