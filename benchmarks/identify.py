@@ -65,7 +65,7 @@ def main() -> int:
     circle = Circle(radius=0.2, frequency=0.25, fade_in=1.0).about(NOMINAL)
     at = np.linspace(0.0, DURATION, 400)
     for names in (OF_A_CIRCLE, "platform_mass,platform_com,platform_inertia"):
-        elements = expanded(names.split(","), NOMINAL)
+        elements = expanded(names.split(","))
         numbers = [criteria(NOMINAL, elements, motion(at))[0] for motion in (circle, reference)]
         console.print(f"condition number for {names}: circle {numbers[0]:.3g}, excitation {numbers[1]:.3g}")
     return 1 if seconds > TARGET else 0

@@ -77,7 +77,7 @@ def excite_command(
     files = {"excitation.toml": experiment_text(design, loaded, line, estimate, seed).encode()}
     if platform is not None:
         files["platform.toml"] = platform_to_toml(loaded).encode()
-    report = excite_report(design, loaded, expanded(estimate.split(","), loaded), duration)
+    report = excite_report(design, loaded, expanded(estimate.split(",")), duration)
     running.present(report, files, then=f"gough-stewart run {shlex.quote(str(folder / 'excitation.toml'))}")
 
 

@@ -31,6 +31,7 @@ from gough_stewart.harness.identify.lack_of_fit import (
     LackOfFit,
     Whitened,
     basis_of,
+    beside,
     lack_of_fit,
     leg_motion,
     stribeck,
@@ -82,10 +83,10 @@ class Hypothesis(NamedTuple):
     legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
 
 
-def at_several_places(fit: RowFit, residual: FloatArray) -> list[list[Hypothesis]]:
+def at_several_places(fit: RowFit) -> list[list[Hypothesis]]:
     """Hypotheses of which the log tells a velocity, a level, or two legs: in each list one of them."""
     smooth, read = fit.model.platform.leg_friction_velocity, fit.model.regression.force[fit.is_fitted]
-    force, load = np.abs(read - residual), float(np.sqrt((read**2).mean()))
+    force, load = np.abs(read - fit.residual), float(np.sqrt((read**2).mean()))
     falling = [
         Hypothesis(
             "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
@@ -147,17 +148,15 @@ def reading_of(
         # relative to the platform's file, and to perfect instruments
         nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
         names, values = (*model.names, *hypothesis.parameters), np.concatenate([theta, nominal + eta])
-        wider = RowModel(model.regression, model.platform, model.elements, names, model.friction)
+        wider = RowModel(model.regression, names)
         return wider.residual(values)[fitted], wider.columns(values)[fitted]
     residual, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
+    read = model.regression.force[fitted]
     match hypothesis.kind:
         case "exchange":
-            read = model.regression.force[fitted]
-            residual = residual.copy()
             residual[:, legs] += read[:, legs[::-1]] - read[:, legs]
             return residual, by_theta
         case "clip":
-            read = model.regression.force[fitted]
             force, level = read - residual, hypothesis.at + eta[0]
             is_clipped = np.zeros(force.shape, dtype=bool)
             is_clipped[:, legs] = np.abs(force[:, legs]) > level
@@ -178,7 +177,7 @@ def diagnosis_of(rows: Whitened, standard_errors: FloatArray) -> Diagnosis:
     """Test the fit, and name what is wrong if it is."""
     fit, residual = rows.fit, rows.fit.residual
     D = rows.of(fit.columns)
-    outcome = lack_of_fit(D, rows.whitened_families, rows.of(residual[..., None])[:, 0], fit.used)
+    outcome = lack_of_fit(D, rows.whitened_families, rows.of(residual), fit.used)
     # standard deviations of the raw forces [N] and RMS of those of the lengths [m], of the first log
     (force, length), raw = rows.noise.shares[rows.parts[0].which], rows.parts[0].raw
     levels = np.sqrt(force) * raw.force, float(np.sqrt(length * (raw.length**2).mean()))
@@ -192,7 +191,7 @@ def diagnosis_of(rows: Whitened, standard_errors: FloatArray) -> Diagnosis:
     test, white, rest = outcome
     if not test.alarm:
         return Diagnosis(test, "", (), 1.0, *seen, white)
-    cause, findings, remains = _judged(rows, residual)
+    cause, findings, remains = _judged(rows)
     if not cause and (coloured := _coloured(rows, rest, test.excess)) is not None:
         cause, findings = COLOURED, (coloured,)
     return Diagnosis(test, cause, findings, remains, *seen, white)
@@ -208,15 +207,16 @@ class _Refit(NamedTuple):
     columns: FloatArray  # whitened, of all parameters and η (6 n, p + q)
 
 
-def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, ...], float]:
+def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
     """The cause, what is of it or what else is possible, and the p-value of what is left after that."""
     first, fit = rows, rows.fit
-    contenders = _contenders(rows, residual)
+    contenders = _contenders(rows)
     if not contenders:
         return "", (), 1.0
 
     for _ in range(2):
-        alone = _left(rows, fit.columns, residual)
+        Q = basis_of(rows.of(fit.columns))
+        alone = float((beside(Q, rows.of(fit.residual)) ** 2).sum())
         refits = sorted((_refit(rows, h, alone) for h in contenders), key=lambda refit: -refit.evidence)
         best = refits[0]
         if rows is first:
@@ -229,14 +229,11 @@ def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, .
     if best.evidence < _SIGNIFICANT:
         return "", (), 1.0
 
-    families, D = rows.whitened_families, rows.of(fit.columns)
-    Q, p = basis_of(D, np.linalg.norm(D, axis=0)), D.shape[1]
-
     def tested(columns: FloatArray, residual: FloatArray) -> LackOfFit:
-        outcome = lack_of_fit(columns, families, rows.of(residual[..., None])[:, 0], fit.used)
+        outcome = lack_of_fit(columns, rows.whitened_families, rows.of(residual), fit.used)
         return outcome[0] if outcome else LackOfFit({}, 0.0, math.inf)
 
-    before = tested(D, residual).excess
+    before = tested(rows.of(fit.columns), fit.residual).excess
     excess = max(alone - float(fit.used.sum()), before if math.isfinite(before) else 0.0, 1e-300)
 
     def fits(test: LackOfFit) -> bool:
@@ -247,9 +244,8 @@ def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, .
 
     def is_part(refit: _Refit, wider: _Refit) -> bool:
         """Whether all that one hypothesis can do another one can do, too."""
-        X, Y = (X - Q @ (Q.T @ X) for X in (refit.columns[:, p:], wider.columns[:, p:]))
-        basis = basis_of(Y, np.linalg.norm(Y, axis=0))
-        return float(np.linalg.norm(X - basis @ (basis.T @ X))) < _PART * float(np.linalg.norm(X))
+        X, Y = (beside(Q, columns[:, len(fit.values) :]) for columns in (refit.columns, wider.columns))
+        return float(np.linalg.norm(beside(basis_of(Y), X))) < _PART * float(np.linalg.norm(X))
 
     for simpler in refits[1:]:
         is_near = simpler.evidence > best.evidence - _NESTED and len(simpler.eta) < len(best.eta)
@@ -273,31 +269,20 @@ def _judged(rows: Whitened, residual: FloatArray) -> tuple[str, tuple[Finding, .
     return best.hypothesis.cause if is_sure else "", tuple(map(finding, possible)), after.combined
 
 
-def _left(rows: Whitened, columns: FloatArray, residual: FloatArray) -> float:
-    """The sum of squares that a fit of these columns (n, 6, p) leaves of a residual (n, 6)."""
-    white = rows.of(np.concatenate([columns, residual[..., None]], axis=2))
-    Q = basis_of(white[:, :-1], np.linalg.norm(white[:, :-1], axis=0))
-    left = white[:, -1] - Q @ (Q.T @ white[:, -1])
-    return float(left @ left)
-
-
-def _contenders(rows: Whitened, residual: FloatArray) -> list[Hypothesis]:
+def _contenders(rows: Whitened) -> list[Hypothesis]:
     """The hypotheses with the most evidence by their columns at the fit; of those at several places the best."""
     fit, time = rows.fit, rows.fit.model.regression.time[rows.fit.is_fitted]
-    D = rows.of(fit.columns)
-    Q = basis_of(D, np.linalg.norm(D, axis=0))
-    r = rows.of(residual[..., None])[:, 0]
-    r = r - Q @ (Q.T @ r)
+    Q = basis_of(rows.of(fit.columns))
+    r = beside(Q, rows.of(fit.residual))
 
-    def evidence(hypothesis: Hypothesis) -> float:
+    def evidence(hypothesis: Hypothesis, whitened: FloatArray | None = None) -> float:
         if hypothesis.kind == "exchange":
-            exchanged, _ = reading_of(hypothesis, fit, fit.values, np.zeros(0))
-            return float(r @ r) - _left(rows, fit.columns, exchanged) - 2 * math.log(hypothesis.members)
-        X = rows.of(hypothesis.columns * hypothesis.sizes)
-        norms = np.linalg.norm(X, axis=0)
-        X = X - Q @ (Q.T @ X)
+            exchanged = beside(Q, rows.of(reading_of(hypothesis, fit, fit.values, np.zeros(0))[0]))
+            return float(r @ r - exchanged @ exchanged) - 2 * math.log(hypothesis.members)
+        whole = rows.of(hypothesis.columns * hypothesis.sizes) if whitened is None else whitened
+        X = beside(Q, whole)
         # what is estimated already leaves rounding errors
-        X = X[:, np.linalg.norm(X, axis=0) > _ROUNDING * norms]
+        X = X[:, np.linalg.norm(X, axis=0) > _ROUNDING * np.linalg.norm(whole, axis=0)]
         precision, b = np.eye(X.shape[1]) + X.T @ X, X.T @ r
         cost = float(np.linalg.slogdet(precision)[1]) + 2 * math.log(hypothesis.members)
         return float(b @ np.linalg.solve(precision, b)) - cost if X.shape[1] else -np.inf
@@ -305,18 +290,17 @@ def _contenders(rows: Whitened, residual: FloatArray) -> list[Hypothesis]:
     def best_of(group: Sequence[Hypothesis]) -> tuple[float, Hypothesis]:
         return max(((evidence(hypothesis), hypothesis) for hypothesis in group), key=lambda pair: pair[0])
 
-    members = [
-        Hypothesis(
-            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
-            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
-            sum(len(others) == len(chosen) for _, others in family.members.values()),
-            "exact" if family.is_estimable else "linear",
-        )
-        for family in rows.families
-        for name, (cause, chosen) in family.members.items()
-    ]  # fmt: skip
-    weighed = [(evidence(hypothesis), hypothesis) for hypothesis in members]
-    weighed += [best_of(group) for group in at_several_places(fit, residual)]
+    weighed = []
+    for family in rows.families:
+        for name, (cause, parameters) in family.members.items():
+            at = [family.parameters.index(parameter) for parameter in parameters]
+            alike = sum(len(others) == len(at) for _, others in family.members.values())
+            hypothesis = Hypothesis(
+                name, cause, parameters, tuple(family.units[k] for k in at), family.remedy, family.columns[:, :, at],
+                family.sizes[at], alike, "exact" if family.is_estimable else "linear",
+            )  # fmt: skip
+            weighed.append((evidence(hypothesis, rows.whitened_families[family.name][:, at]), hypothesis))
+    weighed += [best_of(group) for group in at_several_places(fit)]
     lost = best_of(rows_lost(fit, np.linspace(time[0], time[-1], TIMES + 2)[1:-1]))
     near = time[np.abs(time - lost[1].at) < np.ptp(time) / TIMES]
     weighed.append(best_of([lost[1], *rows_lost(fit, near)]))
@@ -344,9 +328,7 @@ def _refit(rows: Whitened, hypothesis: Hypothesis, base: float) -> _Refit:
         theta, eta = theta + step[:p], eta + step[p:]
     left = r - A @ step
     chi_square, cost = float(left @ left), float(((eta / sizes) ** 2).sum())
-    Q = basis_of(A[:, :p], np.linalg.norm(A[:, :p], axis=0))
-    X = A[:, p:] * sizes
-    X = X - Q @ (Q.T @ X)
+    X = beside(basis_of(A[:, :p]), A[:, p:] * sizes)
     precision = np.eye(len(sizes)) + X.T @ X
     cost += float(np.linalg.slogdet(precision)[1]) + 2 * math.log(hypothesis.members)
     variance = max(chi_square / max(float(rows.fit.used.sum()) - A.shape[1], 1.0), 1e-300)

@@ -42,10 +42,19 @@ class _WithCovariance:
         return np.sqrt(np.diag(self.covariance))
 
     @property
+    def half_width(self) -> FloatArray:
+        """Of the 95 % confidence intervals (q,) [SI], by Student's t."""
+        return np.asarray(float(stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.standard_errors)
+
+    @property
     def interval(self) -> FloatArray:
-        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI], by Student's t."""
-        half = float(stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.standard_errors
-        return np.stack([self.values - half, self.values + half], axis=1)
+        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI]."""
+        return np.stack([self.values - self.half_width, self.values + self.half_width], axis=1)
+
+    def _element(self, k: int, **more: Any) -> dict[str, Any]:
+        """Plain data of one value, for files."""
+        numbers = {"value": self.values[k], "standard_error": self.standard_errors[k], "interval": self.interval[k]}
+        return numbers | more
 
 
 @dataclass(frozen=True)
@@ -143,11 +152,7 @@ class Diagnosis:
                     "text": finding.text,
                     "improvement": finding.improvement,
                     "parameters": {
-                        name: {
-                            "value": finding.values[k], "standard_error": finding.standard_errors[k],
-                            "interval": finding.interval[k], "unit": finding.units[k],
-                        }
-                        for k, name in enumerate(finding.parameters)
+                        name: finding._element(k, unit=finding.units[k]) for k, name in enumerate(finding.parameters)
                     },
                 }
                 for finding in self.findings
@@ -158,7 +163,7 @@ class Diagnosis:
             },
             "noise": {"force": self.force_noise, "length": self.length_noise},
             "sentences": self.sentences,
-        }  # fmt: skip
+        }
 
 
 def _p(value: float) -> str:
@@ -292,14 +297,7 @@ class Estimate(_WithCovariance):
         parts = {
             "method": self.method,
             "parameters": {
-                name: {
-                    "value": self.values[k],
-                    "standard_error": self.standard_errors[k],
-                    "interval": self.interval[k],
-                    "nominal": self.nominal[k],
-                    "unit": unit_of(name),
-                }
-                for k, name in enumerate(self.names)
+                name: self._element(k, nominal=self.nominal[k], unit=unit_of(name)) for k, name in enumerate(self.names)
             },
             "covariance": self.covariance,
             "correlation": self.correlation,

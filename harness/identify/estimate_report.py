@@ -96,7 +96,7 @@ def estimate_verdict(estimate: Estimate) -> Verdict:
         number = f"{quantity.factor * estimate.values[k]:.{decimals}f}"
         return f"{names[k]} {number} ± {shown:.2g} {quantity.unit_text}".rstrip()
 
-    half = estimate.values - estimate.interval[:, 0]
+    half = estimate.half_width
     known = [k for k in range(len(names)) if math.isfinite(estimate.standard_errors[k])]
     shares = {k: half[k] / max(abs(estimate.values[k]), estimate.scale[k]) for k in known}
     well = [k for k, share in shares.items() if share <= WELL_KNOWN]
@@ -166,7 +166,7 @@ def _p(value: float | None) -> Cell:
 def estimate_tables(estimate: Estimate) -> list[Table]:
     """Parameters with their intervals; identifiability; residuals; whether the model fits."""
     parameters: list[tuple[Cell, ...]] = []
-    half = estimate.values - estimate.interval[:, 0]
+    half = estimate.half_width
     for name, value, before, spread in zip(estimate.names, estimate.values, estimate.nominal, half, strict=True):
         first: list[Cell] = [name, Value(float(before), _quantity_of(name, 5))]
         shown = Value(float(value), _quantity_of(name))
@@ -239,7 +239,7 @@ def _charts(estimate: Estimate) -> list[Chart]:
     """Changes of the parameters, of their scale; correlation of their errors; measured, fitted and residual signals."""
     charts, names = [], estimate.names
     change = (estimate.values - estimate.nominal) / estimate.scale
-    half = (estimate.values - estimate.interval[:, 0]) / estimate.scale
+    half = estimate.half_width / estimate.scale
     if np.isfinite(change).any():
         series = Series("change from nominal", SHARE, change, "actual", low=change - half, high=change + half)
         axis, size = Axis("parameter", labels=names), Axis("change", SHARE)

@@ -25,7 +25,7 @@ from gough_stewart.harness.identify.regressor import (
     unit_of,
     wrenches_function,
 )
-from gough_stewart.harness.identify.row_model import Regression, segment_of
+from gough_stewart.harness.identify.row_model import Regression
 from gough_stewart.harness.identify.sticking_friction import ideal_of
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
@@ -139,7 +139,7 @@ def excite(  # noqa: PLR0915 - one station after the other
     if trials < 1:
         raise ArgumentError(f"trials is {trials}; expected at least 1 motion to try")
     platform = ideal_of(platform)
-    names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
+    names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate)
     rng = np.random.default_rng(seed)
     sizes = np.repeat([platform.characteristic_length, 1.0], 3)
     coarse, fine = (
@@ -231,11 +231,9 @@ def _search_of(
     linear in them, information and limits are functions of these row by row. `profiles` (3, n, k) are each
     coefficient's part in a coordinate, its velocity and its acceleration.
     """
-    _, phi, scaled, force = _scaled(platform, names, first)
-    row, low, high = _row_of(platform, scaled / force, phi)
     count, size = profiles.shape[1:]
+    informed, limited, low, high = _row_functions(platform, names, first)
     home = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(12)])
-    mapped = row.map(count)
     by_coefficients = np.einsum("dtk,ab->tdakb", profiles, np.eye(6)).reshape(count, 18, -1)
 
     # information (p, p) -> −log det, or the trace of the inverse, by its Cholesky factor
@@ -247,25 +245,28 @@ def _search_of(
         measure = casadi.sumsqr(casadi.solve(R.T, casadi.SX.eye(len(names))))
     measured = casadi.Function("criterion", [M], [measure])
 
-    def evaluated(x: Any) -> tuple[Any, Any, Any]:
+    def along(x: Any) -> Any:
         by_coordinate = casadi.reshape(x, 6, size)
         motion = casadi.vertcat(*(casadi.mtimes(by_coordinate, profile.T) for profile in profiles))
-        columns, limited, slopes = mapped(motion + np.tile(home[:, None], count))
-        return measured(casadi.mtimes(columns, columns.T) / count), casadi.vec(limited), slopes
+        return motion + np.tile(home[:, None], count)
+
+    def cost_of(x: Any) -> Any:
+        columns = informed.map(count)(along(x))
+        return measured(casadi.mtimes(columns, columns.T) / count)
 
     x, none = casadi.MX.sym("x", 6 * size), casadi.MX.sym("p", 0)
-    _, limited, slopes = evaluated(x)
+    quantities, slopes = limited.map(count)(along(x))
     by_rows = [
         casadi.mtimes(of_row, casadi.DM(P))
         for of_row, P in zip(casadi.horzsplit(slopes, 18), by_coefficients, strict=True)
     ]
     # row by row, which takes a twentieth of the time of differentiating through all rows at once
-    jacobian = casadi.Function("jac_g", [x, none], [limited, casadi.vertcat(*by_rows)], ["x", "p"], ["g", "jac:g:x"])
+    g = casadi.vec(quantities)
+    jacobian = casadi.Function("jac_g", [x, none], [g, casadi.vertcat(*by_rows)], ["x", "p"], ["g", "jac:g:x"])
     ipopt = {"print_level": 0, "sb": "yes", "max_iter": _STEPS, "tol": 1e-4, "hessian_approximation": "limited-memory"}
     options: Any = {"print_time": False, "show_eval_warnings": False, "jac_g": jacobian, "ipopt": ipopt}
-    programme: Any = {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}
-    solver = casadi.nlpsol("excitation", "ipopt", programme, options)
-    cost_function = casadi.Function("cost", [x], [evaluated(x)[0]])
+    solver = casadi.nlpsol("excitation", "ipopt", {"x": x, "f": cost_of(_SHARE * x), "g": g}, options)
+    cost_function = casadi.Function("cost", [x], [cost_of(x)])
 
     def cost(coefficients: FloatArray) -> float:
         return float(cost_function(coefficients.ravel()))
@@ -277,13 +278,14 @@ def _search_of(
     return cost, improved
 
 
-def _row_of(
-    platform: Platform, by_elements: FloatArray, phi: FloatArray
-) -> tuple[casadi.Function, FloatArray, FloatArray]:
-    """CasADi Function of a row, q (18) -> Dᵀ (p, 6), limited quantities, their slopes; and the limits.
+def _row_functions(
+    platform: Platform, names: Sequence[str], first: Motion
+) -> tuple[casadi.Function, casadi.Function, FloatArray, FloatArray]:
+    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6), and q -> limited quantities and their slopes; and the limits.
 
-    `by_elements` (SIZE, p) is ∂φ/∂θ in units of scale.
+    D has the columns of these elements, scaled by what is usual along the `first` motion, over its RMS force.
     """
+    _, phi, scaled, rms_force = _scaled(platform, names, first)
     q = casadi.SX.sym("q", 18)
     motion = motion_of(*np.split(symbols(q), 3, axis=1))
     state = State(*motion[:4])
@@ -324,16 +326,18 @@ def _row_of(
     lows, highs = (
         np.concatenate([np.broadcast_to(limits[k], limits[0].shape[0]) for limits in limited]) for k in (1, 2)
     )
-    columns = casadi.densify(casadi.mtimes(W, by_elements).T)
+    # two functions, since the gradient of a cost of the first would differentiate the slopes, too
+    columns = casadi.densify(casadi.mtimes(W, scaled / rms_force).T)
     slopes = casadi.densify(casadi.jacobian(quantities, q))
-    return casadi.Function("row", [q], [columns, quantities, slopes]), lows, highs
+    informed = casadi.Function("informed", [q], [columns])
+    return informed, casadi.Function("limited", [q], [quantities, slopes]), lows, highs
 
 
 def _scaled(
     platform: Platform, names: Sequence[str], motion: Motion
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """W (n, 6, SIZE) of a motion, φ (SIZE,), ∂φ/∂θ (SIZE, p) in units of the parameters' scale, and the RMS force."""
-    W, elements = regressor(platform, State(*motion[:4]), Acceleration(*motion[4:])), elements_of(platform, names)
+    W, elements = regressor(platform, np.concatenate(motion, axis=1)), elements_of(platform, names)
     phi = np.asarray(linear_parameters(elements), dtype=float)
     force = W @ phi
     scaled = gradient(elements, names) * scales_of(W, force, platform, names)
@@ -359,12 +363,13 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
     force = np.asarray(inverse_dynamics(platform, state, acceleration))
     length = np.asarray(leg_geometry(platform, state.position, state.orientation).length)
-    segment = segment_of(Part(time, length, force), platform)
+    regression, elements = Regression.of([Part(time, length, force)], platform), elements_of(platform, names)
+    [segment] = regression.segments
     noise = segment.noise._replace(
         force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=np.full(6, _ENCODER) / np.sqrt(12)
     )
-    regression, elements = Regression.of([replace(segment, noise=noise)]), elements_of(platform, names)
-    used = regression.used(platform, names)
+    regression = replace(regression, segments=(replace(segment, noise=noise),))
+    used = regression.used(names)
     forces = regression.W @ linear_parameters(elements)
     by_legs = force_derivatives(regression.motion, parameter_vector(platform), forces).by_legs
     parts = noises_of(regression, by_legs, np.ones(len(used), dtype=bool), used)

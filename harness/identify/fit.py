@@ -38,20 +38,17 @@ from gough_stewart.harness.identify.regressor import (
     INERTIAL,
     PAIRS,
     SIZE,
-    elements_of,
     gradient,
     linear_parameters,
     value_of,
     with_estimated,
 )
-from gough_stewart.harness.identify.row_model import INSTRUMENTS, Regression, RowModel, row_fit, segment_of
+from gough_stewart.harness.identify.row_model import Regression, RowModel
 from gough_stewart.harness.identify.sticking_friction import (
     COULOMB,
     STICTION,
     StickingFriction,
-    ideal_of,
     resolved,
-    sticks,
     unit_friction,
 )
 from gough_stewart.model.parameters import TABLE
@@ -99,14 +96,14 @@ def _controls() -> tuple[tuple[Any, Any], ...]:
     return tuple(controls)
 
 
-def identify_linear(  # noqa: PLR0915 - one station after the other
+def identify_linear(
     parts: Sequence[Part],
     platform: Platform,
     names: tuple[str, ...],
     *,
     cutoff: float | None = None,
     not_excited: Sequence[str] = (),
-) -> Estimate:
+) -> tuple[Estimate, Whitened]:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
 
     Generalised least squares, (F − W φ)ᵀ V⁻¹ (F − W φ): the covariance V of the rows is that of white noise of forces
@@ -115,58 +112,51 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
     (Gᵀ Wᵀ V⁻¹ W G)⁻¹, G = ∂φ/∂θ. Gains and offsets of force sensors, their delay and the tilt of the base are fitted
     too if they are among the names. Of elements that are `not_excited` residuals tell nothing.
     """
-    of_law = (COULOMB, *STICTION) if sticks(platform) else ()
-    bent = [k for k, name in enumerate(names) if name.partition("[")[0] in of_law]
-    friction = StickingFriction(platform, tuple(names[k] for k in bent)) if sticks(platform) else None
-    nominal = nominal_values(names, resolved(platform))
-    # without stiction, which is not linear, and with the legs' stretch in the lengths of both sides
-    smooth = ideal_of(platform)
-    linear = [k for k, name in enumerate(names) if name.partition("[")[0] not in INSTRUMENTS and k not in bent]
-    linear_names = tuple(names[k] for k in linear)
-    elements = with_estimated(elements_of(smooth), linear_names, nominal[linear].tolist())
-
-    regression = Regression.of([segment_of(part, platform, cutoff) for part in parts])
-    highest = max(segment.cutoff for segment in regression.segments)
-    where, times = parts[0].where, [segment.time for segment in regression.segments]
-    fitted_times = [part.is_fitted(time) for part, time in zip(parts, times, strict=True)]
-    is_fitted = np.concatenate(fitted_times)
+    regression = Regression.of(parts, platform, cutoff)
+    model, nominal = RowModel(regression, names), nominal_values(names, resolved(platform))
+    segments, linear, friction = regression.segments, model.linear, model.friction
+    highest, where = max(segment.cutoff for segment in segments), parts[0].where
+    fitted_of = [segment.part.is_fitted(segment.time) for segment in segments]
+    is_fitted = np.concatenate(fitted_of)
     fitted = int(is_fitted.sum())
     if 6 * fitted < 3 * len(names):
         raise LogError(f"{where}: only {fitted} rows after the filter of {highest:.3g} Hz; record longer")
     scale = scales_of(regression.W, regression.force, platform, names)
     W, F = regression.W[is_fitted], regression.force[is_fitted]
-    usable = regression.used(platform, names)
+    usable = regression.used(names)
     used = usable[is_fitted]
 
     # ordinary least squares first: the covariance of the rows depends on masses and friction
     values, force = nominal.copy(), regression.force
     if friction:
-        columns = regression.W @ gradient(elements, linear_names)
-        values[bent] = _start_of_friction(regression, platform, friction.names, columns, usable * is_fitted[:, None])
-        scale[bent] = values[bent]
-        force = force - regression.filtered(lambda v, h: friction.force(values[bent], v, h))[:, :, 0]
+        columns = regression.W @ gradient(model.elements, model.linear_names)
+        values[model.bent] = _start_of_friction(
+            regression, platform, friction.names, columns, usable * is_fitted[:, None]
+        )
+        scale[model.bent] = values[model.bent]
+        force = force - regression.filtered(lambda v, h: friction.force(values[model.bent], v, h))[:, :, 0]
     if linear:
         weights = used / max(float(np.abs(force[is_fitted]).max()), 1e-300)
         weighted = np.concatenate([weights[..., None] * W, (weights * force[is_fitted])[..., None]], axis=2)
-        values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear])[0]
-    model = RowModel(regression, smooth, elements, names, friction)
-    whole = Whitened.at(row_fit(model, values, is_fitted, used), not_excited)
+        rows = weighted.reshape(-1, SIZE + 1)
+        values[linear], _ = _linear_fit(rows, model.elements, model.linear_names, scale[linear])
+    whole = Whitened.at(model.fit_at(values, is_fitted, used), not_excited)
     if len(linear) == len(names) and not friction:
-        best, held = _fit_of(whole.of(np.concatenate([W, F[..., None]], axis=2)), elements, names, scale)
+        white = whole.of(np.concatenate([W, F[..., None]], axis=2))
+        best, held = _linear_fit(white, model.elements, names, scale)
     else:
         best, held = _best_fit(
-            lambda theta: whole.of(model.residual(theta)[is_fitted, :, None])[:, 0],
+            lambda theta: whole.of(model.residual(theta)[is_fitted]),
             lambda theta: -whole.of(model.columns(theta)[is_fitted]),
-            elements,
             names,
             scale,
             values,
             1e-8 if friction else 1e-10,
         )
-    whole = replace(whole, fit=row_fit(model, best, is_fitted, used, whole.fit.derivatives))
+    whole = replace(whole, fit=model.fit_at(best, is_fitted, used, whole.fit.derivatives))
 
-    residual = model.residual(best)
-    duration = sum(float(np.ptp(time[chosen])) for time, chosen in zip(times, fitted_times, strict=True) if any(chosen))
+    residual, times = whole.fit.all_residuals, [segment.time for segment in segments]
+    duration = sum(float(np.ptp(time[chosen])) for time, chosen in zip(times, fitted_of, strict=True) if any(chosen))
     # of another platform, or too short
     change = np.std(F, axis=0)
     share = float(np.median(rms(residual[is_fitted]) / np.maximum(change, 1e-300)))
@@ -182,16 +172,18 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
             "changes unexplained; check the joints, the order of the legs, the sign of the forces (positive extends a "
             "leg), and that lengths are from joint to joint"
         )
-    D = whole.of(whole.fit.columns * scale)
-    white = whole.of(residual[is_fitted, :, None])[:, 0]
-    freedom = int(used.sum()) - len(names)
+    regressed = whole.of(whole.fit.columns * scale), whole.of(residual[is_fitted]), int(used.sum()) - len(names)
     time, validating = on_one_axis(parts, times)
     note = f"{fitted} rows of {highest:.3g} Hz fitted, {len(is_fitted) - fitted} kept for validation"
     channels = Channels(
         "force of leg", "N", time, regression.force, residual, model.force(nominal), is_fitted, validating
     )  # fmt: skip
-    estimate = estimate_of(names, nominal, scale, best, held, (D, white, freedom), channels, note)
-    diagnosis = diagnosis_of(whole, estimate.standard_errors)
+    return estimate_of(names, nominal, scale, best, held, regressed, channels, note), whole
+
+
+def judged(estimate: Estimate, whole: Whitened) -> Estimate:
+    """The estimate of these rows with what its residuals say of the model, and how it predicts rows not fitted."""
+    diagnosis, fit = diagnosis_of(whole, estimate.standard_errors), whole.fit
     estimate = replace(
         estimate,
         diagnosis=diagnosis,
@@ -199,19 +191,19 @@ def identify_linear(  # noqa: PLR0915 - one station after the other
         notes=(*estimate.notes, *diagnosis.sentences),
         residuals=replace(estimate.residuals, whiteness=diagnosis.whiteness),
     )
-    kept = usable * ~is_fitted[:, None]
+    kept = fit.model.regression.used(fit.model.names) * ~fit.is_fitted[:, None]
     if not kept.any():
         return estimate
-    judged = _validated(whole, residual, model.columns(best) * scale, kept, D, white, freedom)
-    said = f"{judged.rms:.3g} N where {judged.expected:.3g} N are expected (p = {judged.p_value:.2g})"
-    if not judged.alarm or estimate.alarms:
+    validation = _validated(whole, estimate.scale, kept)
+    said = f"{validation.rms:.3g} N where {validation.expected:.3g} N are expected (p = {validation.p_value:.2g})"
+    if not validation.alarm or estimate.alarms:
         note = f"rows kept for validation are off by {said}"
-        return replace(estimate, validation=judged, notes=(*estimate.notes, note))
+        return replace(estimate, validation=validation, notes=(*estimate.notes, note))
     alarm = f"the fit does not predict the rows kept for validation, which are off by {said}"
-    return replace(estimate, validation=judged, alarms=(alarm,))
+    return replace(estimate, validation=validation, alarms=(alarm,))
 
 
-def _fit_of(
+def _linear_fit(
     white: FloatArray, elements: Mapping[str, float], names: Sequence[str], scale: FloatArray
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Minimise |F − W φ(θ)|² for [W, F] (n, SIZE + 1): φ is linear, or bilinear in mass and centre of mass."""
@@ -220,7 +212,6 @@ def _fit_of(
     return _best_fit(
         lambda theta: np.asarray(R @ linear_parameters(with_estimated(elements, names, theta)) - z),
         lambda theta: np.asarray(R @ gradient(with_estimated(elements, names, theta), names)),
-        elements,
         names,
         scale,
         np.array([elements[name] for name in names]),
@@ -230,7 +221,6 @@ def _fit_of(
 def _best_fit(
     residual: Function,
     jacobian: Function,
-    elements: Mapping[str, float],
     names: Sequence[str],
     scale: FloatArray,
     start: FloatArray,
@@ -239,7 +229,7 @@ def _best_fit(
     """Minimise |r(θ)|² over the named elements θ, within the bounds of the platform's table and physically consistent.
 
     Only all six elements of the inertia are made those of a body; some of them are not, for lack of the others. The
-    `jacobian` (k, p) is ∂r/∂θ; `elements` that are not named stay constant.
+    `jacobian` (k, p) is ∂r/∂θ.
     """
     stems = [name.partition("[")[0] for name in names]
     bounds = [TABLE[stem].lower_bound if stem in TABLE else None for stem in stems]  # instruments have none
@@ -254,15 +244,14 @@ def _best_fit(
     # with some of the elements only, whether it is a body is for the platform to say
     if not set(INERTIA) <= set(names):
         return theta, held
-    fitted, J = with_estimated(elements, names, theta), np.zeros((3, 3))
-    for (a, b), name in zip(PAIRS, INERTIA, strict=True):
-        J[a, b] = J[b, a] = fitted[name]
+    six, J = np.array([list(names).index(name) for name in INERTIA]), np.zeros((3, 3))
+    for (a, b), value in zip(PAIRS, theta[six], strict=True):
+        J[a, b] = J[b, a] = value
     moments, axes = np.linalg.eigh(np.trace(J) / 2 * np.eye(3) - J)
     if moments[0] > 0:
         return theta, held
 
     # once more, with Σ_G = L Lᵀ instead of the six elements of the inertia
-    six = np.array([list(names).index(name) for name in INERTIA])
     size = float(scale[six].max())
     L = np.linalg.cholesky(axes @ np.diag(np.maximum(moments, 1e-3 * size)) @ axes.T)
     lower = np.tril_indices(3)
@@ -353,23 +342,17 @@ def scales(platform: Platform, names: Sequence[str], force: float, velocity: flo
     return np.array([sizes.get(name.partition("[")[0]) or abs(value_of(platform, name)) or 1.0 for name in names])
 
 
-def _validated(
-    whole: Whitened,
-    residual: FloatArray,
-    columns: FloatArray,
-    kept: FloatArray,
-    D: FloatArray,
-    white: FloatArray,
-    freedom: int,
-) -> Validation:
+def _validated(whole: Whitened, scale: FloatArray, kept: FloatArray) -> Validation:
     """Whether rows that were not fitted are predicted as well as their noise and the estimate's errors allow.
 
-    e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν). Here e is
-    `residual` (m, 6) with ∂(reading)/∂θ `columns` (m, 6, p) in rows that are `kept` (m, 6); D (n, p), `white` (n,) and
-    ν, `freedom`, are those of the fit.
+    e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν). Here e are
+    the residuals in rows that are `kept` (m, 6), with ∂(reading)/∂θ W; D and ν are those of the fit, θ in units of
+    `scale` (p,).
     """
-    chosen = ~whole.fit.is_fitted
-    parts = noises_of(whole.fit.model.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
+    fit = whole.fit
+    chosen, residual, columns = ~fit.is_fitted, fit.all_residuals, fit.model.columns(fit.values) * scale
+    D, white, freedom = whole.of(fit.columns * scale), whole.of(fit.residual), int(fit.used.sum()) - len(scale)
+    parts = noises_of(fit.model.regression, fit.derivatives.by_legs, chosen, kept[chosen])
     shares = [whole.noise.of(part.which) for part in parts]
     mixed = kept[chosen][..., None] * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
     flat = mixed.reshape(-1, mixed.shape[2])

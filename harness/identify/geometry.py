@@ -362,7 +362,7 @@ def identify_geometry(  # noqa: PLR0912, PLR0915 - one station after the other
     for an inclinometer. Lengths alone give none, since some pose fits any six lengths. Rows that the others contradict
     are left out.
     """
-    elements = expanded(names, platform)
+    elements = expanded(names)
     foreign = [name for name in elements if name not in _UNKNOWNS]
     if foreign:
         raise IdentificationError(

@@ -10,9 +10,9 @@ import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
 from gough_stewart.harness.identify.estimate import Estimate, expand_to_requested, nominal_values
-from gough_stewart.harness.identify.fit import identify_linear, one_blas_thread, scales
+from gough_stewart.harness.identify.fit import identify_linear, judged, one_blas_thread, scales
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
-from gough_stewart.harness.identify.lack_of_fit import MASSES
+from gough_stewart.harness.identify.lack_of_fit import MASSES, Whitened
 from gough_stewart.harness.identify.log import VALIDATION, Log, check_poses, log_of, read_log
 from gough_stewart.harness.identify.observability import Identifiability, check_separable, identifiability, motion_rows
 from gough_stewart.harness.identify.regressor import expanded, is_linear
@@ -161,7 +161,7 @@ def _identified_from_forces(
     cutoff: float | None,
 ) -> Estimate:
     """The estimate by the linear method: the logs are screened, brought to both sides of elastic legs, and fitted."""
-    names = expanded(estimate, platform)
+    names = expanded(estimate)
     for name in names:
         stem = name.partition("[")[0]
         if stem in _ELSEWHERE:
@@ -192,8 +192,9 @@ def _identified_from_forces(
     fit = None
     if without_springs:
         sides = usable._replace(parts=with_both_sides(usable.parts, platform, usable.cutoff))
-        fit = _fit_of_determined(sides, platform, without_springs)
-        if sides.parts != usable.parts and all(part.motor is None for part in usable.parts):
+        is_first = sides.parts != usable.parts and all(part.motor is None for part in usable.parts)
+        fit = _fit_of_determined(sides, platform, without_springs, is_judged=not is_first)
+        if is_first:
             # the other side once more, by the masses that were found
             sides = usable._replace(parts=with_both_sides(usable.parts, fit.platform(platform), usable.cutoff))
             fit = _fit_of_determined(sides, platform, without_springs)
@@ -202,7 +203,9 @@ def _identified_from_forces(
     return replace(fit, notes=(*usable.notes, *fit.notes), alarms=(*alarms, *fit.alarms))
 
 
-def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, ...]) -> Estimate:
+def _fit_of_determined(
+    usable: Screened, platform: Platform, names: tuple[str, ...], *, is_judged: bool = True
+) -> Estimate:
     """The fit of what the motion determines; the other elements get no number."""
     linear = [name for name in names if is_linear(name, platform)]
     smooth = ideal_of(platform)
@@ -214,11 +217,11 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
     scale, not_excited = scales(platform, names, *changes), tuple[str, ...]()
     if rows:
         # what of the platform's masses the motion does not excite, estimated or not
-        masses = [name for name in expanded(MASSES, platform) if name not in names]
+        masses = [name for name in expanded(MASSES) if name not in names]
         elements, sizes = [*linear, *masses], np.concatenate([scale[at], scales(platform, masses, *changes)])
         not_excited = identifiability(rows, smooth, elements, nominal_values(elements, smooth), sizes).not_excited
 
-    fit: Estimate | None = None
+    found: tuple[Estimate, Whitened] | None = None
     values, held, unknown = nominal.copy(), set[str](), set[str]()
     now = Identifiability(np.zeros(len(linear)), (), ())
     while True:
@@ -226,19 +229,19 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
             # what a motion determines of centres of mass and inertias depends on their values
             now = identifiability(rows, smooth, linear, values[at], scale[at])
         unknown |= {*now.held, *now.not_excited}
-        if fit is not None and set(now.held) <= held:
+        if found is not None and set(now.held) <= held:
             break
         held |= set(now.held)
         remaining = tuple(name for name in names if name not in held)
         if not remaining:
-            fit = None
+            found = None
             break
-        fit, hidden = _fit_of_shown(usable, platform, remaining, not_excited)
+        found, hidden = _fit_of_shown(usable, platform, remaining, not_excited)
         held |= set(hidden)
-        values[[names.index(name) for name in fit.names]] = fit.values
+        values[[names.index(name) for name in found[0].names]] = found[0].values
     hidden = tuple(name for name in names if name in held and not is_linear(name, platform))
     lacking = [name for name in names if name in unknown]
-    if fit is None or len(lacking) + len(hidden) == len(names):
+    if found is None or len(lacking) + len(hidden) == len(names):
         raise IdentificationError(
             f"too little excitation: this motion determines none of {', '.join(names)}; record a motion designed for "
             "them (gough-stewart excite)",
@@ -246,6 +249,7 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
         )
     bias = np.zeros(len(names))
     bias[at] = now.bias * scale[at]
+    fit = judged(*found) if is_judged else found[0]
     fit = expand_to_requested(fit, names, nominal, scale, (*lacking, *hidden), bias)
     notes = [f"{_NOT_SHOWN}: {', '.join(hidden)}. {_SLOW}"] if hidden else []
     if lacking:
@@ -258,14 +262,14 @@ def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, .
 
 def _fit_of_shown(
     usable: Screened, platform: Platform, names: tuple[str, ...], not_excited: Sequence[str] = ()
-) -> tuple[Estimate, tuple[str, ...]]:
-    """The fit, without static friction if the log does not show it, and the elements that so have no number.
+) -> tuple[tuple[Estimate, Whitened], tuple[str, ...]]:
+    """The fit and its rows, without static friction if the log does not show it; and elements that so have no number.
 
     Inverse dynamics is not linear in it, so that only a fit says what its log determines. Refuses if nothing is left.
     """
     options: dict[str, Any] = {"cutoff": usable.cutoff, "not_excited": not_excited}
     try:
-        fit = identify_linear(usable.parts, platform, names, **options)
+        fit, rows = identify_linear(usable.parts, platform, names, **options)
         # static friction needs the velocity over which it falls, and is significantly above Coulomb friction
         of_static = [k for k, name in enumerate(names) if name in STICTION]
         is_shown = bool((fit.standard_errors[of_static] <= _LARGEST_ERROR * fit.values[of_static]).all())
@@ -282,7 +286,7 @@ def _fit_of_shown(
             raise
         hidden = tuple(name for name in names if name in STICTION)
     if not hidden:
-        return fit, ()
+        return (fit, rows), ()
     remaining = tuple(name for name in names if name not in hidden)
     if not remaining:
         raise IdentificationError(f"{_NOT_SHOWN}: {', '.join(names)}. {_SLOW}", names)

@@ -13,14 +13,14 @@ distribution for white noise, which is simulated: the share of false alarms is t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from gough_stewart.harness.identify.noise import PartNoise, RowNoise, fitted_noise, noises_of, whitened_by
-from gough_stewart.harness.identify.regressor import INERTIAL, expanded, parameter_columns, states_of, unit_of
+from gough_stewart.harness.identify.regressor import INERTIAL, PER_LEG, expanded, parameter_columns, states_of, unit_of
 from gough_stewart.harness.identify.row_model import RowFit, tilt_directions
 from gough_stewart.harness.identify.sticking_friction import travel_since_reversal
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
@@ -71,7 +71,7 @@ class Family(NamedTuple):
     units: tuple[str, ...]  # in which they are shown (q,)
     columns: FloatArray  # (n, 6, q) [N per unit of η]
     sizes: FloatArray  # of η (q,) [SI]
-    members: dict[str, tuple[str, tuple[int, ...]]]  # hypotheses: of which cause, and which columns
+    members: dict[str, tuple[str, tuple[str, ...]]]  # hypotheses: of which cause, and which parameters
     remedy: str
     is_estimable: bool = False  # the parameters are elements, of which the model of the rows knows the exact effect
 
@@ -80,7 +80,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     """The families at a fit; what is estimated is none, nor is what has columns of nothing but noise."""
     model, derivatives, force = fit.model, fit.derivatives, fit.force
     regression, platform = model.regression, model.platform
-    tilt, names = model.instruments(fit.values).tilt, (*model.names, *not_excited)
+    tilt, names = model.instrument("base_tilt", fit.values), (*model.names, *not_excited)
     W, time = regression.W, regression.time
     eye, by_legs, ones = np.eye(6), derivatives.by_legs, np.ones(6)
     rho, mass = platform.characteristic_length, platform.platform_mass
@@ -96,11 +96,11 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     def elements(stem: str) -> tuple[str, ...]:
         return tuple(f"{stem}[{i}]" for i in LEGS)
 
-    def each_leg(text: str, cause: str) -> dict[str, tuple[str, tuple[int, ...]]]:
-        return {f"{text} of leg {i}": (cause.format(i), (i - 1,)) for i in LEGS}
+    def each_leg(text: str, cause: str, *stems: str) -> dict[str, tuple[str, tuple[str, ...]]]:
+        return {f"{text} of leg {i}": (cause.format(i), tuple(f"{stem}[{i}]" for stem in stems)) for i in LEGS}
 
-    def all_legs(text: str, cause: str) -> dict[str, tuple[str, tuple[int, ...]]]:
-        return {f"{text} of all legs": (cause, tuple(range(6)))}
+    def all_legs(text: str, cause: str, *stems: str) -> dict[str, tuple[str, tuple[str, ...]]]:
+        return {f"{text} of all legs": (cause, tuple(name for stem in stems for name in elements(stem)))}
 
     def of_laws(velocity: FloatArray, step: float) -> FloatArray:
         travel = travel_since_reversal(velocity) * step
@@ -110,25 +110,25 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
 
     laws = regression.filtered(of_laws)
     laws = np.concatenate([laws, (np.abs(force)[..., None] * coulomb).sum(axis=2)[..., None]], axis=2)
-    law_names = ("quadratic friction", "friction of one direction", *("",) * 6, "friction in proportion to the load")
+    of_laws_named = ("quadratic friction", "friction of one direction", "friction in proportion to the load")
+    terms = tuple(f"term {k} of the law of friction" for k in range(3, 9))
+    law_names = (*of_laws_named[:2], *terms, of_laws_named[2])
     joints = {
         f"{which} joint of leg {i}": tuple(f"{which}_points[{i},{k}]" for k in (1, 2, 3))
         for i in LEGS
         for which in ("base", "platform")
     }
     of_joints = tuple(name for three in joints.values() for name in three)
-    remaining = {stem: [name for name in expanded([stem], platform) if name not in names] for stem in MASSES}
+    remaining = {stem: tuple(name for name in expanded([stem]) if name not in names) for stem in MASSES}
     masses = [name for elements_left in remaining.values() for name in elements_left]
-    where = {
-        stem: tuple(map(masses.index, elements_left)) for stem, elements_left in remaining.items() if elements_left
-    }
     of_masses = {
-        f"{stem} of the platform's file": (_CLOCK_OR_ARMATURE if stem == "leg_armature" else PAYLOAD, chosen)
-        for stem, chosen in where.items()
+        f"{stem} of the platform's file": (_CLOCK_OR_ARMATURE if stem == "leg_armature" else PAYLOAD, elements_left)
+        for stem, elements_left in remaining.items()
+        if elements_left
     }
-    if len(where.keys() - {"leg_armature"}) > 1:
-        together = tuple(k for stem, chosen in where.items() if stem != "leg_armature" for k in chosen)
-        of_masses["payload, or several of the platform's masses"] = (PAYLOAD, together)
+    if len(of_masses.keys() - {"leg_armature of the platform's file"}) > 1:
+        of_body = tuple(name for name in masses if name != "leg_armature")
+        of_masses["payload, or several of the platform's masses"] = (PAYLOAD, of_body)
 
     sizes = {"platform_mass": _PAYLOAD * mass, "platform_com": _COM * rho, "leg_armature": _ARMATURE * mass}
     mass_sizes = []
@@ -140,82 +140,82 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     families = [
         Family(
             "gain of forces", elements("force_gain"), ("%",) * 6, force[..., None] * eye, _GAIN * ones,
-            each_leg("gain", "force sensor of leg {}") | all_legs("gains", _SENSORS),
+            each_leg("gain", "force sensor of leg {}", "force_gain") | all_legs("gains", _SENSORS, "force_gain"),
             "calibrate the force sensors, or estimate force_gain", True,
         ),
         Family(
             "offset of forces", elements("force_offset"), ("N",) * 6, np.broadcast_to(eye, (len(W), 6, 6)),
             _LOAD * load * ones,
-            each_leg("force offset", "force sensor of leg {}") | all_legs("force offsets", _SENSORS),
+            each_leg("force offset", "force sensor of leg {}", "force_offset")
+            | all_legs("force offsets", _SENSORS, "force_offset"),
             "zero the force sensors, or estimate force_offset", True,
         ),
         Family(
             "drift of forces", elements("force_drift"), ("N",) * 6, (elapsed - 0.5)[:, None, None] * eye,
             _LOAD * load * ones,
-            each_leg("drift", "force sensor of leg {}") | all_legs("drifts", _SENSORS),
+            each_leg("drift", "force sensor of leg {}", "force_drift") | all_legs("drifts", _SENSORS, "force_drift"),
             "let the force sensors warm up",
         ),
         Family(
             "delay of forces", ("delay",), ("ms",), -fit.rate[..., None], np.array([DELAY_SIZE]),
-            {"delay of all forces": (TIMING, (0,))},
+            {"delay of all forces": (TIMING, ("delay",))},
             "look for filters and buses in the path of the forces, or estimate delay", True,
         ),
         Family(
             "delay of a leg's force", elements("delay"), ("ms",) * 6, -fit.rate[..., None] * eye, DELAY_SIZE * ones,
-            each_leg("delay of the force", TIMING), "look for filters and buses in the path of this force",
+            each_leg("delay of the force", TIMING, "delay"), "look for filters and buses in the path of this force",
         ),
         Family("delays that change", tuple(f"at {s:.3g} of the log" for s in _CHANGES), ("ms",) * len(_CHANGES),
                steps, np.full(len(_CHANGES), 2 * DELAY_SIZE), {}, ""),
         Family(
             "tilt of the base", ("base_tilt[1]", "base_tilt[2]"), ("°", "°"),
             of_platform("gravity[1]", "gravity[2]", "gravity[3]") @ tilt_directions(platform.gravity, tilt),
-            np.full(2, _TILT), {"tilt of the base": ("tilt of the base", (0, 1))},
+            np.full(2, _TILT), {"tilt of the base": ("tilt of the base", ("base_tilt[1]", "base_tilt[2]"))},
             "level the base, or estimate base_tilt",
         ),
         Family(
             "friction of each leg", (*elements("leg_viscous_friction"), *elements("leg_coulomb_friction")),
             (*("N·s/m",) * 6, *("N",) * 6), np.concatenate([viscous, coulomb], axis=2),
             FRICTION_SIZE * load * np.repeat([1 / speed, 1.0], 6),
-            {f"friction of leg {i}": ("friction of the legs", (i - 1, i + 5)) for i in LEGS}
-            | all_legs("viscous friction", "friction of the legs")
-            | {"Coulomb friction of all legs": ("friction of the legs", tuple(range(6, 12))),
-               "friction of all legs": ("friction of the legs", tuple(range(12)))},
+            each_leg("friction", "friction of the legs", *PER_LEG)
+            | all_legs("viscous friction", "friction of the legs", PER_LEG[0])
+            | all_legs("Coulomb friction", "friction of the legs", PER_LEG[1])
+            | all_legs("friction", "friction of the legs", *PER_LEG),
             "estimate leg_viscous_friction[1..6], leg_coulomb_friction[1..6]",
         ),
         Family(
-            FRICTION_LAW, tuple(name or f"term {k} of the law of friction" for k, name in enumerate(law_names, 1)),
-            ("N·s²/m²", "N·s/m", *("N",) * 6, "%"), laws,
+            FRICTION_LAW, law_names, ("N·s²/m²", "N·s/m", *("N",) * 6, "%"), laws,
             FRICTION_SIZE * load * np.array([1 / speed**2, 1 / speed, *(1.0,) * 6, 1 / load]),
-            {name: (FRICTION_LAW, (k,)) for k, name in enumerate(law_names) if name}
-            | {"elastic contact after a reversal": (FRICTION_LAW, (5, 6, 7))},
+            {name: (FRICTION_LAW, (name,)) for name in of_laws_named}
+            | {"elastic contact after a reversal": (FRICTION_LAW, terms[3:])},
             "friction is not viscous and Coulomb alone (stiction, elastic contact, load, speed)",
         ),
         Family(
             "offset of lengths", elements("leg_length_offset"), ("mm",) * 6,
             # the motion belongs to lengths that are smaller than the readings
             -by_legs[:, :, 0, :], _OFFSET * rho * ones,
-            each_leg("offset of the encoder", "joints and encoder of leg {}")
-            | all_legs("offsets of the encoders", GEOMETRY),
+            each_leg("offset of the encoder", "joints and encoder of leg {}", "leg_length_offset")
+            | all_legs("offsets of the encoders", GEOMETRY, "leg_length_offset"),
             _CALIBRATE,
         ),
         Family(
             "scale of lengths", elements("leg_length_scale"), ("%",) * 6,
             -np.einsum("nidj,dnj->nij", by_legs, lengths), _SCALE * ones,
-            each_leg("scale of the encoder", "joints and encoder of leg {}"), "check the scale of the encoder",
+            each_leg("scale of the encoder", "joints and encoder of leg {}", "leg_length_scale"),
+            "check the scale of the encoder",
         ),
         Family(
             "joints", of_joints, ("mm",) * 36, of_platform(*of_joints), np.full(36, _JOINT * rho),
-            {f"joints of leg {i}": (f"joints and encoder of leg {i}", tuple(range(6 * i - 6, 6 * i))) for i in LEGS}
-            | {name: (f"joints and encoder of {name[-5:]}", tuple(range(3 * k, 3 * k + 3)))
-               for k, name in enumerate(joints)}
-            | {"all joints": (GEOMETRY, tuple(range(36)))},
+            {f"joints of leg {i}": (f"joints and encoder of leg {i}", of_joints[6 * i - 6 : 6 * i]) for i in LEGS}
+            | {name: (f"joints and encoder of {name[-5:]}", three) for name, three in joints.items()}
+            | {"all joints": (GEOMETRY, of_joints)},
             _CALIBRATE,
         ),
         Family(
             "clock", ("clock",), ("%",),
             (np.einsum("nij,nj->ni", by_legs[:, :, 1], lengths[1])
              + 2 * np.einsum("nij,nj->ni", by_legs[:, :, 2], lengths[2]))[..., None],
-            np.array([_CLOCK]), {"clock of the log": (_CLOCK_OR_ARMATURE, (0,))}, "check the times of the log",
+            np.array([_CLOCK]), {"clock of the log": (_CLOCK_OR_ARMATURE, ("clock",))}, "check the times of the log",
         ),
         Family(
             "parameters not estimated", tuple(masses), tuple(map(unit_of, masses)), of_platform(*masses),
@@ -226,11 +226,7 @@ def families_of(fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
     kept = []
     for family in families:
         left = [k for k, name in enumerate(family.parameters) if name not in names]
-        members = {
-            name: (cause, tuple(left.index(k) for k in chosen))
-            for name, (cause, chosen) in family.members.items()
-            if set(chosen) <= set(left)
-        }
+        members = {name: member for name, member in family.members.items() if set(member[1]).isdisjoint(names)}
         kept.append(family._replace(
             parameters=tuple(family.parameters[k] for k in left), units=tuple(family.units[k] for k in left),
             columns=family.columns[:, :, left], sizes=family.sizes[left], members=members,
@@ -271,12 +267,12 @@ class Whitened:
         every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
         return cls(fit, families, parts, fitted_noise(parts, every, fit.residual, fit.used))
 
-    def of(self, columns: FloatArray) -> FloatArray:
-        """Whitened columns (6 n, k) of rows (n, 6, k)."""
-        used = self.fit.used[..., None] * columns
-        return whitened_by(self.noise.factors, used.reshape(6 * len(columns), -1))
+    def of(self, rows: FloatArray) -> FloatArray:
+        """Whitened rows: (6 n, k) of (n, 6, k), or (6 n,) of (n, 6)."""
+        used = self.fit.used[..., None] * (rows if rows.ndim == 3 else rows[..., None])
+        return whitened_by(self.noise.factors, used.reshape(6 * len(rows), -1)).reshape(-1, *rows.shape[2:])
 
-    @property
+    @cached_property
     def whitened_families(self) -> dict[str, FloatArray]:
         """Whitened columns of each family, in units of its sizes."""
         return {family.name: self.of(family.columns * family.sizes) for family in self.families}
@@ -304,9 +300,9 @@ def lack_of_fit(
     None if the rows are too few for these families. D (6 n, p) are whitened columns of the fitted parameters, those of
     each family are times the sizes of what a user would want to know, `used` (n, 6) is 1 for rows that are used.
     """
-    Q = basis_of(D, np.linalg.norm(D, axis=0))
-    left = residual - Q @ (Q.T @ residual)
-    bases = {name: basis_of(X - Q @ (Q.T @ X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
+    Q = basis_of(D)
+    left = beside(Q, residual)
+    bases = {name: basis_of(beside(Q, X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
     bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
     all_columns = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
     U = basis_of(all_columns, np.ones(all_columns.shape[1]))
@@ -339,16 +335,22 @@ def lack_of_fit(
     return LackOfFit(p_values, combined, float(z @ z) / variance - rank), white, rest
 
 
-def basis_of(X: FloatArray, norms: FloatArray, smallest: float = 0.0) -> FloatArray:
+def basis_of(X: FloatArray, norms: FloatArray | None = None, smallest: float = 0.0) -> FloatArray:
     """Orthonormal basis of the columns' span, without directions that are rounding errors, or smaller than that.
 
     `norms` (q,) are those of the columns before what a fit absorbs was taken away.
     """
+    norms = np.linalg.norm(X, axis=0) if norms is None else norms
     if smallest:
         U, sigma, _ = np.linalg.svd(X, full_matrices=False)
         return np.asarray(U[:, (sigma > smallest) & (sigma > _NEGLIGIBLE * norms.max(initial=0.0))])
     U, sigma, _ = np.linalg.svd(X / np.maximum(norms, 1e-300), full_matrices=False)
     return np.asarray(U[:, sigma > _NEGLIGIBLE])
+
+
+def beside(Q: FloatArray, X: FloatArray) -> FloatArray:
+    """What of X lies outside the span of the orthonormal columns Q."""
+    return np.asarray(X - Q @ (Q.T @ X))
 
 
 def _simes(p_values: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Self, cast, get_args
 
 import numpy as np
 import polars
@@ -61,8 +61,18 @@ _SLOWEST_SAMPLES = 0.1  # [s]
 VALIDATION = 0.2
 
 
+class _Rows:
+    """Arrays with a row for each sample."""
+
+    def rows(self, which: slice | NDArray[np.intp]) -> Self:
+        """The same with some of the rows."""
+        signals = {name: values for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        some: Any = replace(cast(Any, self), **{name: values[which] for name, values in signals.items()})
+        return cast(Self, some)
+
+
 @dataclass(frozen=True, eq=False)
-class Log:
+class Log(_Rows):
     """Recorded data of a machine in SI units, one row per sample; read from a file by `read_log`."""
 
     leg_length: FloatArray
@@ -90,16 +100,9 @@ class Log:
         """Number of rows."""
         return len(self.leg_length)
 
-    def rows(self, which: slice | NDArray[np.intp]) -> "Log":
-        """The log with some of its rows."""
-        names = ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position")
-        signals = {name: getattr(self, name) for name in names}
-        chosen: dict[str, Any] = {k: None if values is None else values[which] for k, values in signals.items()}
-        return replace(self, **chosen)
-
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(_Rows):
     """A screened segment of a log at even times; rows before `fitted_until` are fitted, later ones validate the fit."""
 
     time: FloatArray  # (n,) [s]
@@ -120,12 +123,6 @@ class Part:
     def is_fitted(self, time: FloatArray) -> NDArray[np.bool_]:
         """Which times (n,) [s] are fitted (n,)."""
         return np.asarray(time < self.fitted_until)
-
-    def rows(self, which: slice) -> "Part":
-        """The part with some of its rows."""
-        motor = None if self.motor is None else self.motor[which]
-        time, length, force = self.time[which], self.length[which], self.force[which]
-        return replace(self, time=time, length=length, force=force, motor=motor)
 
 
 def read_log(

@@ -22,17 +22,14 @@ from gough_stewart.harness.identify.regressor import (
     force_derivatives,
     gradient,
     linear_parameters,
-    motion_of_lengths,
     regressor,
-    states_of,
+    smooth_motion,
     with_estimated,
 )
 from gough_stewart.harness.identify.row_model import length_kernels, spacing_of
 from gough_stewart.harness.identify.screen import noise_of
-from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 # The cut-off of rows is 16 times the motion's highest frequency; lengths are low-passed at this share of it.
@@ -80,25 +77,25 @@ def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None 
         every, thin = spacing_of(h, row_cutoff)
         if n <= 2 * edge(h, low) + 2 * every * (edge(h * every, row_cutoff) + 1) or low > row_cutoff:
             continue
-        lengths = [smoothed(part.length, h, low, every, k) for k in range(3)]
-        state, acceleration = motion_of_lengths(platform, *lengths)
-        W = regressor(platform, state, acceleration)
+        lengths, motion = smooth_motion(part, platform, low, every)
+        W = regressor(platform, motion)
         clean = smoothed(W.reshape(len(W), -1), h * every, row_cutoff, thin).reshape(-1, 6, W.shape[-1])
         deviation = np.maximum(noise_of(part.force) * np.sqrt(2 * row_cutoff * h), _BEST_FORCE * part.force.std(axis=0))
         deviation = np.maximum(deviation, _ROUNDING * float(np.abs(part.force).max()))
         # the filter's ends count as well
         share = np.sqrt(n / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
         regressors.append(share * clean)
-        motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
         sampled = motion[np.unique(np.linspace(0, len(motion) - 1, _ROWS_WITH_NOISE).astype(int))]
         by_legs = force_derivatives(sampled, parameter_vector(platform), np.zeros((len(sampled), 6))).motion_by_legs
         # columns of value, velocity and acceleration of one leg that together have the covariance of its noise
-        kernels, at_sampled = length_kernels(h, row_cutoff), regressor(platform, *states_of(sampled))
-        axes, noise = np.linalg.cholesky(kernels @ kernels.T), []
+        kernels = length_kernels(h, row_cutoff)
+        axes, moved = np.linalg.cholesky(kernels @ kernels.T), [sampled]
         for leg, size in enumerate(noise_of(part.length)):
             directions = size * by_legs[:, :, leg::6] @ axes
-            noise += [regressor(platform, *states_of(sampled + directions[:, :, k])) - at_sampled for k in range(3)]
-        added.append(share * np.sqrt(len(clean)) * (np.concatenate(noise) / np.sqrt(len(sampled))))
+            moved += [sampled + directions[:, :, k] for k in range(3)]
+        by_motion = regressor(platform, np.concatenate(moved)).reshape(len(moved), *W[: len(sampled)].shape)
+        noise = (by_motion[1:] - by_motion[0]).reshape(-1, *W.shape[1:])
+        added.append(share * np.sqrt(len(clean)) * (noise / np.sqrt(len(sampled))))
         forces.append(float(part.force.std(axis=0).mean()))
         velocities.append(float(np.sqrt((lengths[1] ** 2).mean())))
     if not regressors:
@@ -148,8 +145,7 @@ def check_separable(platform: Platform, names: Sequence[str]) -> None:
     home = np.concatenate([platform.home_position, platform.home_orientation])
     pose = home + 0.1 * np.repeat([rho, 1.0], 3) * rng.standard_normal((n, 6))
     rates = np.tile(np.repeat([rho, 1.0], 3), 2) * rng.standard_normal((n, 12))
-    state = State(pose[:, :3], pose[:, 3:], rates[:, :3], rates[:, 3:6])
-    W = regressor(platform, state, Acceleration(rates[:, 6:9], rates[:, 9:]))
+    W = regressor(platform, np.concatenate([pose, rates], axis=1))
     D = (W @ gradient(elements_of(platform, names), names)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
     none = [name for name, norm in zip(names, size, strict=True) if norm == 0]

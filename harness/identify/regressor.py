@@ -18,6 +18,8 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, LogError, MotionError
+from gough_stewart.harness.identify.log import Part
+from gough_stewart.harness.identify.lowpass import smoothed
 from gough_stewart.harness.motion.recorded.recording import poses_of_lengths
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -29,13 +31,12 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     rates_of_legs,
 )
-from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, Parameters
+from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, Parameters, of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, apply, cross, dot, transpose
 
-_UNITS = {row.name: row.unit for row in PHYSICAL if not row.words}
 # Quantities of a log, not of the platform: shape and unit. Their nominal value is 0, that of a gain 1.
 OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {
     "leg_length_offset": ((6,), "m"),
@@ -44,6 +45,8 @@ OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {
     "delay": ((), "s"),
     "base_tilt": ((2,), "rad"),
 }
+# Shapes and units of all that may be estimated.
+_KINDS = {row.name: (row.shape, row.unit) for row in PHYSICAL if not row.words} | OF_LOGS
 # One value for all legs, or six.
 PER_LEG = ("leg_viscous_friction", "leg_coulomb_friction")
 _ELEMENT = re.compile(r"(\w+)\[(\d+)(?:,(\d+))?\]")
@@ -61,15 +64,14 @@ _JOINTS = 36
 assert [v.name for v in interface.PLATFORM_PARAMETERS[:2]] == ["base_points", "platform_points"]
 
 
-def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
+def expanded(names: Iterable[str]) -> tuple[str, ...]:
     """The elements of these names: `platform_com` means its three, `leg_viscous_friction[1..6]` one per leg.
 
     For the symmetric inertia, the six with ascending indices.
     """
 
     def indexed(stem: str, *, is_each_leg: bool = False) -> list[str]:
-        shape = OF_LOGS[stem][0] if stem in OF_LOGS else np.shape(getattr(platform, stem))
-        indices = product(*(range(1, n + 1) for n in ((6,) if is_each_leg else shape)))
+        indices = product(*(range(1, n + 1) for n in ((6,) if is_each_leg else _KINDS[stem][0])))
         return [
             f"{stem}[{','.join(map(str, index))}]" if index else stem
             for index in indices
@@ -79,8 +81,8 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
     elements: list[str] = []
     for name in map(str.strip, names):
         stem = name.partition("[")[0]
-        if stem not in _UNITS and stem not in OF_LOGS:
-            raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, [*_UNITS, *OF_LOGS])}", [name])
+        if stem not in _KINDS:
+            raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, _KINDS)}", [name])
         if name in (stem, f"{stem}[1..6]"):
             elements += indexed(stem, is_each_leg=name != stem and stem in PER_LEG)
         elif name in indexed(stem, is_each_leg=stem in PER_LEG):
@@ -106,8 +108,7 @@ def place_of(element: str) -> tuple[str, tuple[int, ...]]:
 
 def unit_of(element: str) -> str:
     """The unit of an element [SI]."""
-    stem = element.partition("[")[0]
-    return _UNITS[stem] if stem in _UNITS else OF_LOGS[stem][1]
+    return _KINDS[element.partition("[")[0]][1]
 
 
 def value_of(platform: Platform, element: str) -> float:
@@ -115,10 +116,12 @@ def value_of(platform: Platform, element: str) -> float:
     stem, index = place_of(element)
     if stem in OF_LOGS:
         return 1.0 if stem == "force_gain" else 0.0
-    value = np.asarray(getattr(platform, stem))
-    if index and stem in PER_LEG:
-        return float(value * getattr(platform, f"{stem}_factor")[index])
-    return float(value if value.ndim == 0 else value[index])
+    return float(_values_of(platform, stem, index)[index])
+
+
+def _values_of(platform: Platform, stem: str, index: tuple[int, ...]) -> Array:
+    """The values of a parameter; of all legs if one leg's is meant."""
+    return np.array(of_legs(platform, stem) if index and stem in PER_LEG else getattr(platform, stem), dtype=float)
 
 
 def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
@@ -129,24 +132,17 @@ def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
         if stem in OF_LOGS:
             continue
         if stem not in changed:
-            changed[stem] = np.array(getattr(platform, stem), dtype=float)
-            if index and stem in PER_LEG:
-                changed[stem] = changed[stem] * getattr(platform, f"{stem}_factor")
+            changed[stem] = _values_of(platform, stem, index)
         changed[stem][index] = value
         if stem == "platform_inertia":
             changed[stem][index[::-1]] = value
-    for stem in [stem for stem in PER_LEG if np.ndim(changed.get(stem, 0.0))]:
-        # as stored in the platform: the mean of the legs, and each leg's factor
-        of_legs = changed[stem]
-        mean = of_legs.mean()
-        changed |= {stem: mean, f"{stem}_factor": of_legs / mean if mean > 0 else np.ones(6)}
-    return replace(platform, **{stem: value if value.ndim else value.item() for stem, value in changed.items()})
+    return platform.with_parameters({stem: value if value.ndim else value.item() for stem, value in changed.items()})
 
 
 def motion_of_lengths(
     platform: Platform, leg_length: FloatArray, leg_velocity: FloatArray, leg_acceleration: FloatArray
-) -> tuple[State, Acceleration]:
-    """State and acceleration of the platform from lengths, velocities and accelerations of its legs; each (n, 6).
+) -> FloatArray:
+    """Pose, twist and acceleration of the platform (n, 18) from lengths, velocities and accelerations of its legs.
 
     [v; ω] = J⁻¹ L̇ and [v̇; ω̇] = J⁻¹ (L̈ − L |u̇|² − u·(ω×(ω×c))), since L̈ = u·P̈ + L |u̇|². Poses are continuous from
     home.
@@ -164,7 +160,13 @@ def motion_of_lengths(
     centripetal = dot(legs.direction, cross(omega, cross(omega, legs.arm)))
     known = legs.length * dot(rates.direction_rate, rates.direction_rate) + centripetal
     a = np.linalg.solve(J, (leg_acceleration - known)[..., None])[..., 0]
-    return state, Acceleration(a[:, :3], a[:, 3:])
+    return np.concatenate([state.to_vector(), a], axis=1)
+
+
+def smooth_motion(part: Part, platform: Platform, cutoff: float, every: int) -> tuple[list[FloatArray], FloatArray]:
+    """Low-passed L, L̇ and L̈ (j, 6) of a part, as `smoothed`, and the motion of its platform (j, 18)."""
+    lengths = [smoothed(part.length, part.step, cutoff, every, k) for k in range(3)]
+    return lengths, motion_of_lengths(platform, *lengths)
 
 
 def states_of(motion: Array) -> tuple[State, Acceleration]:
@@ -219,12 +221,12 @@ def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
     return columns
 
 
-def regressor(platform: Platform, state: State, acceleration: Acceleration) -> FloatArray:
-    """W (n, 6, SIZE): the actuator forces of n states for each element of φ alone, with unit parameters.
+def regressor(platform: Platform, motion: FloatArray) -> FloatArray:
+    """W (n, 6, SIZE): the actuator forces of n motions (n, 18) for each element of φ alone, with unit parameters.
 
     Inverse dynamics with F = W φ; joints, gravity and the smoothing velocity of friction are the platform's.
     """
-    motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
+    state, _ = states_of(motion)
     fixed = np.concatenate([np.ravel(getattr(platform, name)) for name in _FIXED])
     [wrenches] = _evaluated(wrenches_function(), motion, np.tile(fixed, (len(motion), 1)))
     legs = leg_geometry(platform, state.position, state.orientation)
@@ -346,19 +348,14 @@ def _equations() -> casadi.Function:
 
 def parameter_columns(names: Sequence[str]) -> FloatArray:
     """∂p/∂θ (N_PARAMETERS, k) of the kernel's p by elements of a platform."""
-    places: dict[str, Any] = {}
-    at = 0
-    for variable in interface.PLATFORM_PARAMETERS:
-        places[variable.name] = np.arange(variable.size).reshape(variable.shape) + at
-        at += variable.size
+    elements = [name for variable in interface.PLATFORM_PARAMETERS for name in variable.scalar_names]
     columns = np.zeros((N_PARAMETERS, len(names)))
     for j, name in enumerate(names):
         stem, index = place_of(name)
-        if index and stem in PER_LEG:
-            stem = f"{stem}_factor"
-        columns[places[stem][index] if index else places[stem], j] = 1.0
+        is_of_leg = index and stem in PER_LEG
+        columns[elements.index(name.replace("[", "_factor[") if is_of_leg else name), j] = 1.0
         if stem == "platform_inertia":
-            columns[places[stem][index[::-1]], j] = 1.0
+            columns[elements.index(f"{stem}[{index[1] + 1},{index[0] + 1}]"), j] = 1.0
     return columns
 
 

@@ -8,7 +8,7 @@ is stiction, which is not linear in its parameters; other friction is in φ.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -29,28 +29,32 @@ from gough_stewart.harness.identify.lowpass import (
 from gough_stewart.harness.identify.regressor import (
     ARMATURE,
     INERTIAL,
+    OF_LOGS,
     PER_LEG,
     ForceDerivatives,
+    elements_of,
     force_derivatives,
     friction_columns,
     gradient,
     linear_parameters,
-    motion_of_lengths,
     parameter_columns,
     place_of,
     regressor,
-    states_of,
+    smooth_motion,
     value_of,
     with_estimated,
 )
 from gough_stewart.harness.identify.sticking_friction import (
     COULOMB,
+    STICTION,
     StickingFriction,
+    ideal_of,
     sliding_rows,
     sticks,
     unit_friction,
 )
 from gough_stewart.model.kernel import parameter_vector
+from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -80,7 +84,6 @@ class Segment:
 
     part: Part
     time: FloatArray  # (m,) [s]
-    force: FloatArray  # F (m, 6) [N]
     W: FloatArray  # (m, 6, SIZE)
     cutoff: float  # of the filter on forces and regressor [Hz]
     sliding: FloatArray  # 1 if a leg slides during the whole window of a row, 0 if it reverses (m, 6)
@@ -92,6 +95,12 @@ class Segment:
     velocity: FloatArray  # of the motors, smoothed (k, 6) [m/s]
     friction: FloatArray  # of these velocities, for unit viscous and unit Coulomb friction (k, 2, 6)
     velocity_rows: NDArray[np.intp]  # (m,) of functions of the velocity, smoothed
+
+    def forces(self, delay: float = 0.0) -> FloatArray:
+        """The measured forces at the rows (m, 6) [N], of readings that are late by `delay`."""
+        # a held force belongs to the middle of its sample
+        late = delay - self.part.step / 2 * self.part.holds_force
+        return smoothed(self.part.force, self.part.step, self.cutoff, 1, 0, late)[self.force_rows]
 
 
 def spacing_of(step: float, cutoff: float) -> tuple[int, int]:
@@ -121,15 +130,15 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
     wide = WIDER * cutoff
     # each row of the regression is a row of the motion, which is a row of the log
     every, thin = spacing_of(h, cutoff)
-    lengths = [smoothed(part.length, h, wide, every, k) for k in range(3)]
-    state, acceleration = motion_of_lengths(platform, *lengths)
-    W = regressor(platform, state, acceleration)[:, :, :INERTIAL]
+    lengths, motion = smooth_motion(part, platform, wide, every)
+    W = regressor(platform, motion)[:, :, :INERTIAL]
     if part.motor is not None:
         # rotor and screw are on the motors' side
         W[:, :, ARMATURE] = smoothed(part.motor, h, wide, every, 2)
     inertial = smoothed(W.reshape(len(W), -1), h * every, cutoff, thin)
-    at = edge(h, wide) + every * edge(h * every, cutoff) + every * thin * np.arange(len(inertial))
-    motion_rows = (at - edge(h, wide)) // every
+    # each row's place among those of the lengths' filter, and in the log
+    inner = every * (edge(h * every, cutoff) + thin * np.arange(len(inertial)))
+    at = edge(h, wide) + inner
 
     # friction steps where a leg reverses, so it needs all rows of the log
     velocity = smoothed(part.length if part.motor is None else part.motor, h, wide, 1, 1)
@@ -138,12 +147,12 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
     if sticks(platform):
         per_unit[:, 6:] = unit_friction(platform, velocity, h)
         slid = sliding_rows(platform, velocity, h)
-        sliding = minimum_filter1d(slid, 2 * lobe * every + 1, axis=0)[at - edge(h, wide)]
+        sliding = minimum_filter1d(slid, 2 * lobe * every + 1, axis=0)[inner]
     else:
-        slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[motion_rows]
+        slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[inner // every]
         fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
         sliding = np.asarray(slowest > fast, dtype=float)
-    velocity_rows = at - edge(h, wide) - edge(h, cutoff)
+    force_rows, velocity_rows = at - edge(h, cutoff), inner - edge(h, cutoff)
     friction = smoothed(per_unit, h, cutoff)[velocity_rows].reshape(len(at), 2, 6)
     whole = np.concatenate(
         [inertial.reshape(len(at), 6, INERTIAL), *(friction[:, k, :, None] * np.eye(6) for k in range(2))], axis=2
@@ -152,17 +161,14 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
     # noise of the raw signals from what the wider low-pass rejects
     of_force, of_length = (noise_beyond(values, h, wide) for values in (part.force, part.length))
     correlations = kernel_correlations(kernel_of(h, cutoff), length_kernels(h, cutoff), every * thin)
-    force_rows = at - edge(h, cutoff)
     return Segment(
         part,
         part.time[at],
-        # a held force belongs to the middle of its sample
-        smoothed(part.force, h, cutoff, 1, 0, -h / 2 * part.holds_force)[force_rows],
         whole,
         cutoff,
         sliding,
         # through the rows' filter, so that derivatives at these motions have no noise that the regressor does not have
-        smoothed(np.concatenate([state.to_vector(), *acceleration], axis=1), h * every, cutoff, thin),
+        smoothed(motion, h * every, cutoff, thin),
         RawNoise(of_force, of_length, *correlations),
         force_rows,
         W,
@@ -177,22 +183,36 @@ def segment_of(part: Part, platform: Platform, cutoff: float | None = None) -> S
 class Regression:
     """The rows of all segments, one after the other."""
 
+    platform: Platform
+    smooth: Platform  # with rigid legs, and without stiction
     segments: tuple[Segment, ...]
-    time: FloatArray  # (m,) [s]
     force: FloatArray  # F (m, 6) [N]
+    time: FloatArray  # (m,) [s]
     W: FloatArray  # (m, 6, SIZE)
     sliding: FloatArray  # (m, 6)
     motion: FloatArray  # (m, 18)
 
     @classmethod
-    def of(cls, segments: Sequence[Segment]) -> "Regression":
-        """The rows of these segments."""
-        names = ("time", "force", "W", "sliding", "motion")
-        return cls(tuple(segments), *(np.concatenate([getattr(s, name) for s in segments]) for name in names))
+    def of(cls, parts: Sequence[Part], platform: Platform, cutoff: float | None = None) -> "Regression":
+        """The rows of these parts."""
+        segments = [segment_of(part, platform, cutoff) for part in parts]
+        names = ("time", "W", "sliding", "motion")
+        columns = (np.concatenate([getattr(segment, name) for segment in segments]) for name in names)
+        force = np.concatenate([segment.forces() for segment in segments])
+        return cls(platform, ideal_of(platform), tuple(segments), force, *columns)
 
-    def used(self, platform: Platform, names: Sequence[str]) -> FloatArray:
+    @cached_property
+    def by_gravity(self) -> FloatArray:
+        """∂W/∂g (m, 6, SIZE, 3)."""
+        level, *turned = (
+            regressor(self.smooth.with_parameters({"gravity": gravity}), self.motion)
+            for gravity in (np.zeros(3), *np.eye(3))
+        )
+        return np.stack([by_axis - level for by_axis in turned], axis=-1)
+
+    def used(self, names: Sequence[str]) -> FloatArray:
         """1 for rows that a fit of these elements uses, else 0 (m, 6): with Coulomb friction not where it reverses."""
-        has_coulomb = platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
+        has_coulomb = self.platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
         return self.sliding if has_coulomb else np.ones_like(self.sliding)
 
     def filtered(self, function: OfVelocity, derivative: int = 0) -> FloatArray:
@@ -203,15 +223,6 @@ class Regression:
             rows = smoothed(values.reshape(len(values), -1), s.part.step, s.cutoff, 1, derivative)[s.velocity_rows]
             filtered.append(rows.reshape(len(rows), *values.shape[1:]))
         return np.concatenate(filtered)
-
-
-class Instruments(NamedTuple):
-    """Values of the instruments' parameters."""
-
-    gain: FloatArray  # (6,)
-    offset: FloatArray  # (6,) [N]
-    delay: float  # > 0 if forces are late [s]
-    tilt: FloatArray  # of the base about X and Y (2,) [rad]
 
 
 def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
@@ -230,31 +241,25 @@ def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
 class RowModel:
     """What is read in the rows, as a function of the values of `names`, in their order."""
 
-    def __init__(
-        self,
-        regression: Regression,
-        platform: Platform,
-        elements: Mapping[str, float],
-        names: Sequence[str],
-        friction: StickingFriction | None = None,
-    ) -> None:
-        self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
-        self.friction = friction
-        self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
-        self.linear = [k for k, name in enumerate(names) if place_of(name)[0] not in INSTRUMENTS and k not in self.bent]
+    def __init__(self, regression: Regression, names: Sequence[str]) -> None:
+        self.regression, self.platform, self.names = regression, regression.smooth, tuple(names)
+        of_law = (COULOMB, *STICTION) if sticks(regression.platform) else ()
+        stems = [place_of(name)[0] for name in names]
+        self.bent = [k for k, stem in enumerate(stems) if stem in of_law]
+        self.linear = [k for k, stem in enumerate(stems) if stem not in (*INSTRUMENTS, *of_law)]
+        self.linear_names = [names[k] for k in self.linear]
+        self.elements = elements_of(self.platform, self.linear_names)
+        bent = tuple(names[k] for k in self.bent)
+        self.friction = StickingFriction(regression.platform, bent) if of_law else None
         self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
 
-    def instruments(self, values: FloatArray) -> Instruments:
-        """The instruments; what of them is not estimated is right."""
-        gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
-        vectors = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
+    def instrument(self, stem: str, values: FloatArray) -> FloatArray:
+        """The values of an instrument's parameter; what of it is not estimated is right."""
+        result = np.full(OF_LOGS[stem][0], value_of(self.platform, stem))
         for name, value in zip(self.names, values, strict=True):
-            stem, index = place_of(name)
-            if stem == "delay":
-                delay = float(value)
-            elif stem in vectors:
-                vectors[stem][index] = value
-        return Instruments(gain, offset, delay, tilt)
+            if place_of(name)[0] == stem:
+                result[place_of(name)[1]] = value
+        return result
 
     def force(self, values: FloatArray) -> FloatArray:
         """The forces of the platform (m, 6) [N]."""
@@ -277,20 +282,21 @@ class RowModel:
 
     def residual(self, values: FloatArray) -> FloatArray:
         """What the log reads less what it should (m, 6) [N], at times that a delay shifts."""
-        gain, offset, delay, _ = self.instruments(values)
-        read = []
-        for s in self.regression.segments:
-            late = delay - s.part.step / 2 * s.part.holds_force
-            read.append(smoothed(s.part.force, s.part.step, s.cutoff, 1, 0, late)[s.force_rows])
-        return np.concatenate(read) - (gain * self.force(values) + offset)
+        delay, gain, offset = (self.instrument(stem, values) for stem in ("delay", "force_gain", "force_offset"))
+        read = (
+            np.concatenate([s.forces(float(delay)) for s in self.regression.segments])
+            if delay
+            else self.regression.force
+        )
+        return np.asarray(read - (gain * self.force(values) + offset))
 
     def columns(self, values: FloatArray) -> FloatArray:
         """Derivatives of the reading by each parameter (m, 6, p)."""
-        gain, tilt = self.instruments(values).gain, self.instruments(values).tilt
+        gain, tilt = self.instrument("force_gain", values), self.instrument("base_tilt", values)
         W, elements = self._regressor(values), self._elements(values)
         result = np.zeros((len(W), 6, len(self.names)))
         if self.linear:
-            result[:, :, self.linear] = gain[:, None] * (W @ gradient(elements, [self.names[k] for k in self.linear]))
+            result[:, :, self.linear] = gain[:, None] * (W @ gradient(elements, self.linear_names))
         if self.bent:
             result[:, :, self.bent] = gain[:, None] * self._sticking(values)[:, :, 1:]
         for k, name in enumerate(self.names):
@@ -303,7 +309,7 @@ class RowModel:
                 result[:, :, k] = -gain * self.rate(values)
             elif stem == "base_tilt":
                 turned = tilt_directions(self.platform.gravity, tilt)[:, index[0]]
-                by_tilt = np.einsum("nlpa,a->nlp", self._by_gravity, turned)
+                by_tilt = np.einsum("nlpa,a->nlp", self.regression.by_gravity, turned)
                 result[:, :, k] = gain * (by_tilt @ linear_parameters(elements))
         return result
 
@@ -317,23 +323,40 @@ class RowModel:
         return self._last[1]
 
     def _elements(self, values: FloatArray) -> dict[str, float]:
-        return with_estimated(self.elements, [self.names[k] for k in self.linear], values[self.linear])
+        return with_estimated(self.elements, self.linear_names, values[self.linear])
 
     def _regressor(self, values: FloatArray) -> FloatArray:
-        tilt, W = self.instruments(values).tilt, self.regression.W
+        tilt, W, gravity = self.instrument("base_tilt", values), self.regression.W, self.platform.gravity
         if not tilt.any():
             return W
-        return np.asarray(W + self._by_gravity @ (tilted(self.platform.gravity, tilt) - self.platform.gravity))
+        return np.asarray(W + self.regression.by_gravity @ (tilted(gravity, tilt) - gravity))
 
-    @cached_property
-    def _by_gravity(self) -> FloatArray:
-        """∂W/∂g (m, 6, SIZE, 3)."""
-        motion = states_of(self.regression.motion)
-        level, *turned = (
-            regressor(self.platform.with_parameters({"gravity": gravity}), *motion)
-            for gravity in (np.zeros(3), *np.eye(3))
-        )
-        return np.stack([by_axis - level for by_axis in turned], axis=-1)
+    def fit_at(
+        self,
+        values: FloatArray,
+        is_fitted: NDArray[np.bool_],
+        used: FloatArray,
+        derivatives: ForceDerivatives | None = None,
+    ) -> "RowFit":
+        """The fit at these values; derivatives of a fit nearby do."""
+        if derivatives is None:
+            platform, names = self.platform, self.linear_names
+            # the kernel has friction as a common value times six factors; that of single legs is 1 times six values
+            factors: dict[str, Any] = {}
+            for stem in PER_LEG:
+                if any(name.startswith(f"{stem}[") for name in names):
+                    factors |= {stem: 1.0, f"{stem}_factor": of_legs(platform, stem)}
+            nominal = [value_of(platform, name) for name in names]
+            p = parameter_vector(platform.with_parameters(factors))
+            p = p + parameter_columns(names) @ (values[self.linear] - nominal)
+            derivatives = force_derivatives(self.regression.motion, p, self.smooth_force(values))
+            if self.friction is not None:
+                friction, law, legs = self.friction, values[self.bent], range(6)
+                by_lengths = self.regression.filtered(lambda v, h: friction.by_lengths(law, v, h))
+                derivatives.by_legs[:, legs, :2, legs] += by_lengths.swapaxes(0, 1)
+        columns, residual = self.columns(values)[is_fitted], self.residual(values)
+        force, rate = self.force(values), self.rate(values)
+        return RowFit(self, values, columns, residual, force, rate, derivatives, is_fitted, used)
 
 
 class RowFit(NamedTuple):
@@ -342,6 +365,7 @@ class RowFit(NamedTuple):
     model: RowModel
     values: FloatArray  # (p,)
     columns: FloatArray  # ∂(reading)/∂θ (n, 6, p)
+    all_residuals: FloatArray  # (m, 6) [N]
     force: FloatArray  # of the platform (m, 6) [N]
     rate: FloatArray  # its derivative by time (m, 6) [N/s]
     derivatives: ForceDerivatives  # at all rows
@@ -351,32 +375,4 @@ class RowFit(NamedTuple):
     @property
     def residual(self) -> FloatArray:
         """Of the fitted rows (n, 6) [N]."""
-        return self.model.residual(self.values)[self.is_fitted]
-
-
-def row_fit(
-    model: RowModel,
-    values: FloatArray,
-    is_fitted: NDArray[np.bool_],
-    used: FloatArray,
-    derivatives: ForceDerivatives | None = None,
-) -> RowFit:
-    """The fit at these values; derivatives of a fit nearby do."""
-    force = model.force(values)
-    if derivatives is None:
-        platform, names = model.platform, [model.names[k] for k in model.linear]
-        # the kernel has friction as a common value times six factors; that of single legs is 1 times six values
-        of_legs: dict[str, Any] = {}
-        for stem in PER_LEG:
-            if any(name.startswith(f"{stem}[") for name in names):
-                of_legs |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
-        nominal = [value_of(platform, name) for name in names]
-        p = parameter_vector(platform.with_parameters(of_legs))
-        p = p + parameter_columns(names) @ (values[model.linear] - nominal)
-        derivatives = force_derivatives(model.regression.motion, p, model.smooth_force(values))
-        if model.friction is not None:
-            friction, law, legs = model.friction, values[model.bent], range(6)
-            by_lengths = model.regression.filtered(lambda v, h: friction.by_lengths(law, v, h))
-            derivatives.by_legs[:, legs, :2, legs] += by_lengths.swapaxes(0, 1)
-    columns = model.columns(values)[is_fitted]
-    return RowFit(model, values, columns, force, model.rate(values), derivatives, is_fitted, used)
+        return self.all_residuals[self.is_fitted]

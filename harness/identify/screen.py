@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify.log import VALIDATION, Log, Part, rows_apart
 from gough_stewart.harness.identify.lowpass import HALF_LENGTH, LOWEST, cutoff_of, edge, noise_beyond, smoothed
-from gough_stewart.harness.identify.regressor import motion_of_lengths
+from gough_stewart.harness.identify.regressor import smooth_motion, states_of
 from gough_stewart.model.dynamics import inverse_dynamics, static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import of_legs
@@ -104,7 +104,7 @@ def screened(
     return Screened(parts, notes, alarms, highest if len(parts) > len(of_logs) else cutoff)
 
 
-def _of_log(  # noqa: PLR0912, PLR0915 - one station after the other
+def _of_log(  # noqa: PLR0915 - one station after the other
     log: Log, platform: Platform, cutoff: float | None, which: int, validation: float
 ) -> Screened:
     check_units(log, platform)
@@ -112,41 +112,41 @@ def _of_log(  # noqa: PLR0912, PLR0915 - one station after the other
     if not is_missing.any():
         part, notes = without_held_rows(part)
         is_missing = np.zeros(len(part.time), dtype=bool)
-    where, time, length, force = part.where, part.time, part.length, part.force
+    where, time, missing = part.where, part.time, np.repeat(is_missing[:, None], 6, axis=1)
     begin, end = float(time[0]), float(time[-1])
 
-    missing = np.repeat(is_missing[:, None], 6, axis=1)
-    none = np.zeros_like(missing)
+    signals = {"leg length": part.length, "force": part.force}
+    if part.motor is not None:
+        signals["motor position"] = part.motor
     # a held force is a command, which the actuator obeys at its limit, too
-    beyond = none if part.holds_force else clipped(force, of_legs(platform, "actuator_force_max", np.inf))
-    still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
-    unknown_length, unknown_force = still | missing, silent | beyond | missing
-    off, length = spikes(length, unknown_length, _LEAST_LENGTH * float(np.abs(length).max()))
-    struck, force = spikes(force, unknown_force, _LEAST_FORCE * float(np.sqrt((force**2).mean())))
-    motor, unknown_motor, bumped = part.motor, missing, none
-    if motor is not None:
-        unknown_motor = frozen(motor, True, missing) | missing
-        bumped, motor = spikes(motor, unknown_motor, _LEAST_LENGTH * float(np.abs(motor).max()))
-    lost = lost_rows(length, unknown_length)
+    is_command, limit = part.holds_force, of_legs(platform, "actuator_force_max", np.inf)
+    beyond = np.zeros_like(missing) if is_command else clipped(part.force, limit)
+    stuck, unknown, off = dict[str, Mask](), dict[str, Mask](), dict[str, Mask]()
+    for name, values in signals.items():
+        of_force = name == "force"
+        known_bad = missing | beyond if of_force else missing
+        stuck[name] = frozen(values, not of_force, known_bad)
+        unknown[name] = stuck[name] | known_bad
+        least = _LEAST_FORCE * np.sqrt((values**2).mean()) if of_force else _LEAST_LENGTH * np.abs(values).max()
+        off[name], signals[name] = spikes(values, unknown[name], float(least))
+    length = signals["leg length"]
+    lost = lost_rows(length, unknown["leg length"])
     travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
     if len(time) > _SHORTEST and travel <= _AT_REST * unsure:
         raise LogError(
             f"{where}: the legs move by {travel:.3g} m, hardly more than the noise of their lengths, {unsure:.2g} "
             "m; expected a motion: record one that is designed for the parameters (gough-stewart excite)"
         )
-    encoder, logger = "check the encoder and its cable", "check the encoder and the logger"
-    for fault, readings, remedy in (
-        ("spikes in the leg length", off, f"interpolated; {encoder}"),
-        ("spikes in the force", struck, "interpolated; check the force sensor and its cable"),
-        ("spikes in the motor position", bumped, f"interpolated; {encoder}"),
-        ("frozen readings of the motor position", unknown_motor & ~missing, f"left out; {logger}"),
-        ("frozen readings of the leg length", still, f"left out; {logger}"),
-        ("frozen readings of the force", silent, "left out; check the force sensor and the logger"),
-        ("clipped readings of the force", beyond,
-         "left out; use a larger range of the force sensor, or a slower motion"),
-    ):  # fmt: skip
-        if readings.any():
-            notes.append(f"{where}: {_told(fault, readings, time)}; {remedy}")
+    sensors = {name: "force sensor" if name == "force" else "encoder" for name in signals}
+    faults = [(f"spikes in the {name}", off[name], f"interpolated; check the {sensors[name]} and its cable")
+              for name in signals]  # fmt: skip
+    faults += [(f"frozen readings of the {name}", stuck[name], f"left out; check the {sensors[name]} and the logger")
+               for name in ("motor position", "leg length", "force") if name in signals]  # fmt: skip
+    larger = "left out; use a larger range of the force sensor, or a slower motion"
+    faults.append(("clipped readings of the force", beyond, larger))
+    notes += [
+        f"{where}: {_told(fault, readings, time)}; {remedy}" for fault, readings, remedy in faults if readings.any()
+    ]
 
     def places(lost: Sequence[MissingRows]) -> str:
         return _first([f"{time[place.row]:.4g} s ({place.number:+.0f})" for place in lost], "more")
@@ -165,13 +165,12 @@ def _of_log(  # noqa: PLR0912, PLR0915 - one station after the other
     ]
 
     # short runs of bad rows are interpolated; good rows between longer ones, and between lost rows, are the segments
-    bad = np.asarray((unknown_length | unknown_force | unknown_motor).any(axis=1))
+    bad = np.any(list(unknown.values()), axis=(0, 2))
     short = np.zeros(len(bad), dtype=bool)
     for first, last in runs_of(bad):
         short[first:last] = last - first <= _MENDED and first > 0 and last < len(bad)
-    for values, unknown in ((length, unknown_length), (force, unknown_force), (motor, unknown_motor)):
-        if values is not None:
-            _interpolate(values, unknown & short[:, None])
+    for name, values in signals.items():
+        _interpolate(values, unknown[name] & short[:, None])
     cuts = [place.row for place in of_all]
     ends = ([int(a), *(cut for cut in cuts if a < cut < b), int(b)] for a, b in runs_of(~(bad & ~short)))
     segments = [slice(*pair) for inner in ends for pair in pairwise(inner)]
@@ -182,7 +181,7 @@ def _of_log(  # noqa: PLR0912, PLR0915 - one station after the other
     if len(segments) > 1 and cutoff is not None:
         least_rows = (_FILTERS + _BEYOND) / cutoff / h
         segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
-    mended = float(((off | struck | bumped).any(axis=1) | short).mean())
+    mended = float((np.any(list(off.values()), axis=(0, 2)) | short).mean())
     left_out = 1 - sum(rows.stop - rows.start for rows in segments) / len(time)
     if mended > _REFUSED[0] or left_out > _REFUSED[1]:
         raise LogError(
@@ -196,7 +195,8 @@ def _of_log(  # noqa: PLR0912, PLR0915 - one station after the other
             "where so many readings are wrong, others may be that do not show"
         )
     until = -math.inf if validation == 1 else end - validation * (end - begin) if validation else math.inf
-    whole = replace(part, length=length, force=force, motor=motor, fitted_until=until)
+    motor = signals.get("motor position")
+    whole = replace(part, length=length, force=signals["force"], motor=motor, fitted_until=until)
     return Screened([whole.rows(rows) for rows in segments], notes, alarms, cutoff)
 
 
@@ -291,8 +291,8 @@ def compared_forces(parts: Sequence[Part], platform: Platform, cutoff: float | N
         every = max(1, int(1 / (_ROWS_A_PERIOD * low * h)))
         if len(part.time) <= 2 * edge(h, low) + 10 * every:
             continue
-        motion = motion_of_lengths(platform, *(smoothed(part.length, h, low, every, k) for k in range(3)))
-        expected.append(np.asarray(inverse_dynamics(platform, *motion)))
+        _, motion = smooth_motion(part, platform, low, every)
+        expected.append(np.asarray(inverse_dynamics(platform, *states_of(motion))))
         measured.append(smoothed(part.force, h, low, every))
     if not measured:
         return []

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
+from scipy.linalg import block_diag
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import (
@@ -26,12 +27,11 @@ from gough_stewart.harness.identify.estimate import (
 )
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.lowpass import cutoff_of, edge, smoothed
-from gough_stewart.harness.identify.regressor import PER_LEG, motion_of_lengths, with_values
+from gough_stewart.harness.identify.regressor import PER_LEG, smooth_motion, states_of, with_values
 from gough_stewart.harness.identify.sticking_friction import resolved
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
+from gough_stewart.model.dynamics import inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 SPRINGS = ("leg_stiffness", "leg_damping")
@@ -53,8 +53,7 @@ _NO_STRETCH = 1e-9
 class LegForces:
     """The motion of a part's platform, from which the forces on the ends of its legs follow."""
 
-    state: State
-    acceleration: Acceleration
+    motion: FloatArray  # pose, twist, acceleration (j, 18)
     knots: FloatArray  # their times [s]
     reached: slice  # rows of the part within their reach
     cutoff: float  # of the low-pass on the lengths [Hz]
@@ -65,13 +64,13 @@ class LegForces:
         h = part.step
         cutoff = min(_OF_MOTION * (cutoff_of(part.length, h) if cutoff is None else cutoff), 0.25 / h)
         every, first = max(1, int(1 / (_ROWS_A_PERIOD * cutoff * h))), edge(h, cutoff)
-        lengths = [smoothed(part.length, h, cutoff, every, k) for k in range(3)]
-        reached = slice(first, first + every * (len(lengths[0]) - 1) + 1)
-        return cls(*motion_of_lengths(platform, *lengths), part.time[reached][::every], reached, cutoff)
+        _, motion = smooth_motion(part, platform, cutoff, every)
+        reached = slice(first, first + every * (len(motion) - 1) + 1)
+        return cls(motion, part.time[reached][::every], reached, cutoff)
 
     def terms(self, platform: Platform, time: FloatArray) -> FloatArray:
         """N, Ṅ and N̈ (3, n, 6) at these times (n,) [s]."""
-        force = inverse_dynamics(platform_side(Variant(springs=True), platform), self.state, self.acceleration)
+        force = inverse_dynamics(platform_side(Variant(springs=True), platform), *states_of(self.motion))
         spline = make_interp_spline(self.knots, np.asarray(force), k=5)
         return np.stack([spline(time, d) for d in range(3)])
 
@@ -124,58 +123,52 @@ def with_springs(
     known = dict(zip(SPRINGS, _nominal_springs(platform), strict=True))
     others = nominal_values(names, resolved(platform))
     nominal = np.array([known.get(name, value) for name, value in zip(names, others, strict=True)])
-    at = [names.index(name) for name in wanted]
-    if masses is None:
-        springs, _ = _springs_of(parts, platform, wanted, nominal[at], cutoff)
-        whole = expand_to_requested(
-            springs, names, nominal, nominal, [name for name in wanted if name not in springs.names]
-        )
-    else:
+    scale = nominal.copy()
+    if masses is not None:
         sizes = dict(zip(masses.names, masses.scale.tolist(), strict=True))
         scale = np.array([sizes.get(name, 1.0) for name in names])
+    try:
+        springs, slopes = _springs_of(parts, platform, wanted, cutoff, masses)
+    except IdentificationError as error:
+        if masses is None:
+            raise
         whole = expand_to_requested(masses, names, nominal, scale, (*masses.not_excited, *wanted))
-        try:
-            springs, by_masses = _springs_of(parts, platform, wanted, nominal[at], cutoff, masses)
-        except IdentificationError as error:
-            return replace(whole, notes=(*whole.notes, str(error)))
+        return replace(whole, notes=(*whole.notes, str(error)))
+    whole, hidden = springs, [name for name in wanted if name not in springs.names]
+    not_excited, notes = tuple(hidden), springs.notes
+    if masses is not None:
+        scale[[names.index(name) for name in springs.names]] = springs.scale
         # with their covariance with the masses, which make N
-        by_springs, of_masses = ([names.index(name) for name in fit.names] for fit in (springs, masses))
-        values, covariance = whole.values.copy(), whole.covariance.copy()
-        values[by_springs], scale[by_springs] = springs.values, springs.scale
-        mixed = by_masses @ np.nan_to_num(masses.covariance)
-        covariance[np.ix_(by_springs, of_masses)], covariance[np.ix_(of_masses, by_springs)] = mixed, mixed.T
-        without = [name in {*whole.not_excited, *whole.at_bound} - set(springs.names) for name in names]
-        covariance[without] = covariance[:, without] = np.nan
-        covariance[np.ix_(by_springs, by_springs)] = springs.covariance + mixed @ by_masses.T
-        directions = np.zeros((len(springs.names), len(names)))
-        directions[:, by_springs] = springs.directions
-        sigma = np.concatenate([whole.singular_values, springs.singular_values])
+        C = np.nan_to_num(masses.covariance)
+        mixed = slopes @ C
+        sigma = np.concatenate([masses.singular_values, springs.singular_values])
         order = np.argsort(-sigma)
-        note = f"the legs' stretch is explained to {1e6 * float(springs.residuals.rms.max()):.2g} µm RMS"
-        whole = replace(
-            whole,
-            values=values,
-            covariance=covariance,
-            freedom=min(whole.freedom, springs.freedom),
-            scale=scale,
-            singular_values=sigma[order],
-            directions=np.concatenate([whole.directions, directions])[order],
-            rank=whole.rank + springs.rank,
-            not_excited=tuple(name for name in whole.not_excited if name not in springs.names),
-            notes=(*whole.notes, note),
+        not_excited = (*masses.not_excited, *hidden)
+        notes = (
+            *masses.notes,
+            f"the legs' stretch is explained to {1e6 * float(springs.residuals.rms.max()):.2g} µm RMS",
         )
-    hidden = [name for name in wanted if name not in springs.names]
-    note = f"not shown by this log, so without a number: {', '.join(hidden)}. {_FAST}"
-    return replace(whole, notes=(*whole.notes, note)) if hidden else whole
+        whole = replace(
+            masses,
+            names=(*masses.names, *springs.names),
+            values=np.concatenate([masses.values, springs.values]),
+            covariance=np.block([[C, mixed.T], [mixed, springs.covariance + mixed @ slopes.T]]),
+            freedom=min(masses.freedom, springs.freedom),
+            singular_values=sigma[order],
+            directions=block_diag(masses.directions, springs.directions)[order],
+            rank=masses.rank + springs.rank,
+        )
+    if hidden:
+        notes = (*notes, f"not shown by this log, so without a number: {', '.join(hidden)}. {_FAST}")
+    return replace(expand_to_requested(whole, names, nominal, scale, not_excited), notes=notes)
 
 
 def _springs_of(
     parts: Sequence[Part],
     nominal_platform: Platform,
     names: tuple[str, ...],
-    nominal: FloatArray,
     cutoff: float | None,
-    masses: Estimate | None = None,
+    masses: Estimate | None,
 ) -> tuple[Estimate, FloatArray]:
     """The springs' estimate from logs with both sides, of those of these names that the logs show; and its slopes.
 
@@ -249,7 +242,7 @@ def _springs_of(
     time, spans = on_one_axis(parts, times)
     estimate = estimate_of(
         kept,
-        nominal[[names.index(name) for name in kept]],
+        nominal_values(kept, platform),
         scale,
         scale,
         (),

@@ -5,7 +5,7 @@ Nothing here is what an identification inverts. Lengths and forces follow from a
 """
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -273,6 +273,12 @@ def exchanged(log: Log, a: int = 0, b: int = 1) -> Log:
     order = np.arange(6)
     order[[a, b]] = b, a
     return replace(log, actuator_force=log.actuator_force[:, order])
+
+
+@cache
+def perfect_estimate() -> gs.Estimate:
+    """What is identified of a log without an error."""
+    return gs.identify(machine_log(), NOMINAL, NAMES)
 
 
 def random_machine(seed: int, *, equal_friction: bool = True) -> tuple[Platform, Platform]:

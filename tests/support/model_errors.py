@@ -41,6 +41,7 @@ class Case:
     size: float | None = None  # share of the normal size; drawn if none
     designed: bool = False
     names: tuple[str, ...] = FEW
+    duration: float = 10.0  # [s]
 
     @property
     def rng(self) -> np.random.Generator:
@@ -348,7 +349,7 @@ def made(case: Case) -> tuple[Platform, Log, Made]:
     swing = (Designed if case.designed else Swing)(seed=case.seed)
     factor = 1.0 if case.size is None else case.size
     change, names, causes = KINDS[case.kind]
-    result = Made(machine, Course(swing), case.rng, factor)
+    result = Made(machine, Course(swing, case.duration), case.rng, factor)
     while True:
         try:
             change(result)

@@ -13,7 +13,7 @@ from tests.support.machine_logs import MACHINE, Swing
 
 RATE = 500.0  # of logs [Hz]
 _COARSE = 100.0
-_PARTS = 16  # steps of the bristles in a sample
+_PARTS = 8  # steps of the bristles in a sample
 # Each leg has its own friction; their mean is 1.
 LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])
 

@@ -9,7 +9,12 @@ from numpy.testing import assert_allclose
 from gough_stewart import Acceleration, Platform, inverse_dynamics, leg_geometry
 from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of, smoothed
 from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
-from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
+from gough_stewart.harness.identify.regressor import (
+    force_derivatives,
+    motion_of_lengths,
+    parameter_columns,
+    states_of,
+)
 from gough_stewart.harness.identify.row_model import RawNoise
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, rates_of_legs
@@ -115,7 +120,9 @@ def test_derivatives_of_forces_by_the_motion_of_legs_and_by_parameters_are_those
     home = replace(UNEVEN, home_position=STATE.position, home_orientation=STATE.orientation)
 
     def forces(lengths: list[FloatArray], platform: Platform) -> FloatArray:
-        found: FloatArray = np.asarray(inverse_dynamics(platform, *motion_of_lengths(platform, *lengths)), dtype=float)
+        found: FloatArray = np.asarray(
+            inverse_dynamics(platform, *states_of(motion_of_lengths(platform, *lengths))), dtype=float
+        )
         return np.asarray(found[0])
 
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)

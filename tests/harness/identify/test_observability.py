@@ -27,7 +27,7 @@ def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass() -> Non
 
     Before, noise of the lengths looked like rotation and gave a centre of mass of 0.45 ± 0.08 m where it is 0.19 m.
     """
-    estimate = identify(machine_log(course=Course(HEAVE)), NOMINAL, NAMES)
+    estimate = identify(machine_log(course=Course(HEAVE, duration=6.0)), NOMINAL, NAMES)
     assert estimate.not_excited == ("platform_com[3]", *INERTIA)
     known = np.array([name not in estimate.not_excited for name in estimate.names])
     truth = np.array([value_of(MACHINE, name) for name in estimate.names])
@@ -56,7 +56,7 @@ def test_numbers_of_motions_along_one_axis_are_right_or_missing(
     Pitching about Op, the log knows the sum of an inertia and m c_z² only if c_z is known; with hardly any, neither.
     """
     swing = Swing(axes=tuple(float(k == axis) for k in range(6)), size=size)
-    estimate = identify(machine_log(course=Course(swing)), NOMINAL, NAMES)
+    estimate = identify(machine_log(course=Course(swing, duration=6.0)), NOMINAL, NAMES)
     assert estimate.not_excited
     assert not unknown or set(unknown) & set(estimate.not_excited)
     known = np.isfinite(estimate.standard_errors)  # not of what is at its bound
@@ -67,7 +67,7 @@ def test_numbers_of_motions_along_one_axis_are_right_or_missing(
 def test_without_noise_heave_has_no_number_either() -> None:
     """Expected: the same as with noise, since it is the motion that lacks."""
     quiet = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
-    estimate = identify(machine_log(course=Course(HEAVE), sensing=quiet), NOMINAL, NAMES)
+    estimate = identify(machine_log(course=Course(HEAVE, duration=6.0), sensing=quiet), NOMINAL, NAMES)
     assert estimate.not_excited == ("platform_com[3]", *INERTIA)
 
 
@@ -76,7 +76,7 @@ def test_too_little_excitation_is_refused_with_the_elements() -> None:
         identify(machine_log(course=Course(Swing(size=0.0))), NOMINAL, NAMES)
     match = r"too little excitation.*none of platform_com\[3\], platform_inertia"
     with pytest.raises(GoughStewartError, match=match) as caught:
-        identify(machine_log(course=Course(HEAVE)), NOMINAL, ("platform_com[3]", "platform_inertia"))
+        identify(machine_log(course=Course(HEAVE, duration=6.0)), NOMINAL, ("platform_com[3]", "platform_inertia"))
     assert all(name in str(caught.value) for name in ("platform_com[3]", *INERTIA))
 
 

@@ -29,7 +29,7 @@ def test_a_slow_log_shows_how_legs_stick() -> None:
     Noise of the lengths decides on the cut-off, since more of it would hide the friction.
     """
     known = NOMINAL.with_parameters({"leg_bristle_stiffness": Law().stiffness, "leg_bristle_damping": Law().damping})
-    log = sticking_log(duration=7.0)
+    log = sticking_log(duration=6.0)
     estimate = identify(log, known, list(TRUE))
     assert estimate.alarms == ()
     truth = np.array(list(TRUE.values()))
