@@ -3,13 +3,86 @@
 `python -m tests.evidence.test_coverage_of_ensembles 1000` prints the coverage of each.
 """
 
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
 
+import numpy as np
+import polars
 import pytest
+from scipy import stats
 
-from gough_stewart.harness.sampling.design import Sampling
-from tests.support.coverage import RESPONSES, SHARES, coverage, drawn
+from gough_stewart import Ensemble
+from gough_stewart.harness.ensemble.ensemble_report import ensemble_numbers
+from gough_stewart.harness.report.document import Number
+from gough_stewart.harness.report.requirements import judge, required
+from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
+from tests.support.arrays import FloatArray
+
+SHARES = (0.5, 0.9, 0.99)
+PEAK = "tracking.position.norm_peak"
+
+
+class Response(NamedTuple):
+    """A figure of merit of d independent normal inputs (N, d), and its quantile of a share."""
+
+    of: Callable[[FloatArray], FloatArray]
+    quantile: Callable[[float, int], float]
+
+
+# |x| has the density K₀(|x|)/π, if x is the product of two normal numbers
+_PRODUCT = stats.rv_histogram(
+    np.histogram(np.outer(*2 * (stats.norm.ppf((np.arange(3000) + 0.5) / 3000),)).ravel(), bins=20_000), density=False
+)
+RESPONSES = {
+    "one input": Response(lambda x: x[:, 0], lambda p, _: float(stats.norm.ppf(p))),
+    "sum": Response(lambda x: x.sum(axis=1), lambda p, d: float(np.sqrt(d) * stats.norm.ppf(p))),
+    "squares": Response(lambda x: (x**2).sum(axis=1), lambda p, d: float(stats.chi2(d).ppf(p))),
+    "product": Response(lambda x: x[:, 0] * x[:, 1], lambda p, _: float(_PRODUCT.ppf(p))),
+}
+
+
+def told(number: Number, bound: float) -> tuple[float, float, float]:
+    """The share of the members at most a bound, and the ends of its interval, as a requirement tells them."""
+    note = judge(required(f"{number.path} <= {bound!r} for 50 % of members"), number).note
+    parts = re.match(r"([\d,]+) of ([\d,]+) members hold it.*; of all, (\S+) to (\S+) % with 95 % confidence", note)
+    assert parts is not None, note
+    holding, total = (int(parts[k].replace(",", "")) for k in (1, 2))
+    return holding / total, float(parts[3]) / 100, float(parts[4]) / 100
+
+
+def coverage(numbers: Iterable[Number], blocks: int, bounds: dict[float, float]) -> dict[float, tuple[float, float]]:
+    """Of each share, with its bound: how often the interval covers it, and its widest over that of so many blocks.
+
+    That is the exact interval by SciPy's beta distribution. Ends have three digits.
+    """
+    found: dict[float, list[tuple[bool, float]]] = {share: [] for share in bounds}
+    for number in numbers:
+        for share, bound in bounds.items():
+            counted, low, high = told(number, bound)
+            x = blocks * counted
+            first = stats.beta.ppf(0.025, x, blocks - x + 1) if x else 0.0
+            last = stats.beta.ppf(0.975, x + 1, blocks - x) if x < blocks else 1.0
+            found[share].append((low - 5e-4 <= share <= high + 5e-4, (high - low) / (last - first)))
+    return {share: (float(np.mean([s for s, _ in seen])), max(w for _, w in seen)) for share, seen in found.items()}
+
+
+def drawn(sampling: Sampling, inputs: int, members: int, response: Response, seeds: Iterable[int]) -> Iterable[Number]:
+    """The figure of merit as a report has it, of an ensemble of each seed."""
+    names = tuple(f"input {k}" for k in range(inputs))
+    groups = tuple((k,) for k in range(inputs))
+    known = {"sampling": sampling, "groups": [[name] for name in names]}
+    for seed in seeds:
+        points = SamplingDesign(sampling, seed, members, names, (1,) * inputs, groups).points(0, members)
+        columns = {
+            "member": np.arange(members),
+            "outcome": ["completed"] * members,
+            PEAK: response.of(stats.norm.ppf(points)),
+        }
+        (number,) = ensemble_numbers(Ensemble(polars.DataFrame(columns), polars.DataFrame(), known))
+        yield number
+
 
 pytestmark = pytest.mark.evidence
 
