@@ -30,8 +30,8 @@ from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from tests.harness.export.sampled_unit import run_source
 from tests.support.exported_loop import EXPORTED
-from tests.support.sampled_unit import run_source
 
 CLIENTS = Path(__file__).parent / "importers"
 # In SI units: metres, and newtons of some 4 kN.

@@ -14,6 +14,8 @@ from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
 from tests.support.real_platforms import printed_law, real_platform
 from tests.support.uneven import UNEVEN
 
+pytestmark = pytest.mark.evidence
+
 
 def motion_by_radau(
     platform: Platform, start: FloatArray, force: FloatArray, end: float, tolerance: float
@@ -56,7 +58,6 @@ def motion_by_radau(
     return np.asarray(found.y[:, -1])
 
 
-pytestmark = pytest.mark.evidence
 RIGID_LEGS = {"leg_armature": 0.0, "leg_stiffness": 0.0, "leg_damping": 0.0}
 # T. Dehaeze, stewart-simscape (github.com/tdehaeze/stewart-simscape), org/identification.org: modes that it prints, and
 # its default platform: joints on circles of 115 and 90 mm, 15 mm inside plates 90 mm apart, pairs ± 10 deg; a plate of

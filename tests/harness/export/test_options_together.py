@@ -36,11 +36,11 @@ from tests.harness.export.documented_controller import (
     reference_rows,
     start_of,
 )
+from tests.harness.export.sampled_unit import Outputs, run_source, run_unit
 from tests.support.arrays import FloatArray
 from tests.support.covering import covering
 from tests.support.documented_loop import motion_of
 from tests.support.lagrangian import Pose, legs_along
-from tests.support.sampled_unit import Outputs, run_source, run_unit
 from tests.support.uneven import UNEVEN
 
 SAMPLE_TIME, N = 0.005, 24

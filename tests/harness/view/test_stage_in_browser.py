@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart import Record
+from tests.harness.view.colour_vision import rgb_of
 from tests.support.arrays import FloatArray
 from tests.support.browser import Watched, open_report, until
-from tests.support.colour_vision import rgb_of
 from tests.support.records import Floats, waving_record
 
 
