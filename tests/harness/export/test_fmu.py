@@ -651,7 +651,7 @@ def test_a_unit_is_switched_by_its_inputs(tmp_path: Path) -> None:
         expected.append(code.step(np.full(6, 3.0))[0])
         inputs.append({"leg_length": np.full(6, 3.0), "manual_force": manual})
         if k:
-            inputs[-1]["enabled"] = np.array([enabled])
+            inputs[-1]["enabled"] = np.array(enabled)
     for path in paths:
         outputs, begun = run_unit(path, inputs, SAMPLE_TIME, 0.0)
         assert begun["enabled"] == 1
