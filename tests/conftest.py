@@ -18,7 +18,7 @@ from tests.support.fmu_plants import Fmu
 from tests.support.shared import shared_folder
 
 # derandomize: a failure in CI is the same failure at home. `make evidence` searches wider.
-settings.register_profile("test", max_examples=40, deadline=None, derandomize=True)
+settings.register_profile("test", max_examples=25, deadline=None, derandomize=True)
 settings.register_profile("evidence", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "test"))
 

@@ -131,9 +131,13 @@ def test_help_tells_all_names_in_their_groups_and_little_else() -> None:
     assert len(text.splitlines()) < 130
 
 
-@pytest.mark.parametrize("name", sorted(set(NAMES) - {"__version__", "build", "reproduce"}))
+# Those that take long run elsewhere, and the one that plans a fastest path before a release.
+QUICK = [name for name in sorted(NAMES) if name not in {"__version__", "build", "reproduce", "ViaPath"}]
+
+
+@pytest.mark.parametrize("name", [*QUICK, pytest.param("ViaPath", marks=pytest.mark.evidence)])
 def test_the_examples_of_a_docstring_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: what stands behind an example, else that it runs; those two take long, and run elsewhere."""
+    """Expected: what stands behind an example, else that it runs."""
     monkeypatch.chdir(tmp_path)
     found = doctest.DocTestFinder(recurse=False).find(getattr(gs, name), name, globs={"gs": gs, "np": np})
     for example in found[0].examples if found else []:

@@ -7,6 +7,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+import traceback
 import warnings
 from pathlib import Path
 from unittest.mock import patch
@@ -41,6 +42,9 @@ def _run_program(path: Path, *arguments: str) -> subprocess.CompletedProcess[str
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else int(end.code is not None)
             err.write(str(end.code) if isinstance(end.code, str) else "")
+        except Exception:
+            code = 1
+            traceback.print_exc()
     for name in set(sys.modules) - before:  # another page may have a module of that name
         if str(path.parent) in (getattr(sys.modules[name], "__file__", None) or ""):
             del sys.modules[name]
