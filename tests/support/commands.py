@@ -28,7 +28,8 @@ class Result(NamedTuple):
 def invoke(*arguments: str, columns: int = 200, catch_exceptions: bool = False) -> Result:
     """`gough-stewart arguments` on a wide terminal without colours; an error without a message of its own is raised."""
     runner = CliRunner(env={"COLUMNS": str(columns), "NO_COLOR": "1", "TERM": "dumb"})
-    code, exception = 0, None
+    code = 0
+    exception: Exception | None = None
     # as `CliRunner.invoke`, which makes all commands anew each time
     with runner.isolation() as streams:
         try:
