@@ -9,7 +9,8 @@ SEEN ?= results/pitch_sine
 SITE ?= build/site
 # make mutants MUTANTS="model --token 20": options of python -m tools.mutants
 MUTANTS ?= --report results/mutants/report
-TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
+# a worker for each processor: a further one would collect and import everything once more
+TESTS := $(BIN)/python -m pytest --numprocesses=logical --dist=loadfile
 # Of what is installed, the demo imports a small part, which is compiled then and kept; tests import most of it.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 COMPILED = $(BIN)/python -W ignore -m compileall -q -q -j 0 $(VENV)/lib || true
@@ -111,7 +112,7 @@ lower-bounds:
 	$(VENV)-lowest/bin/python -m pip install --quiet uv
 	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct -e '.[dev]'
 	@# old releases run with newer versions of their own dependencies: ignore their deprecation warnings
-	$(VENV)-lowest/bin/python -m pytest -q --numprocesses=auto --dist=loadfile -W default::DeprecationWarning
+	$(VENV)-lowest/bin/python -m pytest -q --numprocesses=logical --dist=loadfile -W default::DeprecationWarning
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest results build dist *.egg-info

@@ -15,11 +15,10 @@ from gough_stewart import Platform, build, load_preset
 from tests.support.browser import CHROMIUM, chromium
 from tests.support.demo import Demo, run_demo
 from tests.support.fmu_plants import Fmu
-from tests.support.interpreter import Interpreter
 from tests.support.shared import shared_folder
 
 # derandomize: a failure in CI is the same failure at home. `make evidence` searches wider.
-settings.register_profile("test", max_examples=40, deadline=None, derandomize=True)
+settings.register_profile("test", max_examples=25, deadline=None, derandomize=True)
 settings.register_profile("evidence", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "test"))
 
@@ -29,13 +28,6 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if collection_path.name == "evidence" and config.option.markexpr == "not evidence":
         return True
     return None
-
-
-@pytest.hookimpl(optionalhook=True)  # without pytest-xdist, nobody asks
-def pytest_xdist_auto_num_workers() -> int:
-    """Half as many again as there are processors: tests of pages and of other programs wait for these."""
-    processors = os.cpu_count() or 1
-    return processors + (processors + 1) // 2
 
 
 @pytest.fixture(scope="session")
@@ -59,14 +51,6 @@ def units_in_process(fmus: dict[str, Fmu], monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.fixture(scope="session")
-def interpreter() -> Iterator[Interpreter]:
-    """For programs in processes of their own."""
-    interpreter = Interpreter()
-    yield interpreter
-    interpreter.close()
-
-
-@pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """Chromium, if there is one; started once, since Playwright runs once in a process."""
     if CHROMIUM is None:
@@ -76,6 +60,6 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory: pytest.TempPathFactory, interpreter: Interpreter) -> Demo:
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
     """What `make demo` makes, run once for all tests and workers."""
-    return Demo(shared_folder(tmp_path_factory, "demo", lambda folder: run_demo(folder, interpreter)))
+    return Demo(shared_folder(tmp_path_factory, "demo", run_demo))

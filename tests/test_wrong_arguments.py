@@ -112,6 +112,15 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: gs_any.sweep("motion_base", {"x": (0, 1), "y": None}, {"roll": ["1 deg", "3 mm"]}),
         r"at\['roll'\] is '3 mm'; expected a number of rad, or a text",
     ),
+    "angles in m": (
+        lambda: gs_any.leg_geometry(MOTION_BASE, HOME[0], [0, "1 m", 0]),
+        r"orientation\[1\] is '1 m'; expected a number of rad, or a text",
+    ),
+    "no bandwidth": (
+        lambda: gs_any.gains_from_bandwidth("motion_base", 0),
+        "bandwidth is 0; expected a number of Hz above 0",
+    ),
+    "a number in a stack": (lambda: gs_any.stack([MOTION_BASE, 3]), r"parameters\[1\] is 3; expected a Platform, the"),
     "a long value": (lambda: gs_any.pid("y" * 80), rf"gains is '{'y' * 56}…; expected Gains, or the result of"),
 }
 

@@ -133,7 +133,7 @@ def excite(  # noqa: PLR0915 - one station after the other
 
     Examples
     --------
-    >>> result = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=1)
+    >>> result = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=3, trials=1)
     >>> result.reference.duration, result.condition_number < 100
     """
     if trials < 1:

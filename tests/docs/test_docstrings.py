@@ -7,13 +7,10 @@ import textwrap
 from collections.abc import Iterator
 
 import numpy as np
-import pytest
 from numpy.typing import ArrayLike
 
 import gough_stewart as gs
 
-FUNCTIONS = sorted(name for name in dir(gs) if inspect.isfunction(getattr(gs, name)))
-CLASSES = sorted(name for name in dir(gs) if inspect.isclass(getattr(gs, name)))
 # "(6,)", "(..., 6, 6)", "(n, 3)", "a number or (6,)"
 SHAPE = re.compile(r"\((?:\.\.\.|…|\d+|[a-zA-Z])(?:,| × )(?: ?(?:\.\.\.|…|\d+|[a-zA-Z]),?)*\)")
 # "[m]", "[N, N m]", "[1]", "in SI units"
@@ -22,6 +19,10 @@ FORMULA = re.compile(r"\S = .*[ᵀ⁻¹²·√ωζλδẋ/ẏ]")
 SOURCE = re.compile(r"\(\d{4}\)|, \d{4}|Li & Li 2000|docs/equations\.md|`inverse_dynamics`|Cauchy")
 # their formulas define their own names
 DEFINITIONS = {"metrics", "identify"}
+
+
+def functions() -> list[str]:
+    return [name for name in dir(gs) if inspect.isfunction(getattr(gs, name))]
 
 
 def sections_of(name: str) -> dict[str, str]:
@@ -41,35 +42,39 @@ def is_array(annotation: object) -> bool:
     return ("ndarray" in text and not re.search("ParametersOf|Callable", text)) or annotation == ArrayLike
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_function_names_its_arguments_results_errors_an_example_and_what_to_see_also(name: str) -> None:
+def test_a_function_names_its_arguments_results_errors_an_example_and_what_to_see_also() -> None:
     """Expected: the names of its signature; names of the package."""
-    sections, signature = sections_of(name), inspect.signature(getattr(gs, name))
-    parameters = set(signature.parameters) - {"anyway"}  # a former name
-    assert set(texts_by_name(sections.get("Parameters", ""))) == parameters
-    assert ("Returns" in sections) == (signature.return_annotation is not None)
-    assert "Raises" in sections or not parameters
-    assert ">>> " in sections["Examples"]
-    others = sections["See Also"].strip().split(", ")
-    assert name not in others
-    assert set(others) <= set(dir(gs))
+    for name in functions():
+        sections, signature = sections_of(name), inspect.signature(getattr(gs, name))
+        parameters = set(signature.parameters) - {"anyway"}  # a former name
+        assert set(texts_by_name(sections.get("Parameters", ""))) == parameters, name
+        assert ("Returns" in sections) == (signature.return_annotation is not None), name
+        assert "Raises" in sections or not parameters, name
+        assert ">>> " in sections["Examples"], name
+        others = sections["See Also"].strip().split(", ")
+        assert set(others) <= set(dir(gs)) - {name}, name
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_an_array_that_a_function_takes_or_returns_has_shape_and_unit(name: str) -> None:
-    sections, signature = sections_of(name), inspect.signature(getattr(gs, name))
-    described = texts_by_name(sections.get("Parameters", ""))
-    texts = {key: described[key] for key, value in signature.parameters.items() if is_array(value.annotation)}
-    if is_array(signature.return_annotation):
-        texts["Returns"] = sections["Returns"]
-    assert {key: text for key, text in texts.items() if not (SHAPE.search(text) and UNIT.search(text))} == {}
+def undescribed(texts: dict[str, str]) -> dict[str, str]:
+    """Those without a shape or a unit."""
+    return {key: text for key, text in texts.items() if not (SHAPE.search(text) and UNIT.search(text))}
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_formula_has_its_source(name: str) -> None:
-    text = inspect.getdoc(getattr(gs, name)) or ""
-    prose = re.sub(r"`[^`]*`|>>>.*", "", text)
-    assert name in DEFINITIONS or not FORMULA.search(prose) or SOURCE.search(text)
+def test_an_array_that_a_function_takes_or_returns_has_shape_and_unit() -> None:
+    for name in functions():
+        sections, signature = sections_of(name), inspect.signature(getattr(gs, name))
+        described = texts_by_name(sections.get("Parameters", ""))
+        texts = {key: described[key] for key, value in signature.parameters.items() if is_array(value.annotation)}
+        if is_array(signature.return_annotation):
+            texts["Returns"] = sections["Returns"]
+        assert undescribed(texts) == {}, name
+
+
+def test_a_formula_has_its_source() -> None:
+    for name in set(functions()) - DEFINITIONS:
+        text = inspect.getdoc(getattr(gs, name)) or ""
+        prose = re.sub(r"`[^`]*`|>>>.*", "", text)
+        assert not FORMULA.search(prose) or SOURCE.search(text), name
 
 
 def described_members(cls: type) -> Iterator[tuple[str, object, str]]:
@@ -88,14 +93,12 @@ def described_members(cls: type) -> Iterator[tuple[str, object, str]]:
             yield node.name, inspect.get_annotations(value.fget).get("return"), inspect.getdoc(value) or ""
 
 
-@pytest.mark.parametrize("name", CLASSES)
-def test_an_array_that_a_class_has_is_described_with_shape_and_unit(name: str) -> None:
+def test_an_array_that_a_class_has_is_described_with_shape_and_unit() -> None:
     """Expected: beside it, or in the text of the class by its name (the parameters of a platform, as a table)."""
-    cls = getattr(gs, name)
-    members = {key: text for key, kind, text in described_members(cls) if is_array(kind) and not key.startswith("_")}
-    whole = texts_by_name(sections_of(name).get("Parameters", ""))
-    texts = {key: text or whole.get(key, "") for key, text in members.items()}
-    assert {key: text for key, text in texts.items() if not (SHAPE.search(text) and UNIT.search(text))} == {}
+    for name, cls in ((name, getattr(gs, name)) for name in dir(gs) if inspect.isclass(getattr(gs, name))):
+        members = {key: text for key, kind, text in described_members(cls) if is_array(kind) and key[0] != "_"}
+        whole = texts_by_name(sections_of(name).get("Parameters", ""))
+        assert undescribed({key: text or whole.get(key, "") for key, text in members.items()}) == {}, name
 
 
 def test_the_words_for_shapes_and_units_are_told_from_others() -> None:

@@ -26,16 +26,16 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.fmu_build.sources import standard_headers
 from tests.support.c_hosts import ZIG
+from tests.support.commands import invoke
 from tests.support.demo import Demo
 from tests.support.fmu_plants import Fmu
 from tests.support.foreign_controller import foreign_controller
-from tests.support.interpreter import Interpreter
 from tests.support.snippets import (
     BLOCKS,
     PAGES,
     SET_UP_BY_MAKE,
     commands_of,
-    runner,
+    run_command,
 )
 from tools.pages.blocks import ROOT, Block, commands_in, text_of
 from tools.pages.story import run_in_shell, run_page
@@ -127,9 +127,7 @@ def check_of(block: Block) -> str:
 @pytest.mark.parametrize(
     "page", ["README.md", *(pytest.param(p, marks=pytest.mark.evidence) for p in RUNNING if p != "README.md")]
 )
-def test_the_blocks_of_a_page_run_in_order(
-    page: str, fmus: dict[str, Fmu], demo: Demo, interpreter: Interpreter, tmp_path: Path
-) -> None:
+def test_the_blocks_of_a_page_run_in_order(page: str, fmus: dict[str, Fmu], demo: Demo, tmp_path: Path) -> None:
     """Expected: exit code 0; of snippets what the page says; of commands the file that they are for."""
     for fmu in fmus.values() if page != "README.md" else ():
         shutil.copy(fmu.path, tmp_path)
@@ -146,17 +144,15 @@ def test_the_blocks_of_a_page_run_in_order(
             return page != "README.md"
         return bool(BY_DEMO.match(command) or ONES_OWN.match(command))
 
-    run_page(page, tmp_path, runner(interpreter), left_out=left_out, after=check_of)
+    run_page(page, tmp_path, run_command, left_out=left_out, after=check_of)
     assert (tmp_path / LEFT_BY.get(page, ".")).exists()
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: task.file)
-def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(
-    task: Task, interpreter: Interpreter, tmp_path: Path
-) -> None:
+def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(task: Task, tmp_path: Path) -> None:
     """Expected: the page's blocks, as they stand, leave the file that the task is for."""
-    printed = run_page(task.page, tmp_path, runner(interpreter), left_out=lambda text: not re.match(task.blocks, text))
+    printed = run_page(task.page, tmp_path, run_command, left_out=lambda text: not re.match(task.blocks, text))
     commands = [c for block in printed for c in commands_in(block) if re.match(task.blocks, c)]
     assert 1 <= len(commands) <= 4
     assert (tmp_path / task.file).stat().st_size > 0
@@ -164,14 +160,13 @@ def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(
 
 @pytest.mark.evidence
 def test_the_controller_of_the_page_leaves_with_the_gain_that_its_search_found(
-    interpreter: Interpreter, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
     """Expected: the gain of the tuned experiment, in the C that is traced from the page's class; short runs will do."""
     own = re.compile(r"gough-stewart (tune|export results/pid)")
-    run = runner(interpreter)
 
     def shortly(command: str, folder: Path) -> str:
-        return run(command.replace(" tune pid.toml", " tune pid.toml --set loop.duration=0.25"), folder)
+        return run_command(command.replace(" tune pid.toml", " tune pid.toml --set loop.duration=0.25"), folder)
 
     run_page("docs/control.md", tmp_path, shortly, left_out=lambda command: not own.match(command))
     tuned = tomllib.loads((tmp_path / "results/pid/tuned.toml").read_text(encoding="utf-8"))["controller"]["parameters"]
@@ -197,11 +192,11 @@ def test_the_demo_runs_what_is_left_to_it() -> None:
     assert len({found[1] for line in recipe if (found := BY_DEMO.match(line))}) == 2
 
 
-def test_the_options_of_the_long_build_are_there(interpreter: Interpreter, tmp_path: Path) -> None:
+def test_the_options_of_the_long_build_are_there() -> None:
     """The build for all targets takes minutes on a cold cache."""
     options = {word for c in EVERY if "--target all" in c for word in c.split() if word.startswith("--")}
     assert options >= {"--target", "--fmi"}
-    said = interpreter.command("build", "--help", cwd=tmp_path).stdout
+    said = invoke("build", "--help").stdout
     assert [o for o in options if o not in said] == []
 
 
@@ -229,7 +224,15 @@ def test_reports_as_data_can_be_read(block: Block) -> None:
     assert (report["version"], f"{factor * number['value']:.3g}" in report["verdict"]["text"]) == (1, True)
 
 
-@pytest.mark.parametrize("block", [b for b in of_language("toml") if not b.title], ids=lambda b: b.place)
+# A fastest path is planned for seconds.
+FILES = [
+    pytest.param(b, id=b.place, marks=pytest.mark.evidence if 'timing = "fastest"' in b.text else ())
+    for b in of_language("toml")
+    if not b.title
+]
+
+
+@pytest.mark.parametrize("block", FILES)
 def test_experiment_files_run(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: that it completes; a tenth of a second shows whether its keys are right."""
     monkeypatch.chdir(tmp_path)

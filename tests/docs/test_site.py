@@ -61,22 +61,19 @@ def test_every_page_of_the_navigation_is_there_and_no_other(pages: dict[Path, Ht
     assert {path.relative_to(site).as_posix() for path in pages} == expected
 
 
-def test_the_tutorial_shows_the_page_of_its_run(pages: dict[Path, HtmlElement], site: Path) -> None:
-    """Expected: the page itself, beside the tutorial, and a photograph of it for phones that leads to it."""
-    body = article(pages[site / "tutorial.html"])
+@pytest.mark.parametrize(
+    ("name", "words"), [("tutorial", "<title>walking with a camera"), ("index", "'wasm-unsafe-eval'; ")]
+)
+def test_a_page_shows_a_run_or_a_loop_that_runs(
+    name: str, words: str, pages: dict[Path, HtmlElement], site: Path
+) -> None:
+    """Expected: that page itself in a frame, and a photograph of it for phones that leads to it."""
+    body = article(pages[site / f"{name}.html"])
     (address,) = body.xpath(".//iframe/@src")
     assert body.xpath(f".//a[@href='{address}' and img]")
     shown = (site / address).read_text(encoding="utf-8")
-    assert "<title>walking with a camera" in shown
+    assert words in shown
     assert "Content-Security-Policy" in shown
-
-
-def test_the_first_page_has_a_loop_that_runs(pages: dict[Path, HtmlElement], site: Path) -> None:
-    """Expected: the live page in a frame, and a picture for phones that leads to it."""
-    body = article(pages[site / "index.html"])
-    (address,) = body.xpath(".//iframe/@src")
-    assert body.xpath(f".//a[@href='{address}' and img]")
-    assert "'wasm-unsafe-eval'; " in (site / address).read_text(encoding="utf-8")
 
 
 def test_nothing_comes_from_a_network(pages: dict[Path, HtmlElement], site: Path) -> None:
@@ -128,10 +125,14 @@ def test_every_formula_is_mathml(name: str, pages: dict[Path, HtmlElement], site
     assert body.xpath(".//math//merror") == []
 
 
-def test_no_formula_stays_raw(pages: dict[Path, HtmlElement]) -> None:
+def test_no_formula_stays_raw_and_no_page_shows_a_place_of_this_machine(pages: dict[Path, HtmlElement]) -> None:
+    """Expected: files are those of the repository, without the links that type checkers use."""
     for path, page in pages.items():
         text = "".join(article(page).xpath(".//text()[not(ancestor::code or ancestor::pre)]"))
         assert re.findall(r"\$\$|\\\(|\\\[|\\(?:frac|dot|begin)\b", text) == [], path.name
+        text = article(page).text_content()
+        assert "gough_stewart/model/" not in text, path.name
+        assert str(ROOT) not in text, path.name
 
 
 def test_the_api_page_explains_every_public_name(pages: dict[Path, HtmlElement], site: Path) -> None:
@@ -142,14 +143,6 @@ def test_the_api_page_explains_every_public_name(pages: dict[Path, HtmlElement],
     for name in sections:
         text = body.xpath(f".//h3[@id='{name}']/following-sibling::div[contains(@class, 'doc-contents')]")[0]
         assert re.search(r"\w+ \w+", text.text_content()), name
-
-
-def test_pages_name_files_of_the_repository(pages: dict[Path, HtmlElement]) -> None:
-    """Expected: no page shows the links that type checkers use, or a path of this machine."""
-    for path, page in pages.items():
-        text = article(page).text_content()
-        assert "gough_stewart/model/" not in text, path.name
-        assert str(ROOT) not in text, path.name
 
 
 def first_found(page: Page, words: str) -> str:

@@ -9,8 +9,7 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from tests.support.interpreter import Interpreter
-from tests.support.snippets import runner
+from tests.support.snippets import run_command
 from tools.pages.blocks import Block, blocks_of, text_of
 from tools.pages.outputs import comparable, excerpt, shown_below
 from tools.pages.pictures import pictures_of
@@ -28,10 +27,10 @@ class PageRun(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def tutorial(interpreter: Interpreter, tmp_path_factory: pytest.TempPathFactory) -> PageRun:
+def tutorial(tmp_path_factory: pytest.TempPathFactory) -> PageRun:
     """All of it but the page to play with, which prints nothing here; tests/harness/export/live/ plays on it."""
     folder = tmp_path_factory.mktemp("tutorial")
-    printed = run_page(PAGE, folder, runner(interpreter), left_out=lambda line: line.startswith("gough-stewart live "))
+    printed = run_page(PAGE, folder, run_command, left_out=lambda line: line.startswith("gough-stewart live "))
     return PageRun(folder, printed)
 
 

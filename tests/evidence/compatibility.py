@@ -1,7 +1,7 @@
 """Units and SSPs in every importer that can be had here, each in an environment of its own: the page Compatibility.
 
 `python -m tests.evidence.compatibility` makes units and expected values with this package, and for each importer a
-virtual environment in a temporary folder, installs it by pip, and runs its client in `importers/`; it prints the rows
+virtual environment in a temporary folder, installs it by pip, and runs its client in `importers.py`; it prints the rows
 of docs/compatibility.md. Clients know the files alone. `--fmi4c LIBRARY` is libfmi4c.so, built from its source by
 CMake; `--libraries FOLDER` is added to LD_LIBRARY_PATH, for Ecos, which needs libtbb12. Ends with 1 if an importer
 that runs deviates.
@@ -30,10 +30,10 @@ from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from tests.harness.export.sampled_unit import run_source
 from tests.support.exported_loop import EXPORTED
-from tests.support.sampled_unit import run_source
 
-CLIENTS = Path(__file__).parent / "importers"
+CLIENTS = str(Path(__file__).with_name("importers.py"))
 # In SI units: metres, and newtons of some 4 kN.
 BOUND = 1e-6
 
@@ -48,10 +48,10 @@ class Importer:
 
 
 IMPORTERS = (
-    Importer("FMPy", ("fmpy",), "fmpy_client.py"),
-    Importer("CasADi", ("casadi", "fmpy"), "casadi_client.py"),
-    Importer("libcosim", ("libcosimpy", "numpy"), "libcosim_client.py"),
-    Importer("Ecos", ("ecospy", "numpy"), "ecos_client.py"),
+    Importer("FMPy", ("fmpy",), "fmpy"),
+    Importer("CasADi", ("casadi", "fmpy"), "casadi"),
+    Importer("libcosim", ("libcosimpy", "numpy"), "libcosim"),
+    Importer("Ecos", ("ecospy", "numpy"), "ecos"),
     Importer("OMSimulator", ("omsimulator",)),
     Importer("PyFMI", ("pyfmi",)),
 )
@@ -132,10 +132,9 @@ def main() -> int:
             if not version or not importer.client:
                 print(f"| {importer.name} | {version} | nothing | {python if not version else 'installs'} |")
                 continue
-            commands.append((importer.name, version, [python, str(CLIENTS / importer.client), str(case)]))
+            commands.append((importer.name, version, [python, CLIENTS, importer.client, str(case)]))
         if options.fmi4c:
-            client = str(CLIENTS / "fmi4c_client.py")
-            commands.append(("fmi4c", "from source", [sys.executable, client, str(case), options.fmi4c]))
+            commands.append(("fmi4c", "from source", [sys.executable, CLIENTS, "fmi4c", str(case), options.fmi4c]))
         for name, version, command in commands:
             for what, deviation, failure in results(command, options.libraries):
                 is_wrong = deviation is None or not deviation <= BOUND

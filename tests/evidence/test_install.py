@@ -5,7 +5,6 @@ for, and to what these ask for; so it takes seconds and no network. The wheel ha
 """
 
 import base64
-import importlib
 import os
 import shutil
 import subprocess
@@ -222,18 +221,3 @@ for each in (
         done = install.run("gough-stewart", *command)
         assert (done.returncode, done.stderr.count("gough-stewart[compile]")) == (1, 1), (command, done.stderr)
         assert "Traceback" not in done.stderr
-
-
-def test_the_same_contents_make_the_same_wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: equal bytes whatever the order of the contents, and the time of SOURCE_DATE_EPOCH."""
-    monkeypatch.syspath_prepend(str(ROOT / "build_backend"))
-    backend = importlib.import_module("prebuilt_wheel")
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
-    contents = {"b/code.py": b"x = 1", "own-1.dist-info/RECORD": b"", "own-1.dist-info/METADATA": b"Name: own"}
-    for name, given in (("one", contents), ("other", dict(reversed(contents.items())))):
-        backend._write(tmp_path / name, dict(given))
-    assert (tmp_path / "one").read_bytes() == (tmp_path / "other").read_bytes()
-    with zipfile.ZipFile(tmp_path / "one") as wheel:
-        assert {entry.date_time for entry in wheel.infolist()} == {(2023, 11, 14, 22, 13, 20)}
-        assert wheel.namelist()[-1] == "own-1.dist-info/RECORD"
-    assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "other"]

@@ -2,16 +2,62 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import gough_stewart as gs
-from gough_stewart import SteppingModel, evaluate_poses
-from tests.support.printed_machine import motion_by_radau
-from tests.support.real_platforms import real_platform
+from gough_stewart import Platform, SteppingModel, evaluate_poses
+from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
+from tests.support.real_platforms import printed_law, real_platform
+from tests.support.uneven import UNEVEN
 
 pytestmark = pytest.mark.evidence
+
+
+def motion_by_radau(
+    platform: Platform, start: FloatArray, force: FloatArray, end: float, tolerance: float
+) -> FloatArray:
+    """State at a time [s]: pose, its rates, bristles, and of elastic legs positions and velocities of motors.
+
+    Parameters
+    ----------
+    platform
+        UNEVEN with stiction; elastic legs have a stiffness and a damping.
+    start
+        The same at time 0.
+    force
+        Of the actuators (6,) [N], constant.
+    tolerance
+        Relative; of bristles it is absolute in units of 10 µm, of others in SI units.
+    """
+    springs = len(start) == 30
+    bare = UNEVEN.with_parameters({"leg_armature": 0.0 if springs else platform.leg_armature})
+    no_and_each = np.vstack([np.zeros(6), np.eye(6)])
+
+    def rates(_t: float, x: FloatArray) -> FloatArray:
+        q, dq, z = x[:6], x[6:12], x[12:18]
+        length, speed = (each[0] for each in legs_along(bare, Pose(q[None], dq[None], dq[None])))
+        sliding = x[24:] if springs else speed
+        friction, bent = np.transpose([printed_law(platform, sliding[k], z[k], k) for k in range(6)])
+        of_leg, motors = force - friction, np.zeros(0)
+        if springs:
+            of_leg = platform.leg_stiffness * (x[18:24] - length) + platform.leg_damping * (sliding - speed)
+            motors = np.concatenate([sliding, (force - friction - of_leg) / platform.leg_armature])
+        # forces are linear in the accelerations
+        needed = forces_along(bare, Pose(np.tile(q, (7, 1)), np.tile(dq, (7, 1)), no_and_each))
+        accelerations = np.linalg.solve((needed[1:] - needed[0]).T, of_leg - needed[0])
+        return np.concatenate([dq, accelerations, bent, motors])
+
+    atol: Any = np.full(len(start), tolerance)
+    atol[12:18] *= 1e-5
+    found = solve_ivp(rates, (0, end), start, "Radau", rtol=tolerance, atol=atol)
+    assert found.success
+    return np.asarray(found.y[:, -1])
+
+
 RIGID_LEGS = {"leg_armature": 0.0, "leg_stiffness": 0.0, "leg_damping": 0.0}
 # T. Dehaeze, stewart-simscape (github.com/tdehaeze/stewart-simscape), org/identification.org: modes that it prints, and
 # its default platform: joints on circles of 115 and 90 mm, 15 mm inside plates 90 mm apart, pairs ± 10 deg; a plate of

@@ -1,18 +1,26 @@
 """Slow evidence: Ctrl-C and SIGTERM at random times in every command leave no process, no traceback, no broken file.
 
-`python -m tests.evidence.test_signals 100` prints the same for another number of signals.
+This process adopts the processes that a command leaves (Linux's subreaper), so that every orphan is seen.
 """
 
+import ctypes
+import io
+import json
+import os
 import shutil
+import signal
+import subprocess
 import sys
 import tempfile
+import time
+import zipfile
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-
-from tests.support.signalled import Ended, Trial, faults, signalled
 
 pytestmark = [pytest.mark.evidence, pytest.mark.skipif(sys.platform != "linux", reason="adopts orphans as Linux does")]
 
@@ -45,44 +53,158 @@ _COMMANDS: tuple[tuple[str, ...], ...] = (
 )
 
 
-def campaign(number: int, folder: Path, seed: int = 0) -> tuple[Counter[str], list[str]]:
-    """So many signals over all commands; returns the exit codes by command, and what was wrong."""
-    random = np.random.default_rng(seed)
-    for arguments in _INPUTS:
-        ended = signalled(Trial(arguments, folder, "SIGINT", None))
-        assert ended.code == 0, ended.errors
-    commands = [[part.format(inputs=folder) for part in each] for each in _COMMANDS]
-    whole: dict[int, Ended] = {}  # without a signal
-    codes, wrong = Counter[str](), []
-    for k in range(number):
-        of = k % len(commands)
-        place = Path(tempfile.mkdtemp(dir=folder))
-        (place / "out").mkdir()
-        if of not in whole:
-            whole[of] = signalled(Trial(commands[of], place, "SIGINT", None))
-            shutil.rmtree(place / "out")
-            (place / "out").mkdir()
-        name = ("SIGINT", "SIGTERM")[k // len(commands) % 2]
-        trial = Trial(commands[of], place, name, float(random.uniform(0, 1.05 * whole[of].seconds)))
-        ended = signalled(trial)
-        codes[f"{_COMMANDS[of][0]} {ended.code}"] += 1
-        for fault in faults(trial, ended, whole[of].code):
-            wrong.append(
-                f"{' '.join(trial.arguments)} {name} at {trial.after:.3f} of {whole[of].seconds:.2f} s: {fault}"
-            )
-            print(wrong[-1], flush=True)
-        shutil.rmtree(place)
-    return codes, wrong
+_PR_SET_CHILD_SUBREAPER = 36
+# An isolated unit looks twice a second whether its parent lives, and gets two seconds to end [s].
+_PATIENCE = 6.0
+# One that waits longer than this after the signal hangs [s].
+_LONGEST = 60.0
+# Says when the entry is imported, from which moment on there may be no traceback.
+_PROGRAM = """
+import os, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a campaign in the background ignores it
+from gough_stewart.harness.cli.entry import main
+os.write({mark}, b"x")
+main()
+"""
 
 
+class Ended(NamedTuple):
+    """How a command ended after a signal."""
+
+    code: int
+    errors: str
+    seconds: float  # from the import of the entry to the end
+    left: list[str]  # command lines of processes that still live
+    hung: bool
+
+
+@pytest.fixture
+def adopting() -> Iterator[None]:
+    """Orphans of this process's children become its own children."""
+    prctl = ctypes.CDLL(None).prctl
+    prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    yield
+    prctl(_PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+
+
+def children() -> set[int]:
+    return {int(pid) for task in Path("/proc/self/task").glob("*/children") for pid in task.read_text().split()}
+
+
+def living(others: set[int]) -> dict[int, str]:
+    """Command lines of children but these; those that ended are buried."""
+    found = {}
+    for pid in children() - others:
+        try:
+            if os.waitpid(pid, os.WNOHANG)[0] == 0:
+                found[pid] = Path(f"/proc/{pid}/cmdline").read_text(errors="replace").replace("\0", " ")[:200]
+        except OSError:
+            continue
+    return found
+
+
+def run(arguments: Sequence[str], folder: Path, name: str = "SIGINT", after: float | None = None) -> Ended:
+    """Run a command in a folder, with a signal so long after the import of its entry [s]; None: no signal."""
+    others, hung = children(), False
+    reader, writer = os.pipe()
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-c", _PROGRAM.format(mark=writer), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            cwd=folder,
+            pass_fds=(writer,),
+            start_new_session=True,
+        )
+        os.close(writer)
+        os.read(reader, 1)
+        os.close(reader)
+        began = time.monotonic()
+        try:
+            process.wait(_LONGEST if after is None else after)
+        except subprocess.TimeoutExpired:
+            # a terminal's Ctrl-C reaches the whole group, another process's signal only this one
+            (os.killpg if name == "SIGINT" else os.kill)(process.pid, getattr(signal, name))
+        try:
+            process.wait(_LONGEST)
+        except subprocess.TimeoutExpired:
+            hung = True
+            process.kill()
+            process.wait()
+        seconds = time.monotonic() - began
+        until = time.monotonic() + _PATIENCE
+        while (left := living(others)) and time.monotonic() < until:
+            time.sleep(0.05)
+        for pid in left:
+            os.kill(pid, signal.SIGKILL)
+        errors.seek(0)
+        return Ended(process.returncode, errors.read().decode(errors="replace"), seconds, list(left.values()), hung)
+
+
+def faults(ended: Ended, folder: Path, undisturbed: int) -> list[str]:
+    """What is wrong: a traceback, an orphan, a code that says nothing, a file that is not whole.
+
+    `undisturbed` is the exit code without a signal.
+    """
+    marks = ("Traceback", "Exception ignored", "Fatal Python error", "panicked")
+    found = [f"{mark}: {ended.errors[-600:]}" for mark in marks if mark in ended.errors]
+    if ended.left or ended.hung:
+        found.append(f"hung: {ended.hung}, left: {ended.left}")
+    if ended.code not in (undisturbed, 130) or (ended.code == 130 and "interrupted" not in ended.errors):
+        found.append(f"exit code {ended.code}: {ended.errors[-300:]!r}")
+    return found + [f"not whole: {path.relative_to(folder)}" for path in folder.rglob("*") if not is_whole(path)]
+
+
+def is_whole(path: Path) -> bool:
+    """No temporary file, and none that ends before its format does."""
+    if path.is_dir() or path.name.endswith(".part"):
+        return path.is_dir()
+    try:
+        return _ENDS_WELL.get(path.suffix, lambda content: content.endswith(b"\n"))(path.read_bytes())
+    except (ValueError, OSError, zipfile.BadZipFile):
+        return False
+
+
+_ENDS_WELL: dict[str, Callable[[bytes], bool]] = {
+    ".png": lambda content: content[-8:-4] == b"IEND",
+    ".svg": lambda content: content.rstrip().endswith(b"</svg>"),
+    ".html": lambda content: content.rstrip().endswith(b"</html>"),
+    ".json": lambda content: json.loads(content) is not None,
+    ".parquet": lambda content: content[:4] == content[-4:] == b"PAR1",
+    **dict.fromkeys(
+        (".fmu", ".ssp", ".npz", ".zip"), lambda content: zipfile.ZipFile(io.BytesIO(content)).testzip() is None
+    ),
+}
+
+
+def with_out(folder: Path) -> Path:
+    """A new folder in it, with the empty one that the commands write to."""
+    place = Path(tempfile.mkdtemp(dir=folder))
+    (place / "out").mkdir()
+    return place
+
+
+@pytest.mark.usefixtures("adopting")
 def test_signals_at_random_times_leave_nothing(tmp_path: Path) -> None:
     """Expected: of 500 signals, no process left, no traceback, exit code 130 or 0, every file whole."""
-    codes, wrong = campaign(500, tmp_path)
+    random = np.random.default_rng(0)
+    for arguments in _INPUTS:
+        ended = run(arguments, tmp_path)
+        assert ended.code == 0, ended.errors
+    undisturbed: dict[int, Ended] = {}
+    codes, wrong = Counter[str](), []
+    for k in range(500):
+        of = k % len(_COMMANDS)
+        command = [part.format(inputs=tmp_path) for part in _COMMANDS[of]]
+        if of not in undisturbed:
+            undisturbed[of] = run(command, with_out(tmp_path))
+        place, name = with_out(tmp_path), ("SIGINT", "SIGTERM")[k // len(_COMMANDS) % 2]
+        seconds = float(random.uniform(0, 1.05 * undisturbed[of].seconds))
+        ended = run(command, place, name, seconds)
+        codes[f"{command[0]} {ended.code}"] += 1
+        bad = faults(ended, place, undisturbed[of].code)
+        wrong += [f"{' '.join(command)} {name} after {seconds:.3f} s: {fault}" for fault in bad]
+        shutil.rmtree(place)
     print("\n" + ", ".join(f"{name}: {count}" for name, count in sorted(codes.items())))
     assert not wrong, "\n".join(wrong)
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as place:
-        said, failures = campaign(int(sys.argv[1]), Path(place), int(sys.argv[2]) if sys.argv[2:] else 0)
-    print(dict(sorted(said.items())), len(failures), "faults")

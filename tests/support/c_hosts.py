@@ -113,8 +113,3 @@ def run_instances(program: Path, number: int, threads: int) -> dict[str, Any]:
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
     return result
-
-
-def environment(**more: str) -> dict[str, str]:
-    """The present one and more."""
-    return {**os.environ, **more}

@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.support.interpreter import Interpreter
-from tests.support.snippets import SET_UP_BY_MAKE, run_commands
+from tests.support.snippets import run_command
 from tools.pages.blocks import ROOT
 from tools.pages.story import run_in_shell
 
@@ -33,15 +32,8 @@ class Demo(NamedTuple):
         return (self.folder / _PRINTED).read_text()
 
 
-def run_demo(folder: Path, interpreter: Interpreter) -> None:
-    """By make, or its commands one by one where the environment was not set up by make."""
-    places = f"OUT={folder / 'paper'} HEAVE={folder / 'heave'}"
-    if SET_UP_BY_MAKE:
-        done = run_in_shell(f"make -C {ROOT} demo {places}", ROOT)
-        assert done.returncode == 0, done.stderr
-        printed = done.stdout
-    else:
-        recipe = run_in_shell(f"make -n demo {places}", ROOT).stdout
-        commands = re.findall(r"^\S*(gough-stewart .*)$", recipe, re.MULTILINE)
-        printed = run_commands(commands, interpreter, folder)
-    (folder / _PRINTED).write_text(printed)
+def run_demo(folder: Path) -> None:
+    """The commands of its recipe, one by one."""
+    recipe = run_in_shell(f"make -n demo OUT={folder / 'paper'} HEAVE={folder / 'heave'}", ROOT).stdout
+    commands = re.findall(r"^\S*(gough-stewart .*)$", recipe, re.MULTILINE)
+    (folder / _PRINTED).write_text("".join(run_command(command, folder) for command in commands))

@@ -1,26 +1,17 @@
 """Random platforms, states and inputs: all dissimilar legs, inertias and axes that a Platform admits."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart import GoughStewartError, Platform, State, leg_jacobian, stack
+from gough_stewart import GoughStewartError, Platform, State, leg_jacobian
 
 # Agreement is asked for at regular poses: rounding grows with the condition number.
 REGULAR = 100.0
 
 
 _OF_LEGS = ("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature")
-
-
-class Sample(NamedTuple):
-    """A batch of n platforms, each in a state of its own."""
-
-    platforms: list[Platform]
-    parameters: Any  # as `stack` gives them
-    state: State
-    inputs: NDArray[np.float64]  # (n, 12): forces of the legs, force and torque at Op
 
 
 def random_platform(rng: np.random.Generator) -> Platform:
@@ -83,26 +74,6 @@ def random_inputs(platform: Platform, rng: np.random.Generator) -> NDArray[np.fl
     """Forces and a wrench (12,) of the order of the weight."""
     weight, size = 10 * platform.platform_mass, platform.characteristic_length
     return np.asarray(weight * rng.uniform(-1, 1, 12) * np.repeat([1.0, size], [9, 3]))
-
-
-def random_sample(n: int, seed: int) -> Sample:
-    """A batch for comparing formulations."""
-    rng = np.random.default_rng(seed)
-    platforms = [random_platform(rng) for _ in range(n)]
-    states = [random_state(platform, rng) for platform in platforms]
-    inputs = [random_inputs(platform, rng) for platform in platforms]
-    return Sample(
-        platforms,
-        stack(platforms),
-        State(*(np.stack(parts) for parts in zip(*states, strict=True))),
-        np.stack(inputs),
-    )
-
-
-def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Largest over the leading axis of |a − b| / |b|."""
-    a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
-    return float((np.linalg.norm(a - b, axis=1) / np.linalg.norm(b, axis=1)).max())
 
 
 def _condition_number(platform: Platform, position: NDArray[np.float64], orientation: NDArray[np.float64]) -> float:

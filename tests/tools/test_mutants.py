@@ -70,15 +70,13 @@ def test_in_a_program():
 def test_what_is_kept():
     assert is_rectangular()
 """
-# A hook of pytest-xdist, which pytest refuses where that plugin is not loaded.
-CONFTEST = "def pytest_xdist_auto_num_workers():\n    return 1\n"
 
 
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("COVERAGE_PROCESS_START", "PYTHONDONTWRITEBYTECODE"):
         monkeypatch.delenv(name, raising=False)
-    files = {"toy/rectangle.py": SOURCE, "tests/test_rectangle.py": TESTS, "tests/conftest.py": CONFTEST}
+    files = {"toy/rectangle.py": SOURCE, "tests/test_rectangle.py": TESTS}
     for name, text in {**files, "toy/__init__.py": "", ".gitignore": "results/\n"}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)

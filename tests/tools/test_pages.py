@@ -24,7 +24,7 @@ print("counted", len(sys.argv[1:]), "\\n" * 2 + "end  ")
 
 ```sh
 pip install nothing
-python count.py a b  # a comment
+python count.py a#1 b  # a comment
 ```
 
 ```text
@@ -74,7 +74,7 @@ def test_outputs_are_written_below_what_prints_them(page: Path, tmp_path: Path) 
 def test_a_command_that_fails_is_named_with_its_place_and_leaves_the_page(page: Path, tmp_path: Path) -> None:
     broken = PAGE.replace("import sys", "import sys, nowhere")
     page.write_text(broken)
-    with pytest.raises(FailedCommandError, match=r"python count.py a b\n.*[\s\S]*nowhere") as failed:
+    with pytest.raises(FailedCommandError, match=r"python count.py a#1 b\n.*[\s\S]*nowhere") as failed:
         run_in(tmp_path / "first", page)
     assert failed.value.__notes__ == [f"{page}:13"]
     assert page.read_text() == broken
@@ -98,6 +98,7 @@ def test_an_excerpt_has_as_many_lines_at_both_ends_as_the_page_shows() -> None:
     ("one", "other", "same"),
     [
         ("Done in 3.2 s. Wrote (75 kB):", "Done in 2 min 14 s. Wrote (8.1 MB):", True),
+        ("1000 members in 3 s, 900 members/s", "1000 members in 2.5 s, 1200 members/s", True),
         ("1000 members in 3 s", "1001 members in 3 s", False),
         ("peak at 3.2 s", "peak at 3.3 s", False),
         ("0.348 mm", "0.349 mm", False),

@@ -25,6 +25,7 @@ ROOT = Path(__file__).parents[2]
         ("MIT AND Python-2.0", True),
         ("GPL-2.0-only OR MIT", True),
         ("(GPL-2.0-only OR AGPL-3.0) AND MIT", False),
+        ("(GPL-2.0-only OR MIT) AND MIT", True),
         ("MIT License; GNU General Public License v3 (GPLv3)", False),
         ("Apache Software License; BSD License", True),
         ("UNKNOWN", False),

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
-from typer.testing import Result
 
 from gough_stewart import read_record
-from tests.support.commands import invoke
+from tests.support.commands import Result, invoke
 from tests.support.page_arrays import data_of, unpacked
 
 SHORT = ("--set", "loop.duration=0.1", "--set", "ensemble.worst=2")

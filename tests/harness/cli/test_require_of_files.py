@@ -6,10 +6,9 @@ import shlex
 from pathlib import Path
 
 import pytest
-from typer.testing import Result
 
 import gough_stewart as gs
-from tests.support.commands import invoke
+from tests.support.commands import Result, invoke
 
 # The step of 50 mm is an error of 50 mm at first; the disk margin of this loop is 1.16; it steps along z alone.
 REQUIRED = {

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
-from tests.support.memory import EXPERIMENT, SHORT, Pid
+from tests.harness.ensemble.memory import EXPERIMENT, SHORT, Pid
 from tests.support.small_ensemble import MANY, SIZE, small
 from tools.pages.blocks import ROOT
 

@@ -8,11 +8,10 @@ import numpy as np
 import polars
 import pytest
 from scipy import stats
-from typer.testing import Result
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
-from tests.support.commands import invoke
+from tests.support.commands import Result, invoke
 from tests.support.reports import parts_in, report_in, rows_in, units_in
 
 TOML = """

@@ -14,9 +14,9 @@ from scipy import stats
 
 import gough_stewart as gs
 from gough_stewart import Ensemble
+from tests.harness.ensemble.ensembles import INPUTS, PEAK, SLOPES, ensemble_of, normal, with_columns
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.ensembles import INPUTS, PEAK, SLOPES, ensemble_of, normal, with_columns
 from tests.support.experiments import experiment_from
 from tests.support.reports import report_in, tables_of
 

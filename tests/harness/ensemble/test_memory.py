@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid, metrics_of
+from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid, metrics_of
 
 ARRAYS = ("command", "excess", "feedforward")
 LIMITED = {"limits.reference": "warn", "sensors.noise.leg_length": 1e-4}

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
+from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid, metrics_of
 from tests.support.commands import invoke
-from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid, metrics_of
 
 KP = "controller.parameters.kp"
 

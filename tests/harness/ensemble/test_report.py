@@ -13,7 +13,7 @@ from scipy.stats import binom, binomtest
 
 import gough_stewart as gs
 from gough_stewart import Ensemble
-from tests.support.ensembles import INPUTS, LEVELS, PEAK, ensemble_of, judged_by, normal, with_columns
+from tests.harness.ensemble.ensembles import INPUTS, LEVELS, PEAK, ensemble_of, judged_by, normal, with_columns
 from tests.support.reports import tables_of
 
 

@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
-from typer.testing import Result
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
-from tests.support.commands import invoke
+from tests.support.commands import Result, invoke
 from tests.support.metric_definitions import as_one_number, defined_metrics
 from tests.support.reports import parts_in, report_in, rows_in
 from tests.support.uneven import UNEVEN

@@ -12,12 +12,12 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
+from tests.harness.export.sampled_unit import run_unit
 from tests.support.arrays import FloatArray
 from tests.support.exported import PD, Exported, source_of, uneven_experiment
 from tests.support.exported import PID as UNFED
 from tests.support.exported import SINE as UNFADED
 from tests.support.exported_loop import EXPORTED
-from tests.support.sampled_unit import run_unit
 
 SINE: dict[str, Any] = {**UNFADED, "fade_in": 0.0, "phase": 0.6, "orientation_amplitude": [0.04, 0.05, -0.06]}
 PID: dict[str, Any] = {**UNFED, "anti_windup_time": 0.05, "feedforward": "computed_torque"}

@@ -20,13 +20,13 @@ from fmpy.validation import validate_fmu
 from numpy.typing import ArrayLike, NDArray
 
 import gough_stewart as gs
+from tests.harness.export.sampled_unit import run_unit
 from tests.support.arrays import FloatArray
 from tests.support.c_hosts import FUZZ, INSTANCES, NEVER_OK, OF_STATES, compile_host, fuzz, run_instances
 from tests.support.c_hosts import functions_of_the_standards as functions
 from tests.support.controllers import FORCE_LIMIT, PROPORTIONAL, SAMPLE_TIME, uneven_experiment
 from tests.support.exported import ZIG, Exported, commanded, compiled, measured_by, samples_of, source_of
 from tests.support.fmu_plants import DISCARD, ERROR, OK, Fmu, Plant, refused
-from tests.support.sampled_unit import run_unit
 from tests.support.saved_bytes import accepts, numbers_of, with_numbers
 from tests.support.schemas import complaints_of_schemas
 
@@ -651,7 +651,7 @@ def test_a_unit_is_switched_by_its_inputs(tmp_path: Path) -> None:
         expected.append(code.step(np.full(6, 3.0))[0])
         inputs.append({"leg_length": np.full(6, 3.0), "manual_force": manual})
         if k:
-            inputs[-1]["enabled"] = np.array([enabled])
+            inputs[-1]["enabled"] = np.array(enabled)
     for path in paths:
         outputs, begun = run_unit(path, inputs, SAMPLE_TIME, 0.0)
         assert begun["enabled"] == 1

@@ -19,9 +19,7 @@ from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
 from gough_stewart import Experiment
-from tests.support.arrays import FloatArray
-from tests.support.covering import covering
-from tests.support.documented_controller import (
+from tests.harness.export.documented_controller import (
     COUNT,
     DAMPING,
     DERIVATIVE,
@@ -38,9 +36,11 @@ from tests.support.documented_controller import (
     reference_rows,
     start_of,
 )
+from tests.harness.export.sampled_unit import Outputs, run_source, run_unit
+from tests.support.arrays import FloatArray
+from tests.support.covering import covering
 from tests.support.documented_loop import motion_of
 from tests.support.lagrangian import Pose, legs_along
-from tests.support.sampled_unit import Outputs, run_source, run_unit
 from tests.support.uneven import UNEVEN
 
 SAMPLE_TIME, N = 0.005, 24

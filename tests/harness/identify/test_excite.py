@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import make_interp_spline
 
 import gough_stewart as gs
+from tests.harness.identify.information import with_changes
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.information import with_changes
 from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.machine_logs import Course, friction
 from tests.support.uneven import UNEVEN

@@ -7,8 +7,8 @@ import pytest
 
 from gough_stewart import Platform, load_preset
 from gough_stewart.harness.identify.sticking_friction import StickingFriction, sliding_rows
+from tests.harness.identify.sticking_logs import LEGS, Law
 from tests.support.arrays import FloatArray
-from tests.support.sticking_logs import LEGS, Law
 
 H = 1e-3
 NAMES = ("leg_coulomb_friction", "leg_static_friction", "leg_stribeck_velocity")

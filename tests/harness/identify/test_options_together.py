@@ -17,10 +17,10 @@ from scipy.stats import chi2
 
 import gough_stewart as gs
 from gough_stewart import Log
+from tests.harness.identify.information import information, readings, sensitivities, with_changes
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.covering import covering
-from tests.support.information import information, readings, sensitivities, with_changes
 from tests.support.lagrangian import legs_along
 from tests.support.machine_logs import Course, Sensing, Swing, machine_log, random_machine, value_of, without_rows
 

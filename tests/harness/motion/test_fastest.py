@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from tests.harness.motion.forces import actuator_forces, pose_along
 from tests.support.arrays import FloatArray
-from tests.support.forces import actuator_forces, pose_along
 from tests.support.lagrangian import legs_along
 from tests.support.uneven import UNEVEN
 

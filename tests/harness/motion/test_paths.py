@@ -11,8 +11,8 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from tests.harness.motion.forces import pose_along
 from tests.support.arrays import FloatArray
-from tests.support.forces import pose_along
 from tests.support.motions import by_differences, experiment, write_table
 from tests.support.uneven import UNEVEN
 

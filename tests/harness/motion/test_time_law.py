@@ -20,7 +20,7 @@ from gough_stewart.harness.motion.paths.time_law import (
     TimeLaw,
     polynomials_of,
 )
-from tests.support.forces import actuator_forces, pose_along
+from tests.harness.motion.forces import actuator_forces, pose_along
 from tests.support.lagrangian import legs_along
 from tests.support.uneven import UNEVEN
 

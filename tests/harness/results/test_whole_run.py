@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import Result
 
 import gough_stewart as gs
-from tests.support.commands import invoke
+from tests.support.commands import Result, invoke
 from tests.support.metric_definitions import defined_metrics, same_to_rounding
 from tests.support.uneven import UNEVEN
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 import gough_stewart as gs
+from tests.harness.tuning.uneven_search import FILE
 from tests.support.uneven import UNEVEN
-from tests.support.uneven_search import FILE
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import polars
 import pytest
 
 import gough_stewart as gs
+from tests.harness.tuning.uneven_search import CONDITIONS, METRIC, VARY
 from tests.support.commands import invoke
-from tests.support.uneven_search import CONDITIONS, METRIC, VARY
 
 
 @pytest.fixture(scope="module")

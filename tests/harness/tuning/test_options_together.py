@@ -10,8 +10,8 @@ import pytest
 from allpairspy import AllPairs
 
 import gough_stewart as gs
+from tests.harness.tuning.documented_metrics import METRICS
 from tests.support.covering import covering
-from tests.support.documented_metrics import METRICS
 from tests.support.uneven import UNEVEN
 
 OPTIONS: dict[str, list[Any]] = {

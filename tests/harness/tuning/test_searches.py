@@ -9,9 +9,9 @@ import polars
 import pytest
 
 import gough_stewart as gs
+from tests.harness.tuning.documented_metrics import METRICS
+from tests.harness.tuning.uneven_search import METRIC, VARY
 from tests.support.commands import invoke
-from tests.support.documented_metrics import METRICS
-from tests.support.uneven_search import METRIC, VARY
 
 ONE: dict[str, Any] = {"loop.duration": 0.1, "ensemble": {}}
 ONCE: dict[str, Any] = {"members": 1, "fresh": 1, "generations": 1, "population": 5}

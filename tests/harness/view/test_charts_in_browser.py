@@ -11,10 +11,10 @@ from matplotlib.image import imread
 from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
+from tests.harness.view.colour_vision import rgb_of
 from tests.support import reports
 from tests.support.axe import violations
 from tests.support.browser import Watched, open_report, until
-from tests.support.colour_vision import rgb_of
 from tests.support.records import waving_record
 
 PANEL = "GoughStewart.panels.find(each => each.chart.title === '{}')"

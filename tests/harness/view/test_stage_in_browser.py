@@ -12,10 +12,47 @@ from playwright.sync_api import Browser, Page
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from gough_stewart import Record
+from tests.harness.view.colour_vision import rgb_of
+from tests.support.arrays import FloatArray
 from tests.support.browser import Watched, open_report, until
-from tests.support.colour_vision import rgb_of
 from tests.support.records import Floats, waving_record
-from tests.support.stage import at, drawn, pixels, seek, seen, stage
+
+
+def drawn(page: Page, run: int = 0) -> dict[str, Any]:
+    found: dict[str, Any] = page.evaluate("GoughStewart.player.drawn()")[run]
+    return found
+
+
+def stage(page: Page) -> dict[str, Any]:
+    found: dict[str, Any] = page.evaluate(
+        "(({ground, sun, camera, target}) => ({ground, sun, camera, target}))(GoughStewart.player.stage())"
+    )
+    return found
+
+
+def seek(page: Page, record: Record, row: int) -> None:
+    page.evaluate(
+        "time => { GoughStewart.player.pause(); GoughStewart.player.seek(time); }", float(record["time"][row])
+    )
+
+
+def pixels(page: Page) -> FloatArray:
+    """The view at rest (height, width, 3)."""
+    until(page, "GoughStewart.player.stage().still")
+    picture = Image.open(io.BytesIO(page.locator("#view").screenshot()))
+    return np.asarray(picture.convert("RGB"), dtype=float)
+
+
+def seen(page: Page, points: FloatArray) -> FloatArray:
+    """Where on the view points of the room are seen (n, 2) [pixels]: column, row."""
+    return np.array(page.evaluate("points => points.map(GoughStewart.player.stage().seen)", points.tolist()))
+
+
+def at(picture: FloatArray, places: FloatArray) -> FloatArray:
+    columns, rows = np.round(places).astype(int).T
+    return np.asarray(picture[rows, columns])
+
 
 # Later, the external force draws an arrow over the platform.
 QUIET_ROW = 60

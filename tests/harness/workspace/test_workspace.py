@@ -12,11 +12,10 @@ import numpy as np
 import polars
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import Result
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
-from tests.support.commands import invoke
+from tests.support.commands import Result, invoke
 from tests.support.experiments import experiment_from
 from tests.support.reports import parts_in, report_in, rows_in
 from tests.support.uneven import UNEVEN

@@ -39,28 +39,3 @@ def lab(rgb: FloatArray, matrix: list[list[float]] | None = None) -> FloatArray:
 def delta_e_76(one: FloatArray, other: FloatArray) -> float:
     """Distance of two colours in CIELAB."""
     return float(np.linalg.norm(one - other))
-
-
-def delta_e_2000(one: FloatArray, other: FloatArray) -> float:
-    """CIEDE2000; Sharma, Wu, Dalal, Color Res. Appl. 30 (2005), 21-30, equations (2) to (22)."""
-    (L1, a1, b1), (L2, a2, b2) = one, other
-    G = 0.5 * (1 - np.sqrt(_seventh((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2)))
-    a1, a2 = (1 + G) * a1, (1 + G) * a2
-    C1, C2 = np.hypot(a1, b1), np.hypot(a2, b2)
-    h1, h2 = np.degrees(np.arctan2(b1, a1)), np.degrees(np.arctan2(b2, a2))
-    turn = (h2 - h1 + 180) % 360 - 180
-    L, C, h = (L1 + L2) / 2, (C1 + C2) / 2, h1 + turn / 2
-    dH = 2 * np.sqrt(C1 * C2) * np.sin(np.radians(turn / 2))
-    T = sum(
-        weight * np.cos(np.radians(n * h - shift))
-        for weight, n, shift in ((1, 0, 0), (-0.17, 1, 30), (0.24, 2, 0), (0.32, 3, -6), (-0.20, 4, 63))
-    )
-    lightness = (L2 - L1) / (1 + 0.015 * (L - 50) ** 2 / np.sqrt(20 + (L - 50) ** 2))
-    chroma, hue = (C2 - C1) / (1 + 0.045 * C), dH / (1 + 0.015 * C * T)
-    blue = 60 * np.exp(-((((h - 275 + 180) % 360 - 180) / 25) ** 2))
-    rotation = -np.sin(np.radians(blue)) * 2 * np.sqrt(_seventh(C))
-    return float(np.sqrt(lightness**2 + chroma**2 + hue**2 + rotation * chroma * hue))
-
-
-def _seventh(chroma: float) -> float:
-    return float(chroma**7 / (chroma**7 + 25.0**7))
