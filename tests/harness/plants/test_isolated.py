@@ -54,7 +54,6 @@ _SOURCE = """
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <unistd.h>
 typedef struct {
   void (*log)(void*, const char*, int, const char*, const char*, ...);
   void* (*allocate)(size_t, size_t);
