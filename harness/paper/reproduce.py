@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,6 @@ from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
@@ -161,44 +160,40 @@ def reproduce(
     shown = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     # without a terminal, its end would be an empty line
     with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as progress:
+        of_units = number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS)
+        task = progress.add_task("", total=5 + of_units + len(_DRIFT_RUNS) + case.is_published)
 
-        def over_time(description: str) -> TimeProgress:
-            task = progress.add_task(description, total=case.duration)
-            return lambda time: progress.update(task, completed=time)
-
-        def counted(description: str, total: int) -> Callable[[], None]:
-            task = progress.add_task(description, total=total)
-            return lambda: progress.advance(task)
+        def begin(step: str) -> None:
+            progress.update(task, advance=1, description=step)
 
         # first the one that detects poses a plant cannot pass
-        stepping = run_stepping(case, progress=over_time("stepping model"))
+        begin("stepping model")
+        stepping = run_stepping(case)
         leap = run_stepping(case, rows=False)
-        kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
-        kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
-        steps = number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS)
-        advance, units, unit_runs = counted("FMUs", steps), dict[str, bytes](), dict[str, FloatArray]()
+        begin("task-space kernel (DOP853)")
+        kernel = run_kernel(case)
+        begin("Kane's DAE (RK45)")
+        kane = run_kane(case)
+        units, unit_runs = dict[str, bytes](), dict[str, FloatArray]()
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            for version, path in zip(
-                VERSIONS, build(folder, platform=case.platform, progress=lambda _step: advance()), strict=True
-            ):
+            built = build(folder, platform=case.platform, progress=lambda step: begin(f"FMUs: {step}"))
+            for version, path in zip(VERSIONS, built, strict=True):
                 units[path.name] = path.read_bytes()
                 for fmi_type, words in _FMI_TYPES.items():
+                    begin(f"FMU, FMI {version} {words}")
                     unit_runs[f"FMU, FMI {version} {words}"] = run_fmu(path, case, fmi_type)
-                    advance()
-        advance = counted("drift", len(_DRIFT_RUNS))
         drift = {}
         for name, (rtol, baumgarte) in _DRIFT_RUNS.items():
+            begin(f"drift {name}")
             drift[name] = run_kane(case, baumgarte, rtol, own_steps=True)
-            advance()
         others, weight = [], None
         if case.is_published:
-            advance = counted("other readings of the paper", readings.NUMBER_OF_RUNS)
-            others = readings.other_readings(case.minus_first, advance)
+            begin("other readings of the paper")
+            others = readings.other_readings(case.minus_first)
             weight = readings.weight_of_the_published_forces()
-        advance = counted("figures", 1)
+        begin("figures")
         pictures = _pictures(case, kernel, drift)
-        advance()
-        progress.add_task("comparisons and report", total=None)
+        begin("comparisons and report")
         content = _content(
             case, kernel, agreement(case, kernel, kane, stepping, leap, unit_runs), others, weight, drift
         )
