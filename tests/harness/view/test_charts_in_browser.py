@@ -154,7 +154,7 @@ def test_without_webgl_the_page_says_so_and_the_rest_is_there(fresh: Page) -> No
     assert fresh.evaluate("GoughStewart.player.playing")
 
 
-def test_the_cursor_is_in_all_charts(fresh: Page, record: gs.Record) -> None:
+def test_the_cursor_is_in_all_charts(fresh: Page, record: gs.Record, platform: gs.Platform) -> None:
     """Expected: at the time's share of the width; values of the row beside the names."""
     for title in (ERROR, HOME):
         box = box_of(fresh, title)
@@ -170,6 +170,13 @@ def test_the_cursor_is_in_all_charts(fresh: Page, record: gs.Record) -> None:
     shown = of_panel(fresh, FORCE, ".items.map(each => each.value.textContent)")
     numbers = [float(text.replace("−", "-").split()[0]) for text in shown]
     assert numbers == pytest.approx(record["actuator_force"][200], rel=1e-3, abs=2e-3)
+    # from home, with the reference in parentheses
+    box_of(fresh, HOME)
+    shown = [text for text in of_panel(fresh, HOME, ".items.map(each => each.value.textContent)") if text]
+    pairs = [[float(part.strip("()").replace("−", "-")) for part in text.split()] for text in shown]
+    for part, name in zip(zip(*pairs, strict=True), ("position", "reference.position"), strict=True):
+        expected = 1e3 * (record[name][200] - platform.home_position)
+        assert part == pytest.approx(expected, rel=1e-3, abs=2e-3)
 
 
 def test_a_drag_marks_a_time_that_is_repeated_and_can_be_zoomed_to(fresh: Page) -> None:
@@ -223,6 +230,8 @@ def test_a_picked_leg_stands_out_everywhere(fresh: Page) -> None:
     assert (wide(FORCE), wide("length of legs")) == ([4], [4])
     assert fresh.input_value("#leg") == "4"
     fresh.keyboard.press("4")
+    assert {line["alpha"] for line in lines(fresh, FORCE) if line["role"] == "actual"} == {1}
+    assert fresh.input_value("#leg") == ""
     button = fresh.locator("figure.chart", has_text=FORCE).first.locator(".key button", has_text="leg 2").first
     button.click()
     assert (wide("length of legs"), button.get_attribute("aria-pressed")) == ([2], "true")
@@ -249,6 +258,12 @@ def test_keys_move_through_time(fresh: Page, record: gs.Record) -> None:
     for key in ("[", "Shift+ArrowRight", "]"):
         fresh.keyboard.press(key)
     assert fresh.evaluate("GoughStewart.state.region") == pytest.approx([0.1, 0.15])
+    # about the present time, which is 0.15 s
+    fresh.evaluate("GoughStewart.mark(null)")
+    for key, expected in (("+", [0.075, 0.325]), ("+", [0.1125, 0.2375]), ("-", [0.075, 0.325]), ("-", None)):
+        fresh.keyboard.press(key)
+        zoom = fresh.evaluate("GoughStewart.state.zoom")
+        assert zoom == (None if expected is None else pytest.approx(expected)), key
 
 
 def test_curves_that_coincide_are_all_seen(many: Page) -> None:

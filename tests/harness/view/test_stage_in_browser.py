@@ -367,6 +367,7 @@ def test_fingers_scroll_the_page_turn_the_view_and_tap_times(browser: Browser, r
     page.goto(report.as_uri())
     until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
     assert page.evaluate("[GoughStewart.state.playing, GoughStewart.state.time]") == [False, 0]
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
     page.click(".stage-options > summary")
     assert (page.is_visible(".by-touch"), page.is_hidden(".by-mouse")) == (True, True)
     page.evaluate("scrollTo(0, 0)")
@@ -411,7 +412,7 @@ def test_the_dark_stage_prints_light(one: Watched) -> None:
     page = one.page
     page.evaluate("scrollTo(0, 0)")
     page.emulate_media(color_scheme="dark")
-    until(page, "GoughStewart.theme().dark")
+    until(page, "document.documentElement.dataset.theme === 'dark'")
     assert pixels(page)[[5, 5], [5, -5]].max() < 60
     assert violations(page) == []
     page.evaluate("dispatchEvent(new Event('beforeprint'))")

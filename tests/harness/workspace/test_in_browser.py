@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from playwright.sync_api import Browser
+from scipy.interpolate import RegularGridInterpolator
 
 import gough_stewart as gs
 from tests.support.browser import Watched, open_report, until
@@ -102,7 +103,7 @@ def test_a_slice_is_that_of_all_maps_of_the_sheet_and_of_the_link(volume: Watche
     assert page.evaluate("GoughStewart.surface.height()") == pytest.approx((z[4] - (z[0] + z[-1]) / 2) * 1.9 / 0.26)
     image = page.evaluate(
         "(() => { const { heat } = GoughStewart.panels[0].figure, { values, shape } = heat.map.image(4);"
-        "return { values: [...values], shape, border: heat.map.border(4) }; })()"
+        "return { values: [...values], shape, border: heat.map.border(4), field: [...heat.map.inside] }; })()"
     )
     rows, columns = image["shape"]
     pixels, times = np.array(image["values"]).reshape(rows, columns), rows // 9
@@ -112,6 +113,11 @@ def test_a_slice_is_that_of_all_maps_of_the_sheet_and_of_the_link(volume: Watche
     assert len(image["border"]["x0"]) > 8
     assert x[0] <= min(image["border"]["x0"]) <= max(image["border"]["x0"]) <= x[-1]
     assert y[0] <= min(image["border"]["y0"]) <= max(image["border"]["y0"]) <= y[-1]
+    # by linear interpolation along the edges of cells
+    field = np.array(image["field"]).reshape(9, 9, 9)[4]
+    border = image["border"]
+    ends = [*zip(border["y0"], border["x0"], strict=True), *zip(border["y1"], border["x1"], strict=True)]
+    assert np.abs(RegularGridInterpolator((y, x), field)(ends)).max() < 1e-6 * np.abs(field).max()
     drawn, triangles = page.evaluate("[GoughStewart.surface.pixels(), GoughStewart.surface.triangles]")
     assert triangles > 500
     assert drawn >= triangles + 2
