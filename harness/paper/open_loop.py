@@ -37,13 +37,7 @@ class Trajectory:
 
 
 def run_kernel(case: OpenLoopCase, rtol: float = 1e-12) -> Trajectory:
-    """Integrate the kernel by DOP853; the reference of all comparisons.
-
-    Raises
-    ------
-    StepError
-        The integration cannot continue.
-    """
+    """Integrate the kernel by DOP853, the reference of all comparisons; a StepError if it cannot continue."""
     kernel, platform = Kernel(), case.platform
     p, u, time = parameter_vector(platform), case.inputs.to_vector(), case.time
     has_friction = platform.leg_viscous_friction != 0 or platform.leg_coulomb_friction != 0
@@ -74,13 +68,7 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12) -> Trajectory:
 
 
 def run_stepping(case: OpenLoopCase, rows: bool = True) -> FloatArray:
-    """States (n, 12) of the stepping model, one communication step per row, or one over the whole case.
-
-    Raises
-    ------
-    StepError
-        A pose that the plant cannot pass.
-    """
+    """States (n, 12) of the stepping model, a step for each row, or one; a StepError at a pose that it cannot pass."""
     model = SteppingModel(case.platform)
     model.set_many({**case.start._asdict(), "actuator_force": case.actuator_force})
     states = [model.state]
@@ -105,14 +93,8 @@ def run_kane(
 def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: "FmiType") -> FloatArray:
     """States (n, 12) at the case's times: one communication step per row, or FMPy's CVode with Model Exchange.
 
-    Parameters keep the FMU's start values, those of the case's platform; the initial state and forces are set.
-
-    Raises
-    ------
-    StepError
-        The FMU or the solver failed, with the FMU's messages.
-    PlantError
-        The file is not a unit of the plant, or cannot run here.
+    Parameters keep the FMU's start values, those of the case's platform; the initial state and forces are set. A
+    StepError has the FMU's messages; a PlantError is of a file that is no unit of the plant, or cannot run here.
     """
     import fmpy
     from fmpy.fmi1 import FMICallException

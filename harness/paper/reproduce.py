@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -20,7 +21,7 @@ from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.report.document import Report, versions
 from gough_stewart.harness.report.page import PAGE, page_of
-from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panels, png
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, files_of
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
@@ -224,10 +225,16 @@ def reproduce(
 def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTrajectory]) -> dict[str, bytes]:
     """File name to PNG: the paper's figures 4 to 7, and the drift of Kane's DAE at the integrator's steps, by label."""
     pictures = {}
+
+    def label(axes: Axes, title: str, unit: str) -> None:
+        axes.set(title=title, xlabel="time [s]", ylabel=f"[{unit}]")
+        axes.margins(x=0)
+
     for number, (title, shown) in _FIGURES.items():
 
         def draw(figure: Figure, heading: str = f"Fig. {number} — {title}", shown: Any = shown) -> None:
-            all_axes = panels(figure, f"{heading} ({case.platform.name})", len(shown))
+            entitle(figure, f"{heading} ({case.platform.name})")
+            all_axes = figure.subplots(1, len(shown), squeeze=False).flat
             for axes, (name, components, what, unit) in zip(all_axes, shown, strict=True):
                 for k, component in enumerate(components):
                     style = {"color": COLOURS[k], "linestyle": DASHES[k], "label": component}
@@ -235,10 +242,11 @@ def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTraje
                 label(axes, what, unit)
                 axes.legend(ncols=2 if len(components) > 3 else 1)
 
-        pictures[f"figure-{number}.png"] = png(draw, 8.0 if len(shown) > 1 else 6.0)
+        pictures |= {f"figure-{number}.png": files_of(draw, 8.0 if len(shown) > 1 else 6.0, 3.6, ("png",))["png"]}
 
     def draw_drift(figure: Figure) -> None:
-        left, right = panels(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45", 2)
+        entitle(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45")
+        left, right = figure.subplots(1, 2)
         for k, (name, drifting) in enumerate(drift.items()):
             style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": name}
             style.update(marker="o", markersize=3)
@@ -249,7 +257,7 @@ def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTraje
         label(right, "slip of the constraints, largest |Φ_q y|", "m/s, rad/s")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
-    return {**pictures, "drift.png": png(draw_drift, 9.0, 4.4)}
+    return {**pictures, "drift.png": files_of(draw_drift, 9.0, 4.4, ("png",))["png"]}
 
 
 def _content(

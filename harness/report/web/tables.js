@@ -42,7 +42,7 @@
     for (const row of table.tBodies[0].rows) {
       for (const cell of row.cells) cell.dataset.head = heads[cell.cellIndex] || "";
       // a card is named by its first cell: "leg 1" rather than 1
-      if (!/^\d+$/.test(row.cells[0].textContent)) delete row.cells[0].dataset.head;
+      if (!heads[0] || !/^\d+$/.test(row.cells[0].textContent)) delete row.cells[0].dataset.head;
     }
   };
   const fit = (box) => {

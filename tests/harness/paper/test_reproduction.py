@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
-from lxml import etree
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
@@ -16,6 +15,7 @@ import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.demo import Demo
 from tests.support.figures import data_of, figures_drawn
+from tests.support.page_arrays import elements
 from tests.support.reports import tables_of
 from tests.support.uneven import UNEVEN
 
@@ -178,9 +178,9 @@ def test_a_platform_of_ones_own_has_all_files_and_numbers(
     assert drift["without Baumgarte, rtol 1e-3"]["steps"] < drift["without Baumgarte, rtol 1e-6"]["steps"]
     gaps = [each["closure_gap_end"] for each in drift.values()]
     assert gaps[0] > max(gaps[1:])
-    page = etree.HTML(found.files["report.html"])
-    (title,), text = page.xpath("//title/text()"), " ".join(page.xpath("string(//main)").split())
+    (title,), (main,) = (elements(found.files["report.html"], path) for path in ("//head/title/text()", "//main"))
     assert NAME in title
+    text = " ".join(main.text_content().split())
     assert [row["what"] for row in report["agreement"] if row["what"] not in text] == []
     assert repr(found).startswith(f"<Reproduction: {len(COMPARED)} of {len(COMPARED)} comparisons within their bounds")
     assert found.save(tmp_path / "out") == [tmp_path / "out" / name for name in names]
