@@ -224,7 +224,7 @@ def reproduce(
 
 def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTrajectory]) -> dict[str, bytes]:
     """File name to PNG: the paper's figures 4 to 7, and the drift of Kane's DAE at the integrator's steps, by label."""
-    pictures = {}
+    pictures = dict[str, bytes]()
 
     def label(axes: Axes, title: str, unit: str) -> None:
         axes.set(title=title, xlabel="time [s]", ylabel=f"[{unit}]")
