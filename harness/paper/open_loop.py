@@ -14,7 +14,6 @@ from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
-from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import Array, FloatArray
@@ -37,21 +36,13 @@ class Trajectory:
         return interface.unpack(interface.RESULTS, self.results)[name]
 
 
-def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress | None = None) -> Trajectory:
-    """Integrate the kernel by DOP853; the reference of all comparisons.
-
-    Raises
-    ------
-    StepError
-        The integration cannot continue.
-    """
+def run_kernel(case: OpenLoopCase, rtol: float = 1e-12) -> Trajectory:
+    """Integrate the kernel by DOP853, the reference of all comparisons; a StepError if it cannot continue."""
     kernel, platform = Kernel(), case.platform
     p, u, time = parameter_vector(platform), case.inputs.to_vector(), case.time
     has_friction = platform.leg_viscous_friction != 0 or platform.leg_coulomb_friction != 0
 
-    def derivative(t: float, x: Array) -> Array:
-        if progress is not None:
-            progress(t)
+    def derivative(_t: float, x: Array) -> Array:
         lost = 0.0
         if has_friction:
             state = State.from_vector(x[:12])
@@ -77,14 +68,8 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
     return Trajectory(solution.t, states, results, solution.y[12])
 
 
-def run_stepping(case: OpenLoopCase, rows: bool = True, progress: TimeProgress | None = None) -> FloatArray:
-    """States (n, 12) of the stepping model, one communication step per row, or one over the whole case.
-
-    Raises
-    ------
-    StepError
-        A pose that the plant cannot pass.
-    """
+def run_stepping(case: OpenLoopCase, rows: bool = True) -> FloatArray:
+    """States (n, 12) of the stepping model, a step for each row, or one; a StepError at a pose that it cannot pass."""
     model = SteppingModel(case.platform)
     model.set_many({**case.start._asdict(), "actuator_force": case.actuator_force})
     states = [model.state]
@@ -92,8 +77,6 @@ def run_stepping(case: OpenLoopCase, rows: bool = True, progress: TimeProgress |
     for t, step in zip(times[:-1], np.diff(times), strict=True):
         model.do_step(float(t), float(step))
         states.append(model.state)
-        if progress is not None:
-            progress(model.time)
     return np.array(states)
 
 
@@ -102,24 +85,17 @@ def run_kane(
     baumgarte: tuple[float, float] = (10.0, 10.0),
     rtol: float = 1e-10,
     own_steps: bool = False,
-    progress: TimeProgress | None = None,
 ) -> kane.KaneTrajectory:
     """The paper's DAE with the method of ode45; see `kane.integrate`."""
     start = kane.consistent_start(case.platform, case.start)
-    return kane.integrate(case.platform, *start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)
+    return kane.integrate(case.platform, *start, case.inputs, case.time, baumgarte, rtol, own_steps)
 
 
 def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: "FmiType") -> FloatArray:
     """States (n, 12) at the case's times: one communication step per row, or FMPy's CVode with Model Exchange.
 
-    Parameters keep the FMU's start values, those of the case's platform; the initial state and forces are set.
-
-    Raises
-    ------
-    StepError
-        The FMU or the solver failed, with the FMU's messages.
-    PlantError
-        The file is not a unit of the plant, or cannot run here.
+    Parameters keep the FMU's start values, those of the case's platform; the initial state and forces are set. A
+    StepError has the FMU's messages; a PlantError is of a file that is no unit of the plant, or cannot run here.
     """
     import fmpy
     from fmpy.fmi1 import FMICallException

@@ -71,14 +71,10 @@ _OTHERS: list[tuple[Reading, Callable[[Platform], Platform] | None]] = [
         lambda platform: replace(platform, leg_viscous_friction=1.0),
     ),
 ]
-NUMBER_OF_RUNS = len(_OTHERS)
 
 
-def other_readings(minus_first: bool = False, progress: Callable[[], None] | None = None) -> list[Reading]:
-    """Run the paper's case under each of the other readings, in the given order of its legs.
-
-    `progress` is called after each run.
-    """
+def other_readings(minus_first: bool = False) -> list[Reading]:
+    """Run the paper's case under each of the other readings, in the given order of its legs."""
     decided = paper_case(minus_first)
     final = run_kernel(decided, _RTOL).states[-1]
     rows = []
@@ -102,8 +98,6 @@ def other_readings(minus_first: bool = False, progress: Callable[[], None] | Non
             )
         except PlatformError as error:
             rows.append(replace(row, remark=f"impossible: {error}"))
-        if progress is not None:
-            progress()
     # the same motion, with orientation read as rotations about moving axes
     moving = Rotation.from_matrix(matrix_from_orientation(final[3:6])).as_euler("XYZ")
     axes = "axes of roll, pitch, yaw", "fixed X, then Y, then Z", "moving X, then Y', then Z''"

@@ -2,13 +2,14 @@
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -20,7 +21,7 @@ from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.report.document import Report, versions
 from gough_stewart.harness.report.page import PAGE, page_of
-from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panels, png
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, files_of
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
@@ -28,7 +29,6 @@ from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
@@ -161,44 +161,40 @@ def reproduce(
     shown = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     # without a terminal, its end would be an empty line
     with Progress(*shown, console=console, transient=True, disable=not console.is_terminal) as progress:
+        of_units = number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS)
+        task = progress.add_task("", total=5 + of_units + len(_DRIFT_RUNS) + case.is_published)
 
-        def over_time(description: str) -> TimeProgress:
-            task = progress.add_task(description, total=case.duration)
-            return lambda time: progress.update(task, completed=time)
-
-        def counted(description: str, total: int) -> Callable[[], None]:
-            task = progress.add_task(description, total=total)
-            return lambda: progress.advance(task)
+        def begin(step: str) -> None:
+            progress.update(task, advance=1, description=step)
 
         # first the one that detects poses a plant cannot pass
-        stepping = run_stepping(case, progress=over_time("stepping model"))
+        begin("stepping model")
+        stepping = run_stepping(case)
         leap = run_stepping(case, rows=False)
-        kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
-        kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
-        steps = number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS)
-        advance, units, unit_runs = counted("FMUs", steps), dict[str, bytes](), dict[str, FloatArray]()
+        begin("task-space kernel (DOP853)")
+        kernel = run_kernel(case)
+        begin("Kane's DAE (RK45)")
+        kane = run_kane(case)
+        units, unit_runs = dict[str, bytes](), dict[str, FloatArray]()
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            for version, path in zip(
-                VERSIONS, build(folder, platform=case.platform, progress=lambda _step: advance()), strict=True
-            ):
+            built = build(folder, platform=case.platform, progress=lambda step: begin(f"FMUs: {step}"))
+            for version, path in zip(VERSIONS, built, strict=True):
                 units[path.name] = path.read_bytes()
                 for fmi_type, words in _FMI_TYPES.items():
+                    begin(f"FMU, FMI {version} {words}")
                     unit_runs[f"FMU, FMI {version} {words}"] = run_fmu(path, case, fmi_type)
-                    advance()
-        advance = counted("drift", len(_DRIFT_RUNS))
         drift = {}
         for name, (rtol, baumgarte) in _DRIFT_RUNS.items():
+            begin(f"drift {name}")
             drift[name] = run_kane(case, baumgarte, rtol, own_steps=True)
-            advance()
         others, weight = [], None
         if case.is_published:
-            advance = counted("other readings of the paper", readings.NUMBER_OF_RUNS)
-            others = readings.other_readings(case.minus_first, advance)
+            begin("other readings of the paper")
+            others = readings.other_readings(case.minus_first)
             weight = readings.weight_of_the_published_forces()
-        advance = counted("figures", 1)
+        begin("figures")
         pictures = _pictures(case, kernel, drift)
-        advance()
-        progress.add_task("comparisons and report", total=None)
+        begin("comparisons and report")
         content = _content(
             case, kernel, agreement(case, kernel, kane, stepping, leap, unit_runs), others, weight, drift
         )
@@ -228,11 +224,17 @@ def reproduce(
 
 def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTrajectory]) -> dict[str, bytes]:
     """File name to PNG: the paper's figures 4 to 7, and the drift of Kane's DAE at the integrator's steps, by label."""
-    pictures = {}
+    pictures = dict[str, bytes]()
+
+    def label(axes: Axes, title: str, unit: str) -> None:
+        axes.set(title=title, xlabel="time [s]", ylabel=f"[{unit}]")
+        axes.margins(x=0)
+
     for number, (title, shown) in _FIGURES.items():
 
         def draw(figure: Figure, heading: str = f"Fig. {number} — {title}", shown: Any = shown) -> None:
-            all_axes = panels(figure, f"{heading} ({case.platform.name})", len(shown))
+            entitle(figure, f"{heading} ({case.platform.name})")
+            all_axes = figure.subplots(1, len(shown), squeeze=False).flat
             for axes, (name, components, what, unit) in zip(all_axes, shown, strict=True):
                 for k, component in enumerate(components):
                     style = {"color": COLOURS[k], "linestyle": DASHES[k], "label": component}
@@ -240,10 +242,11 @@ def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTraje
                 label(axes, what, unit)
                 axes.legend(ncols=2 if len(components) > 3 else 1)
 
-        pictures[f"figure-{number}.png"] = png(draw, 8.0 if len(shown) > 1 else 6.0)
+        pictures |= {f"figure-{number}.png": files_of(draw, 8.0 if len(shown) > 1 else 6.0, 3.6, ("png",))["png"]}
 
     def draw_drift(figure: Figure) -> None:
-        left, right = panels(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45", 2)
+        entitle(figure, "Drift of the constraints of Kane's DAE, at the steps of RK45")
+        left, right = figure.subplots(1, 2)
         for k, (name, drifting) in enumerate(drift.items()):
             style: dict[str, Any] = {"color": COLOURS[k], "linestyle": DASHES[k], "label": name}
             style.update(marker="o", markersize=3)
@@ -254,7 +257,7 @@ def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTraje
         label(right, "slip of the constraints, largest |Φ_q y|", "m/s, rad/s")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
-    return {**pictures, "drift.png": png(draw_drift, 9.0, 4.4)}
+    return {**pictures, "drift.png": files_of(draw_drift, 9.0, 4.4, ("png",))["png"]}
 
 
 def _content(

@@ -7,7 +7,6 @@ from textwrap import wrap
 from typing import Any
 
 import matplotlib.style as mpl_style
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gough_stewart.model.process.progress import interrupts_held_back
@@ -67,28 +66,9 @@ def files_of(draw: Draw, width: float, height: float, kinds: tuple[str, ...]) ->
     return files
 
 
-def png(draw: Draw, width: float, height: float = 3.6) -> bytes:
-    """Draw a figure of this size [inch] with `draw`, as PNG."""
-    return files_of(draw, width, height, ("png",))["png"]
-
-
 def entitle(figure: Figure, title: str) -> None:
     """Set the title of a figure, on as many lines as it needs, without TeX: a name may have a dollar sign."""
     size = 10.5
     # a letter is some 0.6 of its size wide
     lines = wrap(title, int(72 * figure.get_figwidth() / (0.6 * size)))
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=size, fontweight="bold", parse_math=False)
-
-
-def panels(figure: Figure, title: str, number: int = 1) -> list[Axes]:
-    """Create axes side by side under a title."""
-    entitle(figure, title)
-    return list(figure.subplots(1, number, squeeze=False).flat)
-
-
-def label(axes: Axes, title: str, unit: str, horizontal: str = "time [s]") -> None:
-    """Set the title and units of axes; the abscissa is time by default."""
-    axes.set_title(title)
-    axes.set_ylabel(f"[{unit}]")
-    axes.set_xlabel(horizontal)
-    axes.margins(x=0)

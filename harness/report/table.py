@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator
@@ -84,20 +85,20 @@ class Table(Data):
     def shown(self) -> list[tuple[str, ...]]:
         """The cells of all rows as a terminal shows them; a unit that a row shares is beside its first cell."""
         rows = []
-        for k in range(len(self.rows)):
-            unit = self.shared_unit(k)
+        for k, unit in enumerate(self.shared_units):
             name, *others = self.texts(k, units=not unit)
             rows.append((f"{name} {unit}" if unit else name, *others))
         return rows
 
-    def shared_unit(self, row: int) -> str:
-        """The unit of a row whose values have the same one, which is then said once; "" for another row.
+    @cached_property
+    def shared_units(self) -> tuple[str, ...]:
+        """By row, the unit of one whose values have the same one, which is then said once; "" for another row.
 
         Where columns state units too, this holds for all rows or none, so that they look alike.
         """
         units = [{cell.quantity.unit_text for cell in cells[1:] if isinstance(cell, Value)} for cells in self.rows]
         is_mixed = any(column.quantity for column in self.columns[1:]) and any(len(kinds) > 1 for kinds in units)
-        return next(iter(units[row])) if len(units[row]) == 1 and not is_mixed else ""
+        return tuple("" if is_mixed or len(kinds) != 1 else kinds.pop() for kinds in units)
 
     def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
         """The cells of a row as shown; units only where the column does not state it, or never."""

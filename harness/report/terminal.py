@@ -97,7 +97,7 @@ class TerminalTable:
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
         heads = table.heads
-        columns = [(head, *(row[k] for row in table.shown[:shown])) for k, head in enumerate(heads)]
+        columns = list(zip(heads, *table.shown[:shown], strict=True))
         if table.title:
             yield Text(table.title, "bold")
         for part in stacked_columns(columns, options.max_width):
@@ -107,7 +107,7 @@ class TerminalTable:
                 rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
             for number in range(shown):
                 cells = [Text(columns[k][number + 1]) for k, _ in part]
-                if unit := table.shared_unit(number):
+                if unit := table.shared_units[number]:
                     cells[0].stylize("dim", len(cells[0]) - len(unit))
                 rows.add_row(*cells, end_section=number in table.group_ends)
             yield rows

@@ -53,12 +53,7 @@ def clearance(platform: Platform, q: PoseQualities, pitch: FloatArray) -> FloatA
 def isosurface(axes: Sequence[FloatArray], field: FloatArray, colour: FloatArray) -> Isosurface:
     """The surface on which a field is 0, by linear interpolation between neighbours; closed at the ends of the grid.
 
-    Parameters
-    ----------
-    axes
-        Coordinates of the grid, increasing: (k,), (l,), (m,).
-    field, colour
-        Values at the grid points (k, l, m); `colour` is interpolated onto the surface.
+    Coordinates of the grid (k,), (l,), (m,) increase; `colour` at its points (k, l, m) is interpolated as well.
     """
     # repeat the end planes with negative values, so that the surface is cut flat at the ends of the grid
     points = np.stack(np.meshgrid(*(np.pad(axis, 1, mode="edge") for axis in axes), indexing="ij"), axis=-1)

@@ -178,13 +178,7 @@ def workspace_csv(workspace: Workspace) -> bytes:
 
 
 def workspace_report(workspace: Workspace, *, surface: bool = True) -> Report:
-    """The report of a sweep, with maps of all results.
-
-    Parameters
-    ----------
-    surface
-        Of a volume, also the surface around it, which takes seconds.
-    """
+    """The report of a sweep, with maps of all results; of a volume also the `surface`, which takes seconds."""
     platform, maps = workspace.platform, list[Part](_maps(workspace))
     around = surface_of(workspace) if surface and len(workspace.shape) == 3 else None
     if around is not None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -34,9 +35,9 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def watched(browser: Browser, width: int = 1000, height: int = 640) -> Watched:
+def watched(browser: Browser, width: int = 1000, height: int = 640, **options: Any) -> Watched:
     """A new page; what it complains of, and whatever it asks for besides its own file, is kept."""
-    page = browser.new_page(viewport={"width": width, "height": height})
+    page = browser.new_page(viewport={"width": width, "height": height}, **options)
     found = Watched(page)
     page.on("console", lambda said: found.errors.append(said.text) if said.type == "error" else None)
     page.on("pageerror", lambda error: found.errors.append(str(error)))
@@ -44,14 +45,40 @@ def watched(browser: Browser, width: int = 1000, height: int = 640) -> Watched:
     return found
 
 
-def open_report(browser: Browser, path: Path, moment: float | None = None) -> Watched:
-    """The page of a record, drawn; standing still at a moment [s] if one is given."""
-    found = watched(browser)
-    found.page.goto(path.as_uri() + ("" if moment is None else f"#t={moment}"))
+# Drawing in software costs most of what a page does; charts are the same without.
+WITHOUT_WEBGL = """
+  const own = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+    return kind.includes("webgl") ? null : own.call(this, kind, ...more);
+  };
+"""
+
+
+@contextmanager
+def open_report(
+    browser: Browser,
+    path: Path,
+    link: str = "",
+    size: tuple[int, int] = (1000, 640),
+    *,
+    webgl: bool = True,
+    **options: Any,
+) -> Iterator[Watched]:
+    """A page, drawn, until the end of a block: it must have caused no error and no request but for itself.
+
+    With a `link` such as "t=0" a page stands still.
+    """
+    found = watched(browser, *size, **options)
+    if not webgl:
+        found.page.add_init_script(WITHOUT_WEBGL)
+    found.page.goto(f"{path.as_uri()}#{link}" if link else path.as_uri())
     until(found.page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
     # the options of the view are a click away
     found.page.evaluate("document.querySelectorAll('.stage-options').forEach((each) => { each.open = true; })")
-    return found
+    yield found
+    assert found.errors == []
+    assert [address for address in found.requests if not address.startswith(path.as_uri())] == []
+    found.page.close()
 
 
 def until(page: Page, expression: str, seconds: float = 60) -> None:

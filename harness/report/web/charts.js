@@ -165,7 +165,8 @@
   const panelOf = (chart, host) => {
     const plot = host.querySelector(".plot"), hidden = (name) => element("div", { class: name, hidden: "" });
     plot.tabIndex = 0;
-    plot.setAttribute("role", "img");
+    // a group, since Bokeh's buttons are in it
+    plot.setAttribute("role", "group");
     plot.setAttribute("aria-label", `Chart of ${chart.title}`);
     const panel = {
       chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,

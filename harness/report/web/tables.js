@@ -39,7 +39,11 @@
     const heads = [...table.tHead?.rows[0].cells ?? []].map((cell) => cell.textContent);
     // short names leave room for two values in a line
     table.classList.toggle("short", heads.every((text) => text.length <= 16));
-    for (const row of table.tBodies[0].rows) for (const cell of row.cells) cell.dataset.head = heads[cell.cellIndex] || "";
+    for (const row of table.tBodies[0].rows) {
+      for (const cell of row.cells) cell.dataset.head = heads[cell.cellIndex] || "";
+      // a card is named by its first cell: "leg 1" rather than 1
+      if (!heads[0] || !/^\d+$/.test(row.cells[0].textContent)) delete row.cells[0].dataset.head;
+    }
   };
   const fit = (box) => {
     const table = box.querySelector("table");

@@ -98,16 +98,18 @@
   const GS = GoughStewart;
   const FOV = 36, REST = 300;
 
-  // Whether rendering is in software, by the renderer's name.
+  // Whether rendering is in software, by the renderer's name; null if there is none.
   GS.software = () => {
-    const gl = document.createElement("canvas").getContext("webgl"), more = gl && gl.getExtension("WEBGL_debug_renderer_info");
+    const gl = document.createElement("canvas").getContext("webgl"), more = gl?.getExtension("WEBGL_debug_renderer_info");
+    if (!gl) return null;
     const name = more ? gl.getParameter(more.UNMASKED_RENDERER_WEBGL) : "";
-    if (gl) gl.getExtension("WEBGL_lose_context")?.loseContext();
+    gl.getExtension("WEBGL_lose_context")?.loseContext();
     return /SwiftShader|llvmpipe|softpipe|Basic Render|software/i.test(name);
   };
 
   GS.viewer = (element) => {
     const soft = GS.software();
+    if (soft === null) throw new Error("no context");
     // Without a graphics card, smooth edges cost as much as all else. Those of bodies wait until nothing moves.
     const renderer = new THREE.WebGLRenderer({ antialias: !soft, alpha: true });
     renderer.shadowMap.enabled = true;

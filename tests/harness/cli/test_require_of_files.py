@@ -101,22 +101,23 @@ ABSENT = [
     ("structure.first_mode", "the legs are rigid; set platform.parameters.leg_stiffness"),
     ("margins.believed.disk", "the machine is the platform of the design; set plant.parameters"),
 ]
-STUDIES = {
-    "check": "check mine.toml",
-    "margins": "margins mine.toml",
-    "run": "run mine.toml",
-    "ensemble": "ensemble mine.toml --members 3",
-    "export": "export mine.toml --as c",
-    "tune": f"tune mine.toml {SEARCH}",
-}
+STUDIES = [
+    "check mine.toml",
+    "margins mine.toml",
+    f"tune mine.toml {SEARCH}",
+    "run mine.toml",
+    "ensemble mine.toml --members 3",
+    "export mine.toml --as c",
+]
 
 
-@pytest.mark.parametrize("study", STUDIES)
-@pytest.mark.parametrize(("path", "said"), [*UNKNOWN, *ABSENT], ids=[path for path, _ in (*UNKNOWN, *ABSENT)])
-def test_a_number_that_no_study_of_it_has_is_refused_before_anything_is_done(study: str, path: str, said: str) -> None:
+@pytest.mark.parametrize(
+    ("words", "path", "said"), [(s, *n) for s, n in zip(STUDIES, [*UNKNOWN, *ABSENT], strict=True)]
+)
+def test_a_number_that_no_study_of_it_has_is_refused_before_anything_is_done(words: str, path: str, said: str) -> None:
     """Expected: exit code 2, the nearest path or the setting that gives the number, and no file."""
     requiring("heave_tolerances", {path: ">= 1"})
-    done = invoke(*shlex.split(STUDIES[study]), "--out", "out")
+    done = invoke(*shlex.split(words), "--out", "out")
     assert done.exit_code == 2, done.output
     assert f"mine.toml: require: the requirement '{path} >= 1'" in done.stderr
     assert re.search(said, done.stderr)
@@ -125,7 +126,6 @@ def test_a_number_that_no_study_of_it_has_is_refused_before_anything_is_done(stu
 
 REMEDIES = [
     ("check", "limits.leg_acceleration_max <= 90 %", "platform.parameters.leg_acceleration_max=50"),
-    ("margins", "structure.first_mode >= 1 Hz", "platform.parameters.leg_stiffness=1e8"),
     ("margins", "margins.believed.disk >= 0.1", "plant.parameters.platform_mass=1700"),
 ]
 

@@ -15,6 +15,7 @@ import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.demo import Demo
 from tests.support.figures import data_of, figures_drawn
+from tests.support.page_arrays import elements
 from tests.support.reports import tables_of
 from tests.support.uneven import UNEVEN
 
@@ -124,12 +125,17 @@ def test_the_published_forces_are_those_of_the_whole_weight(published: dict[str,
     }
 
 
+# A text to the figures and to the page, in any script.
+NAME = "a [red]b[/nope] $\\frac{c$ <b> 台"
+
+
 @pytest.fixture(scope="module")
 def uneven() -> tuple[gs.Platform, Any, list[Figure]]:
     """A short-legged, uneven platform with friction, and its figures as they were drawn."""
+    platform = replace(UNEVEN, name=NAME)
     with figures_drawn(is_rendered=False) as figures:
-        found = gs.reproduce(UNEVEN, page=True)
-    return UNEVEN, found, figures
+        found = gs.reproduce(platform, page=True)
+    return platform, found, figures
 
 
 def test_a_platform_of_ones_own_has_all_files_and_numbers(
@@ -172,6 +178,10 @@ def test_a_platform_of_ones_own_has_all_files_and_numbers(
     assert drift["without Baumgarte, rtol 1e-3"]["steps"] < drift["without Baumgarte, rtol 1e-6"]["steps"]
     gaps = [each["closure_gap_end"] for each in drift.values()]
     assert gaps[0] > max(gaps[1:])
+    (title,), (main,) = (elements(found.files["report.html"], path) for path in ("//head/title/text()", "//main"))
+    assert NAME in title
+    text = " ".join(main.text_content().split())
+    assert [row["what"] for row in report["agreement"] if row["what"] not in text] == []
     assert repr(found).startswith(f"<Reproduction: {len(COMPARED)} of {len(COMPARED)} comparisons within their bounds")
     assert found.save(tmp_path / "out") == [tmp_path / "out" / name for name in names]
     assert {each.name: each.read_bytes() for each in (tmp_path / "out").iterdir()} == found.files
@@ -192,7 +202,7 @@ def test_figures_show_each_number_under_its_name(uneven: tuple[gs.Platform, Any,
     *pictures, drift = figures
     for figure, (title, panels) in zip(pictures, shown, strict=True):
         assert figure.get_suptitle().startswith(title)
-        assert figure.get_suptitle().endswith("(uneven)")
+        assert figure.get_suptitle().replace("\n", " ").endswith(f"({NAME})")
         for axes, (what, (name, labels)) in zip(figure.axes, panels.items(), strict=True):
             assert (axes.get_title(loc="left"), axes.get_xlabel()) == (what, "time [s]")
             lines = axes.get_lines()

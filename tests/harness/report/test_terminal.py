@@ -41,13 +41,21 @@ def test_the_verdict_is_the_first_line_then_its_numbers_then_requirements_then_t
 
 
 def test_units_stand_once_and_what_is_left_out_is_counted() -> None:
-    """Expected: by hand; a unit stands beside the name of a row that shares it, or in the head."""
+    """Expected: by hand; a unit stands beside the name of a row that shares it, or in the head.
+
+    Where a column states its unit and a row has several, all numbers have theirs.
+    """
     legs = [["peak error", *({"value": 1e-4 * leg, "quantity": "length"} for leg in (1, 2))],
             ["peak force", *({"value": 101.5 * leg, "quantity": "force"} for leg in (1, 2))]]  # fmt: skip
     columns = [{"name": "cause"}, {"name": "peak", "quantity": "length"}]
     parts = (
         table("Legs", [{"name": ""}, {"name": "1"}, {"name": "2"}], legs, note="over the whole run"),
         table("Causes", columns, [["a", 1e-3], ["b", -2.5e-3], ["c", 3e-3]], first_shown=2),
+        table(
+            "Mixed",
+            [*columns, {"name": "1"}, {"name": "2"}],
+            [["a", 1e-3, *legs[1][1:]], ["b", 1e-3, *legs[0][1:2], legs[1][1]]],
+        ),
         table("Versions", [{"name": ""}], [["python"]], detail=True),
         {"part": "note", "text": "A sentence."},
     )
@@ -61,6 +69,9 @@ def test_units_stand_once_and_what_is_left_out_is_counted() -> None:
         ["cause", "peak [mm]"],
         ["a", "1"],
         ["b", "-2.5"],
+        ["cause", "peak [mm]", "1", "2"],
+        ["a", "1", "101.5 N", "203 N"],
+        ["b", "1", "0.1 mm", "101.5 N"],
     ]
     assert all(each in text for each in ("over the whole run", "… 1 more on the page", "A sentence.", "of ten runs"))
     assert not any(each in text for each in ("Versions", "beyond its stroke"))

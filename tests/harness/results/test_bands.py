@@ -63,7 +63,7 @@ def test_chunks_of_members_make_the_same_bands_as_their_records() -> None:
     """Expected: of 600 members in two chunks, the extremes over all of them, and the number of those that run."""
     settings = {
         "loop.duration": 0.02,
-        "ensemble": {"members": 600, "signals": ["position"], "reference.at": {"uniform": [0.001, 0.01]}},
+        "ensemble": {"members": 600, "signals": ["position"], "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}},
     }
     whole = gs.ensemble("heave_step", settings, workers=1)
     few = [gs.run("heave_step", settings, member=k)["position[3]"][-1] for k in (0, 511, 512, 599)]

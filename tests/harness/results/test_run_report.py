@@ -75,7 +75,13 @@ def test_a_run_that_follows_says_how_near_and_which_limit_it_uses_most() -> None
     # of the run's actuators, which may be weaker than the platform's
     weak = changed(record, actuator_force=40.0, leg_velocity=0.0)
     assert "forces 32 % of what the drives have" in verdict(weak, force_limit=125.0).text
-    assert " and " not in verdict(changed(record, error__orientation=1e-9)).text.split(";")[0]
+    # a turn is told from a tenth of the position error on, by what it moves at the joints
+    small = gs.load_preset("desktop_hexapod")
+    reach = np.linalg.norm(small.platform_points, axis=1).mean()
+    for share, is_told in ((0.09, False), (0.11, True)):
+        turned = {"error__position": [1e-3, 0.0, 0.0], "error__orientation": [0.0, share * 1e-3 / reach, 0.0]}
+        text = verdict(changed(waving_record(small), **turned)).text
+        assert (" and " in text.split(";")[0]) == is_told
 
 
 @pytest.mark.parametrize("size", [0.03, -0.12])
@@ -174,22 +180,31 @@ def test_what_was_set_is_told_beside_what_the_file_has() -> None:
 
 
 def test_faults_stand_in_the_verdict_and_at_their_times_in_charts() -> None:
-    """Expected: the experiment's two faults, of which the run has not seen a third, in order of time."""
+    """Expected: the experiment's two faults, of which the run has not seen a third, in order of time.
+
+    A controller is off from where it was first switched off to where it is on again.
+    """
     faults = [
         {"at": 0.3, "duration": 0.1, "freeze": {"leg_length": [2, 5]}}, {"at": 0.1, "cut": [3]}, {"at": 9.0, "cut": [1]}
     ]  # fmt: skip
+    switched = {0.45: False, 0.25: True, 0.05: False, 0.15: False}
+    changes = [{"at": at, "enabled": enabled} for at, enabled in switched.items()]
     made = waving_record(PLATFORM, rows=501)
-    record = gs.Record(made.table, {**made.metadata, "experiment": {"fault": faults}})
+    record = gs.Record(made.table, {**made.metadata, "experiment": {"fault": faults, "change": changes}})
     report = record.report()
-    said = "Leg 3 without force from 0.1 s; leg_length 2 and 5 frozen from 0.3 to 0.4 s; "
+    said = "Controller off from 0.05 to 0.25 s; leg 3 without force from 0.1 s; "
+    said += "leg_length 2 and 5 frozen from 0.3 to 0.4 s; controller off from 0.45 s; "
     assert report.verdict.text.startswith(said)
     ended = verdict(record, outcome={"status": "diverged", "time": 0.2, "cause": None})
     assert ended.text.endswith("; leg 3 without force from 0.1 s")
     marks = [mark for mark in part(report, "Chart", "position error").marks if mark.direction == "vertical"]
     assert [(mark.value, mark.text) for mark in marks] == [
+        (0.05, "controller off from"),
+        (0.25, "controller off until"),
         (0.1, "leg 3 without force from"),
         (0.3, "leg_length 2 and 5 frozen from"),
         (0.4, "leg_length 2 and 5 frozen until"),
+        (0.45, "controller off from"),
     ]
 
 
