@@ -23,7 +23,7 @@ from gough_stewart.model.vectors import FloatArray
 _GRID = 600
 _FINE_GRID = 4000
 # Largest number of states for a direct solution; beyond it, a triangular form is solved in blocks of limited size.
-_FEW_STATES = 16
+_FEW_STATES = 64
 _FEW_FREQUENCIES = 16
 _MOST_NUMBERS = 4_000_000
 # Factors on the gains that are tried for an unstable loop, the nearest first.

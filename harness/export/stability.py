@@ -252,7 +252,8 @@ class _LinearLoops:
         poses = np.concatenate([motion.position[rows], motion.orientation[rows]], axis=1)
         _, first = np.unique(poses, axis=0, return_index=True)
         self._poses = [(float(timing.times[rows[k]]), poses[k]) for k in sorted(first)]
-        self.margins, self.disk_alpha = cache(self._margins), cache(self._disk_alpha)
+        self.margins = cache(self._margins)
+        self.disk_alpha = cache(lambda machine, at: disk_margin(self._transfer(machine, at)).alpha)  # of stable loops
 
     def _transfer(self, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Any:
         """L(z) of a machine, by default in the first pose of the reference."""
@@ -270,10 +271,6 @@ class _LinearLoops:
             return loop_margins(self._transfer(machine, at))
         except UnstableLoopError:
             return None
-
-    def _disk_alpha(self, machine: Platform, at: Delays) -> float:
-        """The disk margin of a loop that is stable."""
-        return disk_margin(self._transfer(machine, at)).alpha
 
     def without_members(self, place: LoopAround, experiment: Experiment) -> LoopStability:
         """The loop of the experiment's own machine: in its first pose, along its motion, after its changes."""

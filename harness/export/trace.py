@@ -83,10 +83,12 @@ class Traced(NamedTuple):
 def traced(designed: Designed) -> Traced:
     """All functions of a designed controller."""
     measured = interface.size_of(designed.measured)
-    of_poses, relative = (_functions_of_poses(designed, home) for home in (None, home_of(designed.platform)))
+    platform = {v.name: casadi.SX.sym(v.name, v.size) for v in designed.platform_parameters}
+    of_motion = {"motion": casadi.SX.sym("motion", N_MOTION), **platform}
+    homes = None, home_of(designed.platform)
+    of_poses, relative = (_functions_of_poses(designed, of_motion, home) for home in homes)
     feedforward = None
     if designed.feedforward != "none":
-        of_motion = _motion_and_platform(designed)
         at = motion_in(of_motion["motion"])
         force = feedforward_of(designed.feedforward, symbols.parameters_of(of_motion), at)
         feedforward = symbols.function("feedforward", of_motion, {"force": force})
@@ -116,15 +118,9 @@ def traced(designed: Designed) -> Traced:
     return Traced(of_poses, relative, coefficients, feedforward, limits, drives, sensors)
 
 
-def _motion_and_platform(designed: Designed) -> dict[str, casadi.SX]:
-    """Symbols of a motion, and of the platform's parameters."""
-    platform = {v.name: casadi.SX.sym(v.name, v.size) for v in designed.platform_parameters}
-    return {"motion": casadi.SX.sym("motion", N_MOTION), **platform}
-
-
-def _functions_of_poses(designed: Designed, home: Home | None) -> PoseFunctions:
+def _functions_of_poses(designed: Designed, of_motion: symbols.Symbols, home: Home | None) -> PoseFunctions:
     """With a home, poses and lengths are relative to it."""
-    path, of_motion = path_of(designed.reference), _motion_and_platform(designed)
+    path = path_of(designed.reference)
     later = expected = None
     if designed.feedforward != "none" and designed.reference_inputs:
         vector, ahead = of_motion["motion"], casadi.SX.sym("ahead")
