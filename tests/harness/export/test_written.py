@@ -130,6 +130,7 @@ def test_the_header_says_what_the_controller_is_and_does() -> None:
     flash = f"Constants in flash: {8 * numbers + 24} bytes, besides those in the code; {4 * numbers + 24} in single"
     assert flash in header
     without = source_of(uneven_experiment(reference=SINE, controller=PD))
+    assert "R(0.0), /* force_rate_limit */" in without.read_text()
     for text, source in {
         "the feedforward, of the last good reference if that is the fault": written(reference="inputs"),
         "the feedforward": written(),
@@ -280,7 +281,7 @@ def test_the_command_reports_forms_and_the_least_robust_loop(tmp_path: Path) -> 
     assert text.startswith("Written as C; UNSTABLE in C with no delay: |z| = 2.1632")
     assert numbers["stability.largest_eigenvalue"] == pytest.approx(2.1632, abs=1e-4)
     assert [numbers[name] for name in names[2:]] == [0, 0, 0]
-    assert rows[0][:3] == ["in C", "UNSTABLE", 0]
+    assert (rows[0][:3], rows[0][5]) == (["in C", "UNSTABLE", 0], 0)
     open_loop = ["--set", "controller={type='open_loop',feedforward='gravity'}"]
     text, numbers, _ = told("pitch_sine", "--as", "c", *open_loop)
     assert (text, numbers) == ("Written as C; no loop was judged for stability", {"files": 3})
