@@ -19,6 +19,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.harness.experiment.file import load_experiment
+from gough_stewart.harness.export import trace
 from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model import interface
@@ -97,7 +98,7 @@ def main() -> int:
     missed = []
     for what, (name, settings, target) in CASES.items():
         design = designed(load_experiment(name, settings))
-        sources = controller_sources(design)
+        sources = controller_sources(design, trace.traced(design))
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch)
             for file, text in {**sources.units, **sources.headers}.items():

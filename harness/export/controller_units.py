@@ -26,6 +26,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import stability_of
+from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.harness.plants.signals import AT_MOTORS, Side
 from gough_stewart.model.process.progress import StepProgress
@@ -34,11 +35,11 @@ PLANT, CONTROLLER = "plant", "controller"
 
 
 def component_of(
-    designed: Designed, name: str = "controller", stop_time: float = 1.0, *, output_delay: int = 1
+    designed: Designed, functions: Traced, name: str = "controller", stop_time: float = 1.0, *, output_delay: int = 1
 ) -> UnitComponent:
     """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
     # the notes are in the unit's page: they do not change the meaning of its saved states
-    plain = controller_sources(replace(designed, notes=()))
+    plain = controller_sources(replace(designed, notes=()), functions)
     # what is expected, in the user's terms: `anti_windup_time[1] >= sample_time`
     parameters = []
     for setting in designed.settings:
@@ -95,7 +96,7 @@ def exported_controller(
         for text in notes_of(experiment, "run", stability["run"]).warnings:
             warn(text)
     with tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True) as folder:
-        unit = component_of(law, "controller", experiment.loop.duration)
+        unit = component_of(law, traced(law), "controller", experiment.loop.duration)
         (path,) = build_units(unit, folder, fmi=[fmi_version], progress=progress)
         yield UnitController(path, is_foreign=False)
 

@@ -167,7 +167,8 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
     check_installed(TRACER)
     from gough_stewart.harness.export.controller_units import component_of, loop_archive
     from gough_stewart.harness.export.design import designed
-    from gough_stewart.harness.export.write import c_files
+    from gough_stewart.harness.export.trace import traced
+    from gough_stewart.harness.export.write import c_files, controller_sources
 
     prepared = prepare(chosen, controller)
     law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared, inside)
@@ -176,7 +177,7 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
     if refused is not None and not (allow_unstable or anyway):
         raise refused
     notes = {host: notes_of(chosen, host, judged[host], law.carried) for host in hosts}
-    duration, late = chosen.loop.duration, output_delay_of(chosen)
+    duration, late, functions = chosen.loop.duration, output_delay_of(chosen), traced(law)
 
     def unit_of(host: Host) -> UnitComponent:
         """Its forces act at least one sample late.
@@ -185,11 +186,12 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
         """
         delay = late if host == "ssp" or law.carried.drives else 1
         of_host = replace(law, delay=late, notes=notes[host].inside)
-        return component_of(of_host, f"{name}_controller", duration, output_delay=delay)
+        return component_of(of_host, functions, f"{name}_controller", duration, output_delay=delay)
 
     if "c" in hosts:
         report("C")
-        files |= c_files(chosen, replace(law, notes=notes["c"].inside), f"{name}_controller", prepared, controller)
+        sources = controller_sources(replace(law, notes=notes["c"].inside), functions, f"{name}_controller")
+        files |= c_files(chosen, law, sources, prepared, controller)
     if "fmu" in hosts:
         files |= unit_archives(unit_of("fmu"), versions, systems, report)
     if "ssp" in hosts:

@@ -228,6 +228,7 @@ def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> 
     """
     around = () if host == "ssp" else _OF_PLANT
     carried = {key for part in parts for key in _CARRIES[part]}
+    carried |= {"sensors.side"} if host == "ssp" else set()  # which is connected
     missing = list[str]()
     for section, table in experiment.model_dump(exclude_defaults=True).items():
         if section in _HAS or section in (*around, "ensemble"):

@@ -7,8 +7,8 @@ first pose of its reference and along its motion, the machine after each change 
 """
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
@@ -18,6 +18,7 @@ from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.loop_margins import (
     Margins,
     closed_loop,
+    disk_margin,
     frequency_of,
     loop_margins,
     remedy_of,
@@ -189,31 +190,34 @@ def stability_of(
         return dict.fromkeys(hosts, StabilityReport(reason=str(error)))
 
     # members, of which what surroundings have in common is judged once
-    tallies = {place: Tally() for place in surroundings}
-    for done, of_all, number, member in _members_of(experiment):
+    members = {place: list[_Member]() for place in surroundings}
+    count = 0
+    for count, of_all, number, member in _members_of(experiment):
         cases = dict[Delays, _Member | None]()
-        for place, tally in tallies.items():
+        for place, of_place in members.items():
             at = None if member is None else place.delays(member[1], loop)
             if member is not None and at is not None and at not in cases:
                 cases[at] = linear.member(number, member[0], at)
-            tally.add(None if at is None else cases[at])
+            if at is not None and (judged := cases[at]) is not None:
+                of_place.append(judged)
         if progress is not None:
-            progress(done, of_all)
+            progress(count, of_all)
 
     def whole(place: LoopAround) -> LoopStability:
-        tally, judged = tallies[place], found[place]
-        known: list[tuple[Case, Margins]] = []
-        if margins and not tally.unstable:
-            candidates = [(m.case, linear.margins(m.machine, m.case.loop)) for m in tally.extremes]
-            known = [(case, known_margins) for case, known_margins in candidates if known_margins is not None]
+        nominal, extremes = found[place], least_robust(members[place])
+        unstable, of_worst = sum(member.case.size >= 1 for member in members[place]), None
+        if margins and extremes and not unstable:
+            member = min(extremes, key=lambda m: linear.disk_alpha(m.machine, m.case.loop))
+            of_member = linear.margins(member.machine, member.case.loop)
+            of_worst = None if of_member is None else (member.case, of_member)
         return replace(
-            judged,
-            members=tally.members,
-            impossible=tally.impossible,
-            unstable=tally.unstable,
-            worst=tally.extremes[0].case if tally.extremes else None,
-            margins=linear.margins(prepared.machine, judged.nominal.loop) if margins else None,
-            margins_of_worst=min(known, key=lambda pair: pair[1].disk.alpha, default=None),
+            nominal,
+            members=len(members[place]),
+            impossible=count - len(members[place]),
+            unstable=unstable,
+            worst=extremes[0].case if extremes else None,
+            margins=linear.margins(prepared.machine, nominal.nominal.loop) if margins else None,
+            margins_of_worst=of_worst,
         )
 
     return {host: StabilityReport(tuple(map(whole, loops))) for host, loops in around.items()}
@@ -226,28 +230,15 @@ class _Member(NamedTuple):
     peak: float  # of σ(S − T) on a coarse grid of frequencies
 
 
-@dataclass
-class Tally:
-    """Members as they come: their numbers, and those that look the least robust, by each sign of it."""
-
-    members: int = 0
-    unstable: int = 0
-    impossible: int = 0
-    extremes: tuple[_Member, ...] = field(default=())  # largest |z|, least damping, largest peak
-
-    def add(self, member: _Member | None) -> None:
-        """A member's loop; None if the member is impossible, or its machine has no linear model there."""
-        if member is None:
-            self.impossible += 1
-            return
-        self.members += 1
-        self.unstable += member.case.size >= 1
-        members = (*self.extremes, member)
-        self.extremes = (
-            max(members, key=lambda m: m.case.size),
-            min(members, key=lambda m: m.damping_ratio),
-            max(members, key=lambda m: m.peak),
-        )
+def least_robust(members: Sequence[_Member]) -> tuple[_Member, ...]:
+    """Members that look it, by each sign: the largest |z|, the least damping, the largest peak."""
+    if not members:
+        return ()
+    return (
+        max(members, key=lambda m: m.case.size),
+        min(members, key=lambda m: m.damping_ratio),
+        max(members, key=lambda m: m.peak),
+    )
 
 
 class _LinearLoops:
@@ -262,6 +253,7 @@ class _LinearLoops:
         _, first = np.unique(poses, axis=0, return_index=True)
         self._poses = [(float(timing.times[rows[k]]), poses[k]) for k in sorted(first)]
         self.margins = cache(self._margins)
+        self.disk_alpha = cache(lambda machine, at: disk_margin(self._transfer(machine, at)).alpha)  # of stable loops
 
     def _transfer(self, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Any:
         """L(z) of a machine, by default in the first pose of the reference."""

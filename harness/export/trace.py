@@ -20,7 +20,7 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed
 from gough_stewart.harness.export.laws import ExportedLaw, FunctionLaw
-from gough_stewart.harness.export.symbols import Home, change_of_lengths
+from gough_stewart.harness.export.symbols import Home, change_of_lengths, home_of
 from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
@@ -46,17 +46,29 @@ class TracedComponent(NamedTuple):
     n_states: int
 
 
-class Traced(NamedTuple):
-    """The functions of a controller; None if it does not need one."""
+class PoseFunctions(NamedTuple):
+    """The functions of poses and lengths; None if a controller does not need one."""
 
-    coefficients: casadi.Function | None  # settings -> law
     path: casadi.Function | None  # of a motion along a path: splines, speed -> pose, rate, acceleration
     motion: casadi.Function | None  # time, or pose, rate, acceleration of a table -> motion
     extrapolated: casadi.Function | None  # motion, ahead -> later
-    feedforward: casadi.Function | None  # motion, platform -> force
     start: casadi.Function | None  # states -> states at rest in the measurements, at the start and after bad inputs
     expected: casadi.Function | None  # motion, platform -> references of the measurements that are watched
     law: casadi.Function | None  # -> force, next
+
+    @property
+    def needs_motion(self) -> bool:
+        """Whether the reference at a sample is computed, not only the one ahead."""
+        return any(f is not None and "motion" in f.name_in() for f in (self.law, self.start, self.expected))
+
+
+class Traced(NamedTuple):
+    """The functions of a controller; None if it does not need one."""
+
+    of_poses: PoseFunctions
+    relative: PoseFunctions  # the same relative to home, where the law gives the changes of its states
+    coefficients: casadi.Function | None  # settings -> law
+    feedforward: casadi.Function | None  # motion, platform -> force
     limits: TracedComponent  # of the command
     drives: TracedComponent | None
     sensors: TracedComponent | None
@@ -66,36 +78,20 @@ class Traced(NamedTuple):
         """Those of them that there are."""
         return tuple(part for part in (self.sensors, self.limits, self.drives) if part is not None)
 
-    @property
-    def needs_motion(self) -> bool:
-        """Whether the reference at a sample is computed, not only the one ahead."""
-        return any(f is not None and "motion" in f.name_in() for f in (self.law, self.start, self.expected))
-
 
 @interrupts_held_back()
-def traced(designed: Designed, home: Home | None = None) -> Traced:
-    """All functions of a designed controller; with a home, poses and lengths are relative to it.
-
-    Then the law gives the changes of its states in place of the next ones.
-    """
-    law, path, measured = designed.law, path_of(designed.reference), interface.size_of(designed.measured)
+def traced(designed: Designed) -> Traced:
+    """All functions of a designed controller."""
+    measured = interface.size_of(designed.measured)
     platform = {v.name: casadi.SX.sym(v.name, v.size) for v in designed.platform_parameters}
-    vector, ahead = casadi.SX.sym("motion", N_MOTION), casadi.SX.sym("ahead")
-    of_motion = {"motion": vector, **platform}
-
-    # the feedforward, and the motion for which it is if that is not known before
-    later = feedforward = expected = None
+    of_motion = {"motion": casadi.SX.sym("motion", N_MOTION), **platform}
+    homes = None, home_of(designed.platform)
+    of_poses, relative = (_functions_of_poses(designed, of_motion, home) for home in homes)
+    feedforward = None
     if designed.feedforward != "none":
-        force = feedforward_of(designed.feedforward, symbols.parameters_of(platform), motion_in(vector, home))
+        at = motion_in(of_motion["motion"])
+        force = feedforward_of(designed.feedforward, symbols.parameters_of(of_motion), at)
         feedforward = symbols.function("feedforward", of_motion, {"force": force})
-        if designed.reference_inputs:
-            at = _from_home(extrapolated(motion_in(vector, home), symbols.row(ahead)), home)
-            later = symbols.function("extrapolated", {"motion": vector, "ahead": ahead}, {"later": vector_of(at)})
-    if designed.watched:
-        references = _references(of_motion, [v.name for v in designed.watched], home)
-        expected = symbols.function("references_watched", of_motion, {"expected": casadi.vertcat(*references)})
-
-    start, step = (None, None) if law is None else _law(designed, home)
 
     # limits on the command, with the excess if the law hears of it; and what is carried of the machine
     settings = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in designed.settings}
@@ -109,7 +105,7 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
             values[p.key] = where(greater(elements, 0.0), elements, p.none or 0.0)
         return traced_component(kind, name, values, period, settings, {signal: N_LEGS}, **options)
 
-    hears_excess = step is not None and "excess" in step.name_in()
+    hears_excess = of_poses.law is not None and "excess" in of_poses.law.name_in()
     options: dict[str, Any] = {} if hears_excess else {"left_out": ("change",), "wanted": ForceLimits.outputs[:2]}
     limits = component(ForceLimits, "force_limits", T, "command", **options)
     drives = component(Drive, "drives", T / parts.steps_a_sample, "target") if parts.drives else None
@@ -118,12 +114,26 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
         steps = (casadi.repmat(settings[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured)
         values = {"quantisation": symbols.elements(casadi.vertcat(*steps))[:, None]}
         sensors = traced_component(Sensor, "sensors", values, T, settings, {"true": measured, "noise": 0})
-    return Traced(
-        None if law is None else law.coefficients,
+    coefficients = None if designed.law is None else designed.law.coefficients
+    return Traced(of_poses, relative, coefficients, feedforward, limits, drives, sensors)
+
+
+def _functions_of_poses(designed: Designed, of_motion: symbols.Symbols, home: Home | None) -> PoseFunctions:
+    """With a home, poses and lengths are relative to it."""
+    path = path_of(designed.reference)
+    later = expected = None
+    if designed.feedforward != "none" and designed.reference_inputs:
+        vector, ahead = of_motion["motion"], casadi.SX.sym("ahead")
+        at = _from_home(extrapolated(motion_in(vector, home), symbols.row(ahead)), home)
+        later = symbols.function("extrapolated", {"motion": vector, "ahead": ahead}, {"later": vector_of(at)})
+    if designed.watched:
+        references = _references(of_motion, [v.name for v in designed.watched], home)
+        expected = symbols.function("references_watched", of_motion, {"expected": casadi.vertcat(*references)})
+    start, step = (None, None) if designed.law is None else _law(designed, home)
+    return PoseFunctions(
         None if path is None else path_function(path, home),
         None if designed.reference is None else motion_function(designed.reference, home),
-        *(later, feedforward, start, expected, step),
-        *(limits, drives, sensors),
+        *(later, start, expected, step),
     )
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import casadi
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, StrictUndefined, Template
 
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.codegen import Types, function_source
@@ -36,7 +36,7 @@ from gough_stewart.harness.export.tables import (
     numbers,
     path_of,
 )
-from gough_stewart.harness.export.trace import Traced, traced
+from gough_stewart.harness.export.trace import Traced
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.harness.plants import signals
@@ -63,20 +63,19 @@ class ControllerSources:
     header: Callable[[str], str]  # the text of the header with what single precision costs, in words
 
 
-def controller_sources(designed: Designed, prefix: str = "controller") -> ControllerSources:
-    """The sources of a designed controller; `prefix` is that of all public names, and the name of the files."""
+def controller_sources(designed: Designed, functions: Traced, prefix: str = "controller") -> ControllerSources:
+    """The sources of a designed controller as traced; `prefix`: of all public names, and the name of the files."""
 
     def named(text: str) -> str:
         text = text.replace('"controller.h"', f'"{prefix}.h"')
         return re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
 
     home = home_of(designed.platform)
-    functions, of_single = traced(designed), traced(designed, home)
     switches, tables = _switches(designed, functions), _numbers(designed, home)
     if switches["HAS_TABLE"]:
         add_motion(tables, designed.reference, home)  # type: ignore[arg-type]
     design = "\n".join(["", *(f"#define {name} {value}" for name, value in switches.items()), *tables.lines, ""])
-    parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions, of_single)}
+    parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions)}
     source = re.sub(r'^#include "(\w+\.c)"\n', lambda include: parts[include[1]], parts["controller.c"], flags=re.M)
     operations = operations_of(functions)
     of_kinds = ", ".join(f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE)
@@ -100,7 +99,9 @@ def controller_sources(designed: Designed, prefix: str = "controller") -> Contro
     law = "no feedback" if designed.law is None else designed.law.name
     title = " ".join(designed.title.replace("*/", "").replace("/*", "").split())
     title = f"{title}: {law}, feedforward: {designed.feedforward.replace('_', ' ')}"
-    template = named(RUNTIME["controller.h.in"])
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"comment": _comment, "plain": _plain}
+    template = environment.from_string(named(RUNTIME["controller.h.in"]))
     written = partial(_header, template, designed, functions, switches, work, flash, title)
     units = {f"{prefix}.c": f"/* {title}. */\n{named(source)}"}
     return ControllerSources(units, {f"{prefix}.h": written("")}, named(example), sum(operations.values()), written)
@@ -112,8 +113,25 @@ def controller_sources(designed: Designed, prefix: str = "controller") -> Contro
 _ASCII = str.maketrans({"×": "x", "±": "+-", "°": " deg", "–": "-", "—": "-", "µ": "u"})
 
 
+def _plain(text: str) -> str:
+    """A text that does not end the comment that it is in."""
+    text = text.translate(_ASCII).encode("ascii", "replace").decode()
+    return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
+
+
+def _comment(text: str) -> str:
+    """A comment, whose paragraphs are filled to at most 120 characters; those with aligned columns stay."""
+    lines = list[str]()
+    for paragraph in text.replace("\\\n", "").split("\n"):
+        if "  " in paragraph:
+            lines.append(paragraph.rstrip())
+        elif paragraph or (lines and lines[-1]):
+            lines += fill(paragraph, 117, subsequent_indent="  " * paragraph.startswith("- ")).split("\n")
+    return "/* " + "\n".join(f"   {line}".rstrip() for line in lines)[3:].rstrip() + " */"
+
+
 def _header(
-    template: str,
+    template: Template,
     designed: Designed,
     functions: Traced,
     switches: Mapping[str, int],  # of the runtime
@@ -124,21 +142,6 @@ def _header(
 ) -> str:
     """NAME.h: what a caller of an exported controller sees, by the template runtime/controller.h.in."""
     measured, reference = designed.measured, designed.reference_variables
-
-    def plain(text: str) -> str:
-        """A text that does not end the comment that it is in."""
-        text = text.translate(_ASCII).encode("ascii", "replace").decode()
-        return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
-
-    def comment(text: str) -> str:
-        """A comment, whose paragraphs are filled to at most 120 characters; those with aligned columns stay."""
-        lines = list[str]()
-        for paragraph in text.replace("\\\n", "").split("\n"):
-            if "  " in paragraph:
-                lines.append(paragraph.rstrip())
-            elif paragraph or (lines and lines[-1]):
-                lines += fill(paragraph, 117, subsequent_indent="  " * paragraph.startswith("- ")).split("\n")
-        return "/* " + "\n".join(f"   {line}".rstrip() for line in lines)[3:].rstrip() + " */"
 
     def ordinal(n: int) -> str:
         """In words: `step`, `3rd step`."""
@@ -159,9 +162,7 @@ def _header(
         f"the feedforward{', of the last good reference if that is the fault' if reference else ''}",
         "`start_force`, since there is no feedforward",
     )
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"comment": comment, "plain": plain}
-    text = environment.from_string(template).render(
+    text = template.render(
         switches,
         design=designed,
         title=title,
@@ -189,9 +190,9 @@ def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
 
 
 def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
-    carried, law, reference = designed.carried, functions.law, designed.reference
+    carried, law, reference = designed.carried, functions.of_poses.law, designed.reference
     has_feedforward = functions.feedforward is not None
-    has_motion = reference is not None and functions.needs_motion
+    has_motion = reference is not None and functions.of_poses.needs_motion
     has_constant = any(s.variable.name == "constant_force" for s in designed.settings)
     is_table = isinstance(reference, Piecewise) and (has_feedforward or has_motion)
     reading = (carried.steps_a_reading or 0) if functions.sensors is not None else 0
@@ -203,7 +204,7 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
     safe = 0 if designed.faults.safe_force == "zero" else 1 if has_feedforward or has_constant else 2
     switches = {
         "HAS_LAW": law is not None,
-        "HAS_START": functions.start is not None,
+        "HAS_START": functions.of_poses.start is not None,
         "HAS_EXCESS": law is not None and "excess" in law.name_in(),
         "HAS_FEEDFORWARD": has_feedforward,
         "HAS_CONSTANT_FORCE": has_constant,
@@ -300,16 +301,15 @@ _OF_PARAMETERS = "const controller_parameters *parameters"
 _OF_INSTANT = ("coefficients", "motion", "measured", "excess", "feedforward", "states")
 
 
-def _law(designed: Designed, functions: Traced, single: Traced) -> str:
+def _law(designed: Designed, functions: Traced) -> str:
     """The traced functions; those that differ in single precision twice."""
     arrays = frozenset(s.variable.name for s in designed.settings if s.variable.shape)
-    has_motion = functions.feedforward is not None or functions.needs_motion
-    texts = []
-    for name in ("coefficients", *("path", "motion") * has_motion, "extrapolated", "start", "expected", "law"):
-        plain, of_single = getattr(functions, name), getattr(single, name)
-        if plain is None:
+    has_motion = functions.feedforward is not None or functions.of_poses.needs_motion
+    texts = [] if functions.coefficients is None else [_function(functions.coefficients, arrays)]
+    for plain, of_single in zip(functions.of_poses, functions.relative, strict=True):
+        if plain is None or of_single is None or (plain.name().startswith("motion") and not has_motion):
             continue
-        is_of_time = name == "motion" and "time" in of_single.name_in()
+        is_of_time = plain.name() == "motion" and "time" in of_single.name_in()
         text = _function(plain, arrays)
         in_single = function_of_time(of_single) if is_of_time else _function(of_single, arrays)
         texts.append(text if text == in_single else f"\n#if CONTROLLER_SINGLE{in_single}#else{text}#endif\n")
@@ -365,7 +365,7 @@ _A_LAW = 25
 
 def operations_of(functions: Traced) -> dict[str, int]:
     """Floating-point operations per step in double precision, at most, by kind."""
-    law, motion, path = functions.law, functions.motion, functions.path
+    path, motion, later, start, expected, law = functions.of_poses
     motions = 0 if motion is None else (functions.feedforward is not None) + (law is not None)
     total = {SIMPLE: 6 * _A_FORCE, DIVISIONS: 0, OTHERS: 0}
     if law is not None:
@@ -374,21 +374,20 @@ def operations_of(functions: Traced) -> dict[str, int]:
         total[SIMPLE] += motions * (_A_SEARCH + _A_PIECE)
     if path is not None:  # at both ends of a piece
         total[SIMPLE] += motions * 2 * (_A_SEARCH + 2 * _A_LAW + _A_PIECE)
-    of_sample = (functions.extrapolated, functions.feedforward, functions.start, functions.expected, law)
-    of_motion = [*[motion] * motions, *[path] * 2 * motions]
-    for function in (*of_sample, *(component.step for component in functions.components), *of_motion):
-        if function is None:
+    of_sample = (later, functions.feedforward, start, expected, law, *(c.step for c in functions.components))
+    for function, times in (*((f, 1) for f in of_sample), (motion, motions), (path, 2 * motions)):
+        if function is None or not times:
             continue
         kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
         for kind in kinds:
             if kind not in _FREE:
-                total[SIMPLE if kind in _SIMPLE else DIVISIONS if kind in _DIVISIONS else OTHERS] += 1
+                total[SIMPLE if kind in _SIMPLE else DIVISIONS if kind in _DIVISIONS else OTHERS] += times
         if _DIVISIONS.intersection(kinds):
             # in the written code several quotients of one divisor are products with its reciprocal
             code = function_source(function, conditions=True)
             products = len(re.findall(r"\*r\d+\);$", code, re.M))
-            total[SIMPLE] += products
-            total[DIVISIONS] += len(re.findall(r"^  r\d+=1/", code, re.M)) - products
+            total[SIMPLE] += times * products
+            total[DIVISIONS] += times * (len(re.findall(r"^  r\d+=1/", code, re.M)) - products)
     return total
 
 
@@ -401,15 +400,15 @@ _ROOM = 1 << 20
 
 
 def c_files(
-    experiment: Experiment, designed: Designed, name: str, prepared: Prepared, controller: Any = None
+    experiment: Experiment, designed: Designed, sources: ControllerSources, prepared: Prepared, controller: Any = None
 ) -> dict[str, bytes]:
-    """The C of an experiment's controller and an example program, by file name; what float costs is in the header.
+    """The sources of an experiment's controller by file name, with what float costs in the header.
 
     That is of the forces of the code compiled here, on what a run in the harness measured without disturbances. Both
     precisions are compiled; the forces of double precision are the harness's, but for the rounding of a path, which is
     stated too.
     """
-    sources = controller_sources(designed, name)
+    name = Path(next(iter(sources.units))).stem
     has_path, duration = path_of(designed.reference) is not None, experiment.loop.duration
     if not has_path and duration > _COMPARED:
         loop = experiment.loop.model_copy(update={"duration": _COMPARED})
@@ -424,7 +423,7 @@ def c_files(
     if designed.reference_inputs and prepared.reference is not None:
         rows.append(np.concatenate(prepared.reference(np.arange(samples) * designed.sample_time), axis=1))
     try:
-        expected, forces = (_forces(designed, sources, real, rows) for real in ("double", "float"))
+        expected, forces = _forces(designed, sources, rows)
     except BuildError as error:
         text = f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
     else:
@@ -446,30 +445,39 @@ def c_files(
     return {file: content.encode() for file, content in texts.items()}
 
 
-def _forces(designed: Designed, sources: ControllerSources, real: str, rows: list[FloatArray]) -> FloatArray:
-    """Of the compiled code at every sample (m, 6), of measurements and perhaps references; at its last step of many."""
-    kind: Any = {"float": ctypes.c_float, "double": ctypes.c_double}[real]
-    if real == "float":
-        home = home_of(designed.platform)
-        at_home = _at_home(designed.measured, home), np.concatenate([home.pose, np.zeros(12)])
-        rows = [values - zero for values, zero in zip(rows, at_home, strict=False)]
-    name = Path(next(iter(sources.units))).stem
-    flags = [*(flag for flag in FLAGS if flag != "-fvisibility=hidden"), f"-D{name.upper()}_REAL={real}"]
-    library = compile_library("controller", sources.units, sources.headers, native(), flags=flags)
+def _forces(designed: Designed, sources: ControllerSources, rows: list[FloatArray]) -> list[FloatArray]:
+    """Of the compiled code at every sample (m, 6), in double and in single precision; at its last step of many.
+
+    `rows` are measurements and perhaps references.
+    """
+    name, home = Path(next(iter(sources.units))).stem, home_of(designed.platform)
+    # both in one library: the names in single precision have another ending
+    public = [f"{name}_{part}" for part in ("prepare", "start", "step")]
+    public += [f"{name.upper()}_{part}" for part in ("DEFAULTS", "HOME", "HOME_POSE")]
+    renamed = [f"#define {each} {each}_in_single" for each in public]
+    code = f'#include "{name}.c"\n'
+    units = {"double.c": code, "single.c": "\n".join([f"#define {name.upper()}_REAL float", *renamed, code])}
+    # without optimisation, and zig's checks that come with that, forces have the same bits, in half the compiler's time
+    flags = [*(flag for flag in FLAGS if flag not in ("-fvisibility=hidden", "-O3")), "-O0", "-fno-sanitize=undefined"]
+    library = compile_library("controller", units, {**sources.units, **sources.headers}, native(), flags=flags)
+    at_home = _at_home(designed.measured, home), np.concatenate([home.pose, np.zeros(12)])
     with tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True) as folder:
         path = Path(folder, f"controller{native().suffix}")
         path.write_bytes(library)
-        code = ctypes.CDLL(str(path))
-        prepare_it, start_it, step_it = (getattr(code, f"{name}_{part}") for part in ("prepare", "start", "step"))
-        parameters = ctypes.byref(ctypes.c_char.in_dll(code, f"{name.upper()}_DEFAULTS"))
-        coefficients, memory = (ctypes.create_string_buffer(_ROOM) for _ in range(2))
-        prepare_it(parameters, coefficients)
-        start_it(parameters, memory)
-        force, limited = (kind * 6)(), (ctypes.c_ubyte * 6)()
-        forces = np.empty((len(rows[0]), 6))
-        for k, _ in enumerate(forces):
-            inputs = [(kind * max(1, values.shape[1]))(*values[k].tolist()) for values in rows]
-            for _ in range(designed.carried.steps_a_sample):
-                step_it(parameters, coefficients, memory, *inputs, force, limited)
-            forces[k] = force[:]
-    return forces
+        loaded, found = ctypes.CDLL(str(path)), list[FloatArray]()
+        kinds: tuple[tuple[str, Any, int], ...] = ("", ctypes.c_double, 0), ("_in_single", ctypes.c_float, 1)
+        for ending, kind, is_relative in kinds:
+            prepare_it, start_it, step_it = (getattr(loaded, f"{function}{ending}") for function in public[:3])
+            parameters = ctypes.byref(ctypes.c_char.in_dll(loaded, f"{public[3]}{ending}"))
+            coefficients, memory = (ctypes.create_string_buffer(_ROOM) for _ in range(2))
+            prepare_it(parameters, coefficients)
+            start_it(parameters, memory)
+            force, limited, forces = (kind * 6)(), (ctypes.c_ubyte * 6)(), np.empty((len(rows[0]), 6))
+            values = [of - is_relative * zero for of, zero in zip(rows, at_home, strict=False)]
+            for k, _ in enumerate(forces):
+                inputs = [(kind * max(1, of.shape[1]))(*of[k].tolist()) for of in values]
+                for _ in range(designed.carried.steps_a_sample):
+                    step_it(parameters, coefficients, memory, *inputs, force, limited)
+                forces[k] = force[:]
+            found.append(forces)
+    return found

@@ -29,6 +29,7 @@ from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.trace import traced
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from tests.harness.export.sampled_unit import run_source
 from tests.support.exported_loop import EXPORTED
@@ -67,7 +68,7 @@ def case_in(folder: Path) -> dict[str, Any]:
         lambda _t, x: kernel.derivatives(x, u, p).copy(), (0, 0.3), start, method="DOP853", rtol=1e-12, atol=1e-12
     )
     plant, law = plant_component(platform), designed(gs.load_experiment("heave_step"))
-    controller = component_of(law, "controller")
+    controller = component_of(law, traced(law), "controller")
     found: dict[str, Any] = {"force": force, "end": 0.3, "position": solved.y[:3, -1].tolist()}
     for name, component in (("plant", plant), ("controller", controller)):
         for version, path in zip("23", build_units(component, folder), strict=True):

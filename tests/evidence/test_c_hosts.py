@@ -16,6 +16,7 @@ from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, native
 from gough_stewart.harness.export.controller_units import component_of
 from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.trace import traced
 from gough_stewart.model.formulations.cases import paper_case
 from tests.support.c_hosts import (
     FUZZ,
@@ -54,7 +55,8 @@ def gcc_with(flags: Sequence[str], folder: Path) -> str:
 def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path: Path, kind: str) -> None:
     """Expected: what tests/support/hosts/fuzz_contract.c checks after every call; no word from the sanitizers."""
     gcc = gcc_with(SANITIZERS, tmp_path)
-    component = None if kind == "plant" else component_of(designed(uneven_experiment(tmp_path), reference="inputs"))
+    law = designed(uneven_experiment(tmp_path), reference="inputs")
+    component = None if kind == "plant" else component_of(law, traced(law))
     program = compile_host(FUZZ, tmp_path / "fuzz", (gcc, "-O1", "-g", *SANITIZERS), component)
     calls = fuzz(program, 100_000, seeds=(1, 2))
     print(f"\n{sum(sum(n.values()) for n in calls.values())} calls of {len(calls)} functions, no violation")

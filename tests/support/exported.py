@@ -66,7 +66,7 @@ def uneven_experiment(**tables: Any) -> gs.Experiment:
 
 def source_of(experiment: Any, controller: Any = None, folder: Path | None = None, **options: Any) -> Path:
     """The C of a controller, beside its header and its example, however its loop does; once, if nobody says where."""
-    options = {"allow_unstable": True, **options}
+    options = {"allow_unstable": True, "reference": "inside", "parts": (), "safe_force": "feedforward", **options}
     key = repr((experiment, options)) if folder is None and controller is None else None
     if key is None or key not in _WRITTEN:
         folder = folder or Path(tempfile.mkdtemp(dir=_scratch()))

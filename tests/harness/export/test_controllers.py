@@ -37,8 +37,7 @@ from tests.support.uneven import UNEVEN
 
 CHIRP = {**SINE, "type": "chirp", "from_frequency": 2.0, "to_frequency": 7.0, "duration": 0.1}
 del CHIRP["frequency"], CHIRP["phase"]
-POSES = [[0.0] * 6, [0.3, 0.1, 0.2, 0.0, 0.14, 0.0]]
-PATH: dict[str, Any] = {"reference.poses": POSES, "loop.duration": 2.5}
+PATH: dict[str, Any] = {"reference.poses": [[0.0] * 6, [0.06, 0.02, 0.05, 0.0, 0.04, 0.0]], "loop.duration": 1.2}
 # Tables of the uneven experiment, or settings of a shipped one; and a law that replaces its own.
 CASES: dict[str, Any] = {
     "PD along a scaled motion": {
@@ -83,7 +82,7 @@ def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
 
     From before the motion to after its end. A header says what the rounding costs, and the flash that it takes.
     """
-    settings = {"reference.poses": POSES, "loop.duration": 2.5, **PATHS[motion]}
+    settings = {**PATH, **PATHS[motion]}
     alone = {**settings, "controller": {"type": "open_loop", "feedforward": "computed_torque"}}
     expected = samples_of(gs.run("fastest_path", settings), "controller.feedforward")
     source = source_of("fastest_path", settings=alone)
@@ -224,13 +223,13 @@ def test_small_steps_of_an_integral_add_up() -> None:
     source, rest = source_of(uneven_experiment(reference=HOLD, controller=PID)), np.array(HOLD["position"])
     lengths = gs.leg_geometry(UNEVEN, rest, np.array(HOLD["orientation"])).length
     both = [Exported(source, real).start() for real in REALS]
-    for error, samples in ((0.1, 2000), (1e-6, 20000)):
+    for error, samples in ((0.1, 2000), (1e-6, 4000)):
         for _ in range(samples):
             expected, force = (code.step(lengths - error)[0] for code in both)
     step = np.array(KI) * 1e-6 * 0.0015
     legs = step > 0
     assert (step < np.spacing(expected.astype(np.float32)) / 2)[legs].all()
-    assert (np.abs(force - expected) < 0.2 * 20000 * step)[legs].all()
+    assert (np.abs(force - expected) < 0.2 * 4000 * step)[legs].all()
 
 
 def test_the_header_states_what_single_precision_costs() -> None:

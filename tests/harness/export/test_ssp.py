@@ -54,13 +54,12 @@ def lengths_in_fmpy(ssp: Path, duration: float) -> FloatArray:
 
 def test_documents_are_valid_and_the_same_every_time(ssp: Path, tmp_path: Path) -> None:
     """Expected: the standard's own schemas, as FMPy carries them; SSP 2.0 says the same but for that number."""
-    with zipfile.ZipFile(ssp) as archive:
-        assert sorted(archive.namelist()) == [
-            *("SystemStructure.ssd", "documentation/index.html", "resources/controller.fmu"),
-            *("resources/heave_step.ssv", "resources/plant.fmu"),
-        ]
-    assert exported_loop(tmp_path / "again").read_bytes() == ssp.read_bytes()
     (second,) = gs.export("heave_step", EXPORTED, forms="ssp", ssp="2.0", out=tmp_path)
+    with zipfile.ZipFile(ssp) as archive, zipfile.ZipFile(second) as other:
+        units_and_page = ["documentation/index.html", "resources/controller.fmu", "resources/plant.fmu"]
+        in_versions = ["SystemStructure.ssd", "resources/heave_step.ssv"]
+        assert sorted(archive.namelist()) == sorted([*units_and_page, *in_versions])
+        assert all(archive.read(name) == other.read(name) for name in units_and_page)
     for kind, one, other in zip(("Description", "ParameterValues"), documents(ssp), documents(second), strict=True):
         schema = Path(fmpy.ssp.__file__).parent / f"schema/SystemStructure{kind}.xsd"
         etree.XMLSchema(file=str(schema)).assertValid(one)

@@ -1,5 +1,6 @@
 """What an export says of itself: names, header, notes, what it leaves out; each number against a source of its own."""
 
+import json
 import re
 import zipfile
 from pathlib import Path
@@ -129,6 +130,7 @@ def test_the_header_says_what_the_controller_is_and_does() -> None:
     flash = f"Constants in flash: {8 * numbers + 24} bytes, besides those in the code; {4 * numbers + 24} in single"
     assert flash in header
     without = source_of(uneven_experiment(reference=SINE, controller=PD))
+    assert "R(0.0), /* force_rate_limit */" in without.read_text()
     for text, source in {
         "the feedforward, of the last good reference if that is the fault": written(reference="inputs"),
         "the feedforward": written(),
@@ -256,18 +258,33 @@ def test_notes_say_what_delay_a_form_has(tmp_path: Path) -> None:
 
 
 def test_the_command_reports_forms_and_the_least_robust_loop(tmp_path: Path) -> None:
-    """Expected: the verdict by hand, the loop with the smallest disk margin first; an unstable one is said, and 3."""
-    done = invoke("export", "heave_step", "--as", "c,ssp", "--out", str(tmp_path))
-    assert done.exit_code == 0, done.output
-    alphas = [float(a) for a in re.findall(r"(?:in C|in the SSP).*?stable .*? (0\.\d+)\s*$", done.output, re.M)]
-    said = " ".join(done.output.split())
-    assert "Written as C and SSP; stable in both loops that it is made for; least robust: in" in said
-    assert alphas == sorted(alphas)
-    done = invoke("export", "too_slow", "--as", "c", "--allow-unstable", "--out", str(tmp_path))
-    assert "Written as C; UNSTABLE in C with no delay: |z| = 2.1632" in " ".join(done.output.split())
+    """Expected: the verdict by hand; numbers of `gs.margins`, the least robust loop first; no margins if unstable."""
+
+    def told(*words: str) -> tuple[str, dict[str, float], list[Any]]:
+        done = invoke("export", *words, "--json", "--out", str(tmp_path))
+        assert done.exit_code == 0, done.output
+        data = json.loads(done.stdout)
+        rows = [row for section in data.get("sections", []) for part in section["parts"] for row in part["rows"]]
+        return data["verdict"]["text"], {each["path"]: each["value"] for each in data["numbers"]}, rows
+
+    text, numbers, rows = told("heave_step", "--as", "c,ssp", "--set", "loop.delay=0")
+    assert text.startswith("Written as C and SSP; stable in both loops that it is made for; least robust: in the SSP")
+    a, of_c = (gs.margins("heave_step", {"loop.delay": delay}).disk.alpha for delay in (1, 0))
+    assert [row[:3] for row in rows] == [["in the SSP", "stable", 1], ["in C", "stable", 0]]
+    assert [row[5] for row in rows] == pytest.approx([a, of_c], rel=1e-6)
+    gain, phase = 20 * np.log10((1 + a / 2) / (1 - a / 2)), 2 * np.arctan(a / 2)
+    names = ("files", "stability.largest_eigenvalue", "margins.disk", "margins.disk_gain", "margins.disk_phase")
+    assert numbers == pytest.approx(
+        dict(zip(names, (4, max(row[3] for row in rows), a, gain, phase), strict=True)), rel=1e-6
+    )
+    text, numbers, rows = told("too_slow", "--as", "c", "--allow-unstable")
+    assert text.startswith("Written as C; UNSTABLE in C with no delay: |z| = 2.1632")
+    assert numbers["stability.largest_eigenvalue"] == pytest.approx(2.1632, abs=1e-4)
+    assert [numbers[name] for name in names[2:]] == [0, 0, 0]
+    assert (rows[0][:3], rows[0][5]) == (["in C", "UNSTABLE", 0], 0)
     open_loop = ["--set", "controller={type='open_loop',feedforward='gravity'}"]
-    done = invoke("export", "pitch_sine", "--as", "c", *open_loop, "--out", str(tmp_path))
-    assert "Written as C; no loop was judged for stability" in " ".join(done.output.split())
+    text, numbers, _ = told("pitch_sine", "--as", "c", *open_loop)
+    assert (text, numbers) == ("Written as C; no loop was judged for stability", {"files": 3})
 
 
 # ---- what is left out ----
@@ -276,6 +293,7 @@ AROUND: dict[str, Any] = {
     "sensors.noise.leg_velocity": 1e-3,
     "sensors.sample_time": 0.002,
     "sensors.seed": 7,
+    "sensors.side": "motor",
     "actuators.lag": 0.002,
     "actuators.rate_limit": 1e5,
     "actuators.force_limit": 9e3,
@@ -283,7 +301,8 @@ AROUND: dict[str, Any] = {
     "loop.plant_step": 0.0005,
     "limits.position_error": 0.2,
     "limits.reference": "warn",
-    "injection": {"type": "multisine", "leg": 2, "amplitude": 20.0, "band": [1.0, 40.0], "period": 0.5},
+    "injection": {"type": "multisine", "leg": 2, "amplitude": 20.0, "band": [10.0, 40.0], "period": 0.1},
+    "loop.duration": 0.5,
     "disturbance": [{"at": 0.1, "duration": 0.1, "force": [1, 2, 3]}],
     "fault": [{"at": 0.2, "cut": [3]}],
     "change": [{"at": 0.3, "factors": {"platform_mass": 1.2}}],
@@ -313,12 +332,10 @@ def test_everything_around_the_controller_is_named_and_nothing_else(tmp_path: Pa
     """Expected: the keys above, but for those of simulation, of the design, and of a plant where there is none."""
     said: list[str] = []
     options: dict[str, Any] = {"allow_unstable": True, "warn": said.append}
-    files = gs.export("heave_step", AROUND | {"loop.duration": 1.5}, forms=["c", "ssp"], out=tmp_path, **options)
+    files = gs.export("heave_step", AROUND, forms=["c", "ssp"], out=tmp_path, **options)
     found = without(said)
-    assert sorted(map(len, found)) == [len(EVERYWHERE), len(EVERYWHERE) + 1]
-    for missing in found:
-        # keys with a comma are one
-        assert {key for key in missing if not key.startswith("ensemble (")} == EVERYWHERE
+    # an SSP has the side of the encoders, but one machine only
+    assert found == [EVERYWHERE | {"sensors.side"}, EVERYWHERE | {"ensemble (its other machines)"}]
     with zipfile.ZipFile(files[-1]) as archive:
         page = archive.read("documentation/index.html").decode()
         assert "ensemble (its other machines)" in page
@@ -326,8 +343,6 @@ def test_everything_around_the_controller_is_named_and_nothing_else(tmp_path: Pa
     assert "ensemble (its other machines)" not in words_of(files[1])
     said.clear()
     quiet: dict[str, Any] = {"forms": "c", "out": tmp_path}
-    gs.export("circle", **quiet, **options)
-    assert without(said) == []
     gs.export("circle", {"limits.stroke": "ignore"}, **quiet, **options)
     assert without(said) == []
     gs.export("circle", {"limits.stroke": "stop"}, **quiet, **options)
