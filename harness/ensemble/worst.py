@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gough_stewart.harness.ensemble.ensemble_report import Ensemble
-from gough_stewart.harness.experiment.members import plan_from
+from gough_stewart.harness.experiment.members import members_from
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import File, Report, Section
@@ -46,7 +46,7 @@ def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False, charts
         return ensemble.report(charts=charts)
     names = ["nominal machine", *(f"member {member}" for member in members)]
     folders = [f"{WORST}/nominal", *(f"{WORST}/member-{member}" for member in members)]
-    records = records_of(plan_from(ensemble.metadata["plan"]), [None, *members])
+    records = records_of(members_from(ensemble.metadata["plan"]), [None, *members])
     page = ""
     if pages:
         from gough_stewart.harness.report.page import PAGE
