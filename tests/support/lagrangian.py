@@ -53,12 +53,13 @@ def _evaluated(which: int, rows: FloatArray, machine: Platform) -> list[FloatArr
 
 
 @lru_cache(16)
-def _memory(which: int, n: int) -> tuple[list[FloatArray], list[FloatArray], tuple[Any, Any]]:
+def _memory(which: int, n: int) -> tuple[list[Any], list[Any], tuple[Any, Any]]:
     """Arrays of inputs and outputs for n rows, and what evaluates them: ten times as fast as a call for a few rows."""
     function = _functions()[which]
-    buffer, call = function.map("rows", "serial", n, [1], []).buffer()
-    inputs = [np.zeros((n, function.numel_in(0))), np.zeros(function.numel_in(1))]
-    outputs = [np.zeros((n, function.numel_out(k))) for k in range(2)]
+    mapped: Any = function.map("rows", "serial", n, [1], [])
+    buffer, call = mapped.buffer()
+    inputs: list[Any] = [np.zeros((n, function.numel_in(0))), np.zeros(function.numel_in(1))]
+    outputs: list[Any] = [np.zeros((n, function.numel_out(k))) for k in range(2)]
     for k in range(2):
         buffer.set_arg(k, memoryview(inputs[k]))
         buffer.set_res(k, memoryview(outputs[k]))

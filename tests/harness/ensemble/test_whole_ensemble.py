@@ -206,7 +206,13 @@ def test_a_member_alone_is_the_same_in_the_ensemble_in_a_run_and_by_hand(done: D
     """Expected: its record bit for bit from `run --member`; the stepping model to 1e-7 m, with its values typed in."""
     file = done.folder.parent / "differ.toml"
     k, record = next((k, each) for k, each in done.records.items() if done.members["outcome"][k] == "completed")
-    assert gs.run(file, {"ensemble.worst": 1}, member=k).table.equals(record.table)
+    alone = gs.run(file, {"ensemble.worst": 1}, member=k)
+    assert alone.table.equals(record.table)
+    assert alone.metadata["settings"] == {"ensemble.worst": {"value": 1, "file": 14}}
+    # the nominal machine beside them has the noise of the experiment itself
+    nominal, own = gs.read_record(done.folder / "worst" / "nominal"), gs.run(file)
+    assert nominal.metadata["seed"] == own.metadata["seed"]
+    np.testing.assert_allclose(nominal["measured.leg_length"], own["measured.leg_length"], rtol=0, atol=1e-6)
     row = done.members.row(k, named=True)
     machine = record.metadata["machine"]
     settings = {

@@ -79,7 +79,8 @@ def verdict(found: gs.MotionCheck) -> str:
 
 def test_a_fitted_fastest_path_keeps_its_margin() -> None:
     """Expected: 90 % of the limits of speed and acceleration, where it is played 4 % too fast for its margin."""
-    fast = {"reference.time_scale": 0.96, "reference.ramp": 0, "loop.duration": 1.2, "loop.sample_time": 0.01}
+    fast: dict[str, Any] = {"reference.time_scale": 0.96, "reference.ramp": 0}
+    fast |= {"loop.duration": 1.2, "loop.sample_time": 0.01}
     fast["reference.poses"] = [[0.0] * 6, [0.3, 0.1, 0.2, 0, 0.14, 0]]
     limits = {"actuator_power_max": None, "actuator_force_max": None, "leg_acceleration_max": 5.0}
     fast |= {f"platform.parameters.{name}": limit for name, limit in limits.items()}
