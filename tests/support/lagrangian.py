@@ -54,7 +54,7 @@ def _evaluated(which: int, rows: FloatArray, machine: Platform) -> list[FloatArr
 
 @lru_cache(16)
 def _memory(which: int, n: int) -> tuple[list[Any], list[Any], tuple[Any, Any]]:
-    """Arrays of inputs and outputs for n rows, and what evaluates them: ten times as fast as a call for a few rows."""
+    """Arrays of inputs and outputs for n rows, and what evaluates them without the conversions of a call."""
     function = _functions()[which]
     mapped: Any = function.map("rows", "serial", n, [1], [])
     buffer, call = mapped.buffer()
