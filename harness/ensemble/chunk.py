@@ -201,17 +201,22 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
     return {"margins.stable": stable, "margins.disk": disk, "cause": causes}
 
 
+def metrics_of(batch: Batch) -> list[str]:
+    """The paths of the metrics of runs."""
+    loop = batch.member(0).loop
+    return [*columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results())]
+
+
 def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, FloatArray], BandSamples]:
     """The columns of metrics (0,) and the bands of an ensemble, of nobody; `RecordError` for an unknown signal."""
     try:
         batch = members.possible()
     except GoughStewartError:
         batch = members.prepared_with([{}], [None])
-    loop = batch.member(0).loop
-    names = [*columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results())]
-    names += ["integration_error", "internal_steps", *(["margins.stable", "margins.disk"] * members.choice.margins)]
+    of_margins = ["margins.stable", "margins.disk"] if members.choice.margins else []
+    names = [*metrics_of(batch), "integration_error", "internal_steps", *of_margins]
     signals = DEFAULT if members.choice.signals is None else members.choice.signals
-    return {name: np.zeros(0) for name in names}, Bands(signals, loop.timing, 0, first).samples()
+    return {name: np.zeros(0) for name in names}, Bands(signals, batch.member(0).loop.timing, 0, first).samples()
 
 
 def oscillations(

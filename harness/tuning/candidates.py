@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, limits_of_members, margins_of, reduced
+from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, margins_of, metrics_of, reduced
 from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.variation import EnsembleChoice
 from gough_stewart.harness.tuning.search import Evaluation, Goal, Point, SearchAxis
 from gough_stewart.model.errors import GoughStewartError
@@ -50,11 +48,9 @@ class Candidates:
                 f"{self.members.nominal.where}: no member is possible; the first: {impossible[min(impossible)]}"
             )
 
-    def metrics(self) -> tuple[str, ...]:
+    def metrics(self) -> list[str]:
         """The metrics of the runs."""
-        batch = self._prepared([({}, k) for k in self._kept])
-        loop = batch.member(0).loop
-        return tuple(columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results()))
+        return metrics_of(self._prepared([({}, self._kept[0])]))
 
     def evaluate(
         self,
@@ -96,7 +92,7 @@ class Candidates:
             if progress is not None:
                 progress(len(batch))
 
-        # margins of the linear loop of the nominal machine; not of every member, since each takes a second
+        # margins of the linear loop of the nominal machine; not of every member, since each takes as long as many runs
         margins = [name for name in names if name.startswith("margins.")]
         for c, values in enumerate(settings if margins else ()):
             batch = self.members.prepared_with([values], [None])
