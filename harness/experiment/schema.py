@@ -107,8 +107,10 @@ def _samples(value: Any) -> Any:
     """A delay, which is counted: neither a part of a sample nor a time."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
-    below = max(0, math.floor(value)) if isinstance(value, float) and math.isfinite(value) else 1
-    raise ValueError(f"expected a whole number of samples; write {below} or {below + 1}")
+    if isinstance(value, float) and math.isfinite(value):
+        nearest = sorted({max(0, math.floor(value)), max(0, math.ceil(value))})
+        raise ValueError(f"expected a whole number of samples; write {' or '.join(map(str, nearest))}")
+    raise ValueError("expected a whole number of samples, such as 2")
 
 
 Delay = Annotated[int, BeforeValidator(_samples), Field(ge=0, le=1000)]
