@@ -323,7 +323,7 @@ def members_from(text: str, controller: Any = None) -> Members:
 
 def decisive(plan: Mapping[str, Any]) -> dict[str, Any]:
     """The part of a plan that determines results: without the experiment's place, and what was set of its file."""
-    if plan["format"] != FORMAT:
+    if plan.get("format") != FORMAT:
         raise ValueError("a plan of another version")
     names = ("experiment", "members", "seed", "files", *(("controller",) if plan["controller"] else ()))
     return {name: plan[name] for name in names}
