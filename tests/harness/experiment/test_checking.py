@@ -87,6 +87,8 @@ def test_a_fitted_fastest_path_keeps_its_margin() -> None:
     found = gs.check("fastest_path", fast)
     assert (found.within, found.keeps_margin) == (True, False)
     assert verdict(found).startswith("Can be done, but not with its margin of 10 %; leg ")
+    assert found.time_factor == pytest.approx(1 / 0.96, rel=1e-3)
+    assert found.amplitude_factor == pytest.approx(0.96**2, rel=1e-3)  # by the acceleration
     fitted = found.fitted("time")
     assert fitted.keeps_margin
     used = max(fitted.shares.peak(name).share for name in ("leg_velocity_max", "leg_acceleration_max"))
