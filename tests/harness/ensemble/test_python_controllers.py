@@ -120,13 +120,12 @@ def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path) -> 
 
 
 def test_records_of_the_worst_are_not_made_with_files_that_the_run_has_changed(file: Path, tmp_path: Path) -> None:
-    """Expected: its name, of a table to which each controller adds a line when it is made."""
+    """Expected: its name, of a table that grows with each controller that is made."""
     pid = file.parent / "pid.py"
     start = "self.integral, self.before = np.zeros(6), None"
-    text = pid.read_text().replace(
-        start, f"{start}\n        open(__file__.replace('pid.py', 'table.csv'), 'a').write('1')"
-    )
-    pid.write_text(text)
+    grows = "table = Path(__file__).with_name('table.csv'); table.write_text(table.read_text() + '1')"
+    text = pid.read_text().replace(start, f"{start}\n        {grows}")
+    pid.write_text(f"from pathlib import Path\n{text}")
     words = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
     few = ("--members", "2", "--workers", "1", "--out", str(tmp_path / "out"))
     done = invoke("ensemble", str(file), *words, *few, catch_exceptions=True)
