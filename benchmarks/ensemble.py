@@ -19,7 +19,7 @@ from rich.table import Table
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.workers import Workers, chunks_here
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.experiment.members import EnsemblePlan, plan_of
+from gough_stewart.harness.experiment.members import Members, varying_members
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.run import observe, simulate
@@ -43,9 +43,9 @@ if __name__ == "__main__":
 """
 
 
-def simulated_seconds(plan: EnsemblePlan, stepping: Stepping) -> tuple[float, float]:
+def simulated_seconds(members: Members, stepping: Stepping) -> tuple[float, float]:
     """Simulated seconds per second: members on one core, and a single run on the FMU."""
-    batch = plan.prepared.prepared(0, SIZE).batch
+    batch = members.prepared(0, SIZE)
     duration = batch.timing.duration
     # longer, so that its start is negligible
     single = prepare(load_experiment("heave_step", ["loop.duration=4"]))
@@ -75,13 +75,13 @@ def command() -> float:
         return time.perf_counter() - start
 
 
-def scaling(plan: EnsemblePlan) -> float:
+def scaling(members: Members) -> float:
     """Speed-up of two workers over one, without their start."""
 
     def seconds(workers: Workers | int, chunks: int) -> float:
         ranges = [(k * SIZE, (k + 1) * SIZE) for k in range(chunks)]
         start = time.perf_counter()
-        for _ in chunks_here(plan, ranges, workers):
+        for _ in chunks_here(members, ranges, workers):
             pass
         return time.perf_counter() - start
 
@@ -101,17 +101,17 @@ def megabytes(members: int) -> int:
 
 def main() -> int:
     """Measure and print; 1 if a target is missed."""
-    plan = plan_of(load_experiment("heave_step", [*SHORT, f"ensemble.members={12 * SIZE}"]))
-    once, single = simulated_seconds(plan, Stepping(substeps=1))
-    needed, _ = simulated_seconds(plan, plan.prepared.stepping)
+    members = varying_members(load_experiment("heave_step", [*SHORT, f"ensemble.members={12 * SIZE}"]))
+    once, single = simulated_seconds(members, Stepping(substeps=1))
+    needed, _ = simulated_seconds(members, members.stepping)
     whole = command()
-    faster = scaling(plan) if (os.cpu_count() or 1) > 1 else float("nan")
-    memory = [megabytes(members) for members in MEMORY]
+    faster = scaling(members) if (os.cpu_count() or 1) > 1 else float("nan")
+    memory = [megabytes(number) for number in MEMORY]
     table = Table("what", "measured", "target", "", title="ensembles")
     missed = 0
     for what, measured, target, holds in (
         ("simulated s per s and core, 1 substep", f"{once:.0f}", ">= 1500", once >= 1500),
-        (f"the same, tolerance {plan.prepared.stepping.tolerance:g}", f"{needed:.0f}", "", True),
+        (f"the same, tolerance {members.stepping.tolerance:g}", f"{needed:.0f}", "", True),
         ("against the single run on the FMU", f"{once / single:.0f} ×", ">= 30 ×", once >= 30 * single),
         (f"{MEMBERS} members of heave_step, the command", f"{whole:.1f} s", "<= 10 s", whole <= 10),
         ("two workers against one", f"{faster:.2f} ×", ">= 1.8 ×", faster >= 1.8),

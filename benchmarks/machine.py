@@ -22,7 +22,7 @@ from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.experiment.members import plan_of
+from gough_stewart.harness.experiment.members import varying_members
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.run import observe
@@ -97,8 +97,8 @@ def microseconds_a_step(rounds: int, folder: Path) -> tuple[dict[str, float], di
 def batch_of(kind: dict[str, Any], members: int) -> Batch:
     """Members of `heave_step` on this kind of machine."""
     words = [f"plant.parameters.{key}={value}" for key, value in kind.items()]
-    plan = plan_of(load_experiment("heave_step", [*words, *LOOP, VARIED, f"ensemble.members={members}"]))
-    return plan.prepared.prepared(0, members).batch
+    drawn = varying_members(load_experiment("heave_step", [*words, *LOOP, VARIED, f"ensemble.members={members}"]))
+    return drawn.prepared(0, members)
 
 
 def run(batch: Batch, tolerance: float) -> tuple[float, FloatArray]:

@@ -8,6 +8,7 @@ TOML → Platform → TOML is lossless. Presets ship with the package.
 import html
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from functools import lru_cache
 from inspect import cleandoc
 from pathlib import Path
@@ -351,7 +352,13 @@ def load_platform(path: Path | str) -> Platform:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        raise PlatformFileError(str(path), f"cannot read this platform file: {reason}") from error
+        beside, presets = [file.stem for file in path.parent.glob("*.toml")], preset_names()
+        hint = "; expected a TOML file, or one of the presets " + ", ".join(presets)
+        if close := get_close_matches(path.stem, beside, n=1):
+            hint = f"; did you mean '{path.with_name(close[0])}.toml'?"
+        elif close := get_close_matches(path.stem, presets, n=1, cutoff=0.5):
+            hint = f"; did you mean the preset '{close[0]}'?"
+        raise PlatformFileError(str(path), f"cannot read this platform file: {reason}{hint}") from error
     return platform_from_toml(text, str(path))
 
 

@@ -15,7 +15,7 @@ import polars
 from gough_stewart.harness.control.laws_of_members import shared_by_members
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError, UnstableLoopError
-from gough_stewart.harness.experiment.members import EnsemblePlan, Members
+from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -74,15 +74,13 @@ class LegErrors(KeptRows):
         return {}
 
 
-def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
+def chunk(members: Members, first: int, last: int, threads: int = 1) -> Chunk:
     """Run members first to last − 1: a pure function, with the same result on any machine and any number of threads.
 
     `GoughStewartError` if an error concerns all members, `SharedMemoryError` as of `check_memory`.
     """
-    members = plan.prepared
     draws = members.draws(first, last)
-    prepared = members.prepared_with(draws.values, range(first, last))
-    batch = prepared.batch
+    batch = members.prepared_with(draws.values, range(first, last))
     outcomes, motions, features = list[Outcome](), list[Oscillation | None](), ""
     if not len(batch):
         columns, samples = results_of_nobody(members, first)
@@ -100,8 +98,8 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
         motions = oscillations(batch, outcomes, errors, threads)
 
     # one row per member, in order of their numbers; outcomes, motions and metrics are of those that ran
-    n, ran = len(prepared.errors) + len(prepared.numbers), prepared.numbers
-    endings: list[tuple[Any, ...]] = [("impossible", None, prepared.reasons.get(k), None, None, None) for k in range(n)]
+    n, ran, reasons = last - first, batch.numbers, batch.reasons
+    endings: list[tuple[Any, ...]] = [("impossible", None, reasons.get(k), None, None, None) for k in range(n)]
     for k, outcome, motion in zip(ran[: len(outcomes)].tolist(), outcomes, motions, strict=True):
         kind = motion and ("growing" if motion.is_growing else "oscillating")
         size = (motion.amplitude, motion.frequency) if motion is not None else (None, None)
@@ -179,7 +177,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
     Also the causes (n,) of members whose margins cannot be computed, None of the others.
     """
-    from gough_stewart.harness.experiment.margins import judged
+    from gough_stewart.harness.experiment.margins import disk_of, judged
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     causes: list[str | None] = [None] * len(prepared)
@@ -191,11 +189,11 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
         if form is None:
             continue
         try:
-            loop = None if form.doubt else judged(member, member.machine, form.controller)
+            loop = None if form.doubt else judged(member, member.machine, form.controller, disk_of)
             if loop is None or loop.doubt:  # a number that cannot be determined is none
                 causes[k] = f"no margins: {form.doubt if loop is None else loop.doubt}"
             else:
-                stable[k], disk[k] = 1.0, loop.margins.disk.alpha
+                stable[k], disk[k] = 1.0, loop.margins.alpha
         except UnstableLoopError:
             stable[k] = 0.0
         except (GoughStewartError, np.linalg.LinAlgError) as error:
@@ -203,17 +201,22 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
     return {"margins.stable": stable, "margins.disk": disk, "cause": causes}
 
 
+def metrics_of(batch: Batch) -> list[str]:
+    """The paths of the metrics of runs."""
+    loop = batch.member(0).loop
+    return [*columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results())]
+
+
 def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, FloatArray], BandSamples]:
     """The columns of metrics (0,) and the bands of an ensemble, of nobody; `RecordError` for an unknown signal."""
     try:
         batch = members.possible()
     except GoughStewartError:
-        batch = members.prepared_with([{}], [None]).batch
-    loop = batch.member(0).loop
-    names = [*columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results())]
-    names += ["integration_error", "internal_steps", *(["margins.stable", "margins.disk"] * members.choice.margins)]
+        batch = members.prepared_with([{}], [None])
+    of_margins = ["margins.stable", "margins.disk"] if members.choice.margins else []
+    names = [*metrics_of(batch), "integration_error", "internal_steps", *of_margins]
     signals = DEFAULT if members.choice.signals is None else members.choice.signals
-    return {name: np.zeros(0) for name in names}, Bands(signals, loop.timing, 0, first).samples()
+    return {name: np.zeros(0) for name in names}, Bands(signals, batch.member(0).loop.timing, 0, first).samples()
 
 
 def oscillations(

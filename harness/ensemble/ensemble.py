@@ -6,7 +6,6 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from gough_stewart.harness.ensemble.workers import (
 )
 from gough_stewart.harness.errors import EnsembleError, ExperimentError, RecordError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.members import EnsemblePlan, plan_from, plan_of
+from gough_stewart.harness.experiment.members import Members, decisive, varying_members
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import scan_parquet, write_to
@@ -136,26 +135,26 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
         alone = resume or scheduler is not None or useful < 2
         processes: Workers | int = number if alone else stack.enter_context(closing(Workers(useful)))
-        plan = _planned(chosen, controller, folder, files, resume)
-        if plan is None:
+        varying = _planned(chosen, controller, folder, files, resume)
+        if varying is None:
             return read_ensemble(folder)
-        ranges = [(k, min(k + SIZE, plan.members)) for k in range(0, plan.members, SIZE)]
+        ranges = [(k, min(k + SIZE, varying.count)) for k in range(0, varying.count, SIZE)]
         say("checking finished chunks" if resume else "running")
         features = {part: files.features(part[0]) for part in ranges} if resume else {}
         missing = [part for part in ranges if features.get(part) is None]
-        finished = plan.members - sum(last - first for first, last in missing)
+        finished = varying.count - sum(last - first for first, last in missing)
 
         # run; whatever ends it, finished chunks are kept
         say("running")
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            begun = {"plan": plan.text, "made_with": exact_versions()}
+            begun = {"plan": varying.text, "made_with": exact_versions()}
             write_whole(folder / PLAN, json.dumps(begun, indent=1).encode())
             if missing:
                 source = (
-                    chunks_here(plan, missing, processes)
+                    chunks_here(varying, missing, processes)
                     if scheduler is None
-                    else chunks_there(plan, missing, scheduler)
+                    else chunks_there(varying, missing, scheduler)
                 )
                 with closing(source):
                     for (first, last), content in source:
@@ -163,9 +162,9 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
                         features[first, last] = content.features
                         finished += last - first
                         if progress is not None:
-                            progress(finished, plan.members)
+                            progress(finished, varying.count)
             say("tables")
-            result = _assembled(plan, files, ranges, sorted(set(filter(None, features.values()))), folder)
+            result = _assembled(varying, files, ranges, sorted(set(filter(None, features.values()))), folder)
         except BaseException as error:
             n = len(list(files.folder.glob("*.npz")))
             are_kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
@@ -182,10 +181,8 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         return result
 
 
-def _planned(
-    experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool
-) -> EnsemblePlan | None:
-    """The plan of this run, continuing the one in the folder if there is one; None if that is complete.
+def _planned(experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool) -> Members | None:
+    """The members of this run, which may go on with those in the folder; None if these are complete.
 
     `EnsembleError` if the folder has another experiment, or an unfinished one that would be lost.
     """
@@ -193,7 +190,7 @@ def _planned(
     for name in (PLAN, METADATA):
         try:
             content = json.loads((folder / name).read_bytes())
-            begun = plan_from(content["plan"]), dict(content["made_with"]), name == METADATA
+            begun = decisive(json.loads(content["plan"])), dict(content["made_with"]), name == METADATA
             break
         except FileNotFoundError:
             continue
@@ -204,21 +201,22 @@ def _planned(
             f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
             f"{folder / FOLDER}, or choose another --out"
         )
-    requested = plan_of(experiment, controller)
+    members = varying_members(experiment, controller)
     if not resume or begun is None:
-        requested.prepared.possible()
+        members.possible()
         # unknown names are refused before anything runs
-        by = requested.prepared.choice.worst_by
+        by = members.choice.worst_by
         try:
-            columns, _ = results_of_nobody(requested.prepared)
+            columns, _ = results_of_nobody(members)
         except RecordError as error:
-            raise ExperimentError(requested.where, "ensemble.signals", str(error)) from None
+            raise ExperimentError(experiment.where, "ensemble.signals", str(error)) from None
         if by is not None and SHORT.get(by, by) not in columns:
-            raise ExperimentError(requested.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
-        return requested
-    plan, made_with, is_finished = begun
-    if requested.hash != plan.hash:
-        differences = list(_different(requested.decisive, plan.decisive, ""))
+            raise ExperimentError(experiment.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
+        return members
+    there, made_with, is_finished = begun
+    here = json.loads(json.dumps(decisive(members.plan)))
+    if here != there:
+        differences = list(_different(here, there, ""))
         # without values that also appear in the experiment
         differs = [text for text in differences if not any(longer.endswith(f".{text}") for longer in differences)]
         raise EnsembleError(
@@ -227,8 +225,7 @@ def _planned(
         )
     if differing := difference(exact_versions(), made_with):
         raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
-    # the settings as they are written here, whose order the text does not keep
-    return None if is_finished else replace(plan, given=requested.given, settings=requested.settings)
+    return None if is_finished else members
 
 
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
@@ -243,7 +240,7 @@ def _different(here: Any, there: Any, at: str) -> Iterator[str]:
 
 
 def _assembled(
-    plan: EnsemblePlan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path
+    varying: Members, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path
 ) -> Ensemble:
     """Write the tables and ensemble.json from the chunks; the last one marks completion."""
     rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
@@ -271,27 +268,26 @@ def _assembled(
         return dict(zip(frame[column], frame["len"], strict=True))
 
     # metadata depend only on the results: no times, and no names of workers
-    prepared = plan.prepared
     metadata = {
-        "title": prepared.nominal.title,
-        "experiment": prepared.nominal.model_dump(mode="json"),
-        "settings": plan.settings,
-        "fineness": fineness_of(prepared.platforms[1]),
-        "members": plan.members,
-        "seed": plan.seed,
-        "sampling": prepared.choice.sampling,
-        "combinations": prepared.combinations,
-        "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
-        "outside": [varied.outside for varied in prepared.inputs if varied.outside],
+        "title": varying.nominal.title,
+        "experiment": varying.nominal.model_dump(mode="json"),
+        "settings": varying.nominal.changed,
+        "fineness": fineness_of(varying.platforms[1]),
+        "members": varying.count,
+        "seed": varying.seed,
+        "sampling": varying.choice.sampling,
+        "combinations": varying.combinations,
+        "groups": [[name for k in group for name in varying.inputs[k].columns] for group in varying.groups],
+        "outside": [varied.outside for varied in varying.inputs if varied.outside],
         "outcomes": counts("outcome"),
         "oscillations": counts("oscillation"),
         "causes": counts("cause", "len", "cause", most=_MOST_CAUSES),
-        **prepared.stepping._asdict(),
+        **varying.stepping._asdict(),
         "integration_error": members.select(polars.col("integration_error").max()).collect().item(),
         # one text means the same bits from all workers; several mean agreement to 1e-9
         "features": list(features),
-        "hash": plan.hash,
-        "plan": plan.text,
+        "hash": varying.hash,
+        "plan": varying.text,
         "made_with": exact_versions(),
         "versions": versions(),
     }

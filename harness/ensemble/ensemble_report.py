@@ -217,11 +217,11 @@ def ensemble_numbers(ensemble: MemberTable) -> tuple[Number, ...]:
     for name in ensemble.metrics:
         values = ensemble.numbers(name)
         of_members = values if name.startswith("margins.") else np.where(ensemble.is_complete, values, np.nan)
-        numbers.append(number_of_members(name, of_members, ensemble.block))
+        numbers.append(number_of_members(name, of_members, ensemble.block, ensemble.metadata.get("sampling")))
     return tuple(numbers)
 
 
-def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
+def number_of_members(name: str, members: FloatArray, block: int = 1, sampling: str | None = None) -> Number:
     """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed.
 
     Of a metric that is better if larger, 95 % stay above.
@@ -230,7 +230,7 @@ def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
     is_lower = metric.better == "larger"
     value = float(np.quantile(defined, 1 - SHARE_TOLD if is_lower else SHARE_TOLD)) if len(defined) else None
     return Number(name, metric.text, value, metric.quantity, explanation=metric.sentence, members=members,
-                  small_is_worse=is_lower, block=block)  # fmt: skip
+                  small_is_worse=is_lower, block=block, in_sequence=sampling in ("sobol", "saltelli"))  # fmt: skip
 
 
 def _quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:

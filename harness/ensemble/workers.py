@@ -22,7 +22,7 @@ from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.ensemble.chunk import Chunk, chunk
 from gough_stewart.harness.errors import ControllerError, EnsembleError
-from gough_stewart.harness.experiment.members import EnsemblePlan, GivenController, plan_from
+from gough_stewart.harness.experiment.members import Members, members_from
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.isolated import Isolated
 
@@ -74,21 +74,21 @@ class _DiedError(EnsembleError):
     """The process of a worker has ended."""
 
 
-def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Workers") -> Chunks:
+def chunks_here(members: Members, ranges: Sequence[Range], workers: "int | Workers") -> Chunks:
     """Finished chunks, in any order, from a number of cores, or from workers that have been started already.
 
     `EnsembleError` if the process of a chunk died repeatedly.
     """
     if isinstance(workers, Workers):
-        yield from workers.chunks(plan, ranges)
+        yield from workers.chunks(members, ranges)
         return
-    number = processes_for(len(ranges), workers, plan.prepared.nominal, plan.prepared.preparation.controller)
+    number = processes_for(len(ranges), workers, members.nominal, members.controller)
     if number > 1:
         with closing(Workers(number)) as started:
-            yield from started.chunks(plan, ranges)
+            yield from started.chunks(members, ranges)
         return
     for part in ranges:
-        yield part, chunk(plan, *part, workers)
+        yield part, chunk(members, *part, workers)
 
 
 class Workers:
@@ -111,15 +111,15 @@ class Workers:
         for worker in open_now:
             worker.kill()
 
-    def chunks(self, plan: EnsemblePlan, ranges: Sequence[Range]) -> Chunks:
+    def chunks(self, members: Members, ranges: Sequence[Range]) -> Chunks:
         """Finished chunks, in any order: the other processes begin with the first range, this one with the last."""
-        controller = packed(plan)
-        waiting = {self._threads.submit(self._chunk, plan.text, controller, part): part for part in ranges}
+        plan, controller = members.text, packed(members.controller)
+        waiting = {self._threads.submit(self._chunk, plan, controller, part): part for part in ranges}
         while waiting:
             taken_back = next((future for future in reversed(waiting) if future.cancel()), None)
             if taken_back is not None:
                 part = waiting.pop(taken_back)
-                yield part, chunk(plan, *part)
+                yield part, chunk(members, *part)
             for future in wait(waiting, _WAIT if taken_back is None else 0, FIRST_COMPLETED).done:
                 yield waiting.pop(future), future.result()
 
@@ -162,7 +162,7 @@ class Workers:
 # --- on a cluster
 
 
-def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> Chunks:
+def chunks_there(members: Members, ranges: Sequence[Range], address: str) -> Chunks:
     """Finished chunks of the workers, in any order; if a worker dies, others compute its chunks.
 
     `EnsembleError` without dask.distributed, without an answer within `TIMEOUT`, or of workers with other versions.
@@ -190,7 +190,8 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
             ) from None
         for worker, versions in client.run(exact_versions).items():
             _check(exact_versions(), versions, worker)
-        text, ours, waiting, controller = plan.text, exact_versions(), list(reversed(ranges)), packed(plan)
+        text, ours, waiting = members.text, exact_versions(), list(reversed(ranges))
+        controller = packed(members.controller)
         under_way: dict[Any, Range] = {}
 
         def submit() -> Any:
@@ -253,15 +254,15 @@ def difference(here: dict[str, str], there: dict[str, str]) -> str:
 # --- controllers from Python
 
 
-def packed(plan: EnsemblePlan) -> bytes | None:
-    """The plan's controller from Python, if there is one, for a worker; `ControllerError` if it cannot be pickled.
+def packed(controller: Any) -> bytes | None:
+    """A controller from Python, if there is one, for a worker; `ControllerError` if it cannot be pickled.
 
     cloudpickle, which comes with dask.distributed, is used if it is installed: it also packs what is defined in a
     notebook, in a script or inside a function.
     """
-    if plan.given is None:
+    if controller is None:
         return None
-    controller, has_cloudpickle = plan.given.controller, find_spec("cloudpickle") is not None
+    has_cloudpickle = find_spec("cloudpickle") is not None
     try:
         modules = (type(controller).__module__, getattr(controller, "__module__", ""))
         if not has_cloudpickle and "__main__" in modules:
@@ -279,15 +280,13 @@ def packed(plan: EnsemblePlan) -> bytes | None:
 
 
 @lru_cache(2)
-def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
-    """The plan of a text, with its controller, on a worker; `ControllerError` if its modules are not there."""
-    if content is None:
-        return plan_from(text)
+def unpacked(plan: str, content: bytes | None) -> Members:
+    """The members of a plan, with its controller, on a worker; `ControllerError` if its modules are not there."""
     try:
-        controller: Any = pickle.loads(content)
+        controller: Any = None if content is None else pickle.loads(content)
     except Exception as error:  # user code may raise anything
         raise ControllerError(
             f"a worker cannot load the controller ({type(error).__name__}: {error}); its modules have to be on the "
             "workers' path"
         ) from error
-    return plan_from(text, GivenController(controller))
+    return members_from(plan, controller)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gough_stewart.harness.ensemble.ensemble_report import Ensemble
-from gough_stewart.harness.experiment.members import plan_from
+from gough_stewart.harness.experiment.members import members_from
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import File, Report, Section
@@ -16,7 +16,6 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
 from gough_stewart.harness.results.oscillation import outcome_text
-from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.view import difference
 from gough_stewart.model.process.files import Content, write_files
 
@@ -46,7 +45,7 @@ def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False, charts
         return ensemble.report(charts=charts)
     names = ["nominal machine", *(f"member {member}" for member in members)]
     folders = [f"{WORST}/nominal", *(f"{WORST}/member-{member}" for member in members)]
-    records = records_of(plan_from(ensemble.metadata["plan"]), [None, *members])
+    records = records_of(members_from(ensemble.metadata["plan"]), [None, *members])
     page = ""
     if pages:
         from gough_stewart.harness.report.page import PAGE
@@ -61,24 +60,8 @@ def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False, charts
     if pages:
         write_files(folder / WORST, {PAGE: view_page(records[:MOST_RECORDS], names[:MOST_RECORDS])})
 
-    links = {member: f"{place}/{PAGE}" if pages else "" for member, place in zip(members, folders[1:], strict=True)}
-    report = ensemble.report(charts=charts, worst=links)
-    titles = [section.title for section in report.sections]
-    at = titles.index("Over time") + 1 if "Over time" in titles else 1
-    beside = _beside_nominal(records[0], records[1], members[0], page)
-    return replace(
-        report,
-        sections=(*report.sections[:at], beside, *report.sections[at:]),
-        files=(*report.files, *([File(page, "the worst members beside the nominal machine")] if page else [])),
-    )
-
-
-def _beside_nominal(nominal: Record, worst: Record, member: int, page: str) -> Section:
-    """What a member does otherwise than the nominal machine: metrics, signals over each other, and differences.
-
-    `page` is the address of a page of both, "" for none.
-    """
-    machines = {"nominal machine": nominal, f"member {member}": worst}
+    # what the worst does otherwise than the nominal machine: metrics, signals over each other, and differences
+    worst, machines = names[1], dict(zip(names[:2], records[:2], strict=True))
     measured = [metrics(record) for record in machines.values()]
     flat = [flattened(of_record) for of_record in measured]
     shown = [path for path in _METRICS if any(of_record.get(path) is not None for of_record in flat)]
@@ -91,7 +74,7 @@ def _beside_nominal(nominal: Record, worst: Record, member: int, page: str) -> S
         for name, of_record, values in zip(machines, measured, flat, strict=True)
     ]
     columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
-    note = f"On the page, member {member} leads to both machines in 3-D." if page else ""
+    note = f"On the page, {worst} leads to both machines in 3-D." if page else ""
     parts: list[Table | Chart] = [Table("", columns, tuple(rows), links=("", page) if page else (), note=note)]
 
     for title, name, quantity, order in _SIGNALS:
@@ -105,12 +88,22 @@ def _beside_nominal(nominal: Record, worst: Record, member: int, page: str) -> S
         common, gap = difference((t0, t1), (first, second))
         curves = (
             Series("nominal machine", quantity, first, "nominal", x=t0),
-            Series(f"member {member}", quantity, second, "actual", x=t1),
+            Series(worst, quantity, second, "actual", x=t1),
         )
         axis = time_axis(t0 if len(t0) >= len(t1) else t1)
         parts.append(Chart(title, axis, curves, y=Axis(title, quantity), group="beside"))
         if len(common):
-            series = (Series(f"member {member} − nominal machine", quantity, gap, "error"),)
+            series = (Series(f"{worst} − nominal machine", quantity, gap, "error"),)
             y = Axis("difference", quantity)
             parts.append(Chart(f"{title}, difference", time_axis(common), series, y=y, group="beside"))
-    return Section(f"Worst member, {member}, beside the nominal machine", tuple(parts))
+    beside = Section(f"Worst member, {members[0]}, beside the nominal machine", tuple(parts))
+
+    links = {member: f"{place}/{PAGE}" if pages else "" for member, place in zip(members, folders[1:], strict=True)}
+    report = ensemble.report(charts=charts, worst=links)
+    titles = [section.title for section in report.sections]
+    at = titles.index("Over time") + 1 if "Over time" in titles else 1
+    return replace(
+        report,
+        sections=(*report.sections[:at], beside, *report.sections[at:]),
+        files=(*report.files, *([File(page, "the worst members beside the nominal machine")] if page else [])),
+    )

@@ -157,10 +157,9 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             drawn = choice.model_copy(update={"members": n} if seed is None else {"members": n, "seed": seed})
             limits = experiment.limits.model_copy(update={"stroke": "warn"})  # of no concern for the draws
             values = Members(experiment.model_copy(update={"ensemble": drawn, "limits": limits})).draws(0, n).values
-        prepared = Preparation(experiment).members(values)
-        for error in prepared.errors.values():
+        batch = Preparation(experiment).members(values)
+        for error in batch.errors.values():
             raise error
-        batch = prepared.batch
         self._loop, self._timing, self._platform = batch.loop, batch.timing, batch.setups[0].platform
         self._every, self._steps = self._timing.steps_a_sample, self._timing.steps
         fixed = experiment.plant.fixed_step_size

@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.linear_controller import LinearController, linear_of
 from gough_stewart.harness.control.loop_margins import (
     ClassicalMargins,
+    DiskMargin,
     Margins,
     closed_loop,
+    disk_margin,
     frequency_range,
     is_stable,
     loop_margins,
@@ -53,6 +55,8 @@ from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import RIGID
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
+
+Kind = TypeVar("Kind")
 
 # Of an eigenvalue, and the largest exponent of a growth that is told.
 _ROUNDING, _MOST = 1e-7, 300.0
@@ -349,11 +353,11 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     of_believed, warnings = None, tuple[str, ...]()
     if machine != believed:
         try:
-            of_believed = judged(prepared, believed, linear).margins
+            of_believed = judged(prepared, believed, linear, loop_margins).margins
         except UnstableLoopError:
             warnings = ("with the believed platform as machine the loop would be unstable",)
     try:
-        L, of_machine, doubt, warning = judged(prepared, machine, linear)
+        L, of_machine, doubt, warning = judged(prepared, machine, linear, loop_margins)
         late = 0.0 if doubt else prepared.loop.worst_delay
     except UnstableLoopError as error:
         if form.doubt:
@@ -396,17 +400,26 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     )
 
 
-class Judged(NamedTuple):
+class Judged(NamedTuple, Generic[Kind]):
     """A stable loop."""
 
     transfer: StateSpace
-    margins: Margins
+    margins: Kind
     doubt: str = ""  # what the margins leave out, so that a requirement on them is inconclusive
     warning: str = ""  # that, and why
 
 
-def judged(prepared: Prepared, plant: Platform, controller: LinearController) -> Judged:
-    """The margins of an experiment's loop around a plant, which is its machine or another; it may be unstable.
+def disk_of(L: StateSpace) -> DiskMargin:
+    """The disk margin alone, in a fraction of the time of all margins; what would stabilise a loop is left out."""
+    if not is_stable(L):
+        raise UnstableLoopError("the closed loop is unstable", math.nan)
+    return disk_margin(L)
+
+
+def judged(
+    prepared: Prepared, plant: Platform, controller: LinearController, margins_of: Callable[[StateSpace], Kind]
+) -> Judged[Kind]:
+    """Margins of an experiment's loop around a plant, which is its machine or another; it may be unstable.
 
     With the worst delay of the sensors' own clock and of jitter, by which the loop is never later. If it is unstable
     with that, although it is not by its eigenvalues over a period of both clocks, margins are of the loop without.
@@ -414,7 +427,7 @@ def judged(prepared: Prepared, plant: Platform, controller: LinearController) ->
     late = prepared.loop.worst_delay
     try:
         L = transfer_of(prepared, plant, controller)
-        return Judged(L, loop_margins(L))
+        return Judged(L, margins_of(L))
     except (UnstableLoopError, ControllerError) as error:
         if not late:
             raise
@@ -426,7 +439,7 @@ def judged(prepared: Prepared, plant: Platform, controller: LinearController) ->
         )
     L = transfer_of(prepared, plant, controller, late=0.0)
     left_out = f"without up to {1e3 * late:.4g} ms of delay by the sensors' clock and jitter"
-    return Judged(L, loop_margins(L), left_out, f"the margins are {left_out}: with it, {why}")
+    return Judged(L, margins_of(L), left_out, f"the margins are {left_out}: with it, {why}")
 
 
 def radius_of(prepared: Prepared, plant: Platform, controller: LinearController) -> float:
@@ -482,12 +495,17 @@ def growing_of(prepared: Prepared) -> tuple[str, ...]:
 def robustness_of(experiment: Experiment) -> Robustness | None:
     """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
     try:
-        of_loop = margins(experiment)
-    except UnstableLoopError:
-        return Robustness(0.0, math.nan, (1.0, 1.0))
+        prepared = prepare(experiment_of(experiment, {"limits.reference": "warn"}))
+        form = prepared.linear_form()
+        if form is None:
+            return None
+        try:
+            _, disk, doubt, _ = judged(prepared, prepared.machine, form.controller, disk_of)
+        except UnstableLoopError:
+            return None if form.doubt else Robustness(0.0, math.nan, (1.0, 1.0))
     except ControllerError:
         return None
-    return Robustness(of_loop.disk.alpha, of_loop.disk.frequency, of_loop.disk.gain, of_loop.doubt)
+    return Robustness(disk.alpha, disk.frequency, disk.gain, "; ".join(filter(None, (form.doubt, doubt))))
 
 
 def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **replaced: Any) -> StateSpace:

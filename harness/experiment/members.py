@@ -2,9 +2,9 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cached_property, lru_cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from math import ceil, prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import digests, experiment_from
 from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.overrides import Place, Values, place_of
-from gough_stewart.harness.experiment.preparation import Batch, Preparation, PreparedMembers, platforms_of
+from gough_stewart.harness.experiment.preparation import Batch, Preparation, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.design import SamplingDesign, correlated, correlation_of, reordered
@@ -185,6 +185,34 @@ class Members:
         if self.controller is not None and section == "controller" and rest[0] not in ("feedforward", "parameters"):
             raise self._error(key, "has no effect, since controller= replaces the experiment's controller")
 
+    @cached_property
+    def plan(self) -> dict[str, Any]:
+        """All that determines their results, as plain values that files keep; a controller from Python in words."""
+        experiment = self.nominal
+        return {
+            "format": FORMAT,
+            "experiment": experiment.model_dump(mode="json", exclude_unset=True),
+            "where": experiment.where,
+            "folder": str(experiment.folder.absolute()),
+            "members": self.count,
+            "seed": self.seed,
+            # contents of the files that the experiment names
+            "files": digests(experiment),
+            "controller": "" if self.controller is None else fingerprint(self.controller),
+            # what was set of its file, as `Experiment.changed`
+            "settings": experiment.changed,
+        }
+
+    @property
+    def text(self) -> str:
+        """The plan as JSON, for workers and files."""
+        return json.dumps(self.plan, indent=1, sort_keys=True)
+
+    @property
+    def hash(self) -> str:
+        """A hash of the part of the plan that determines results."""
+        return hashlib.sha256(json.dumps(decisive(self.plan), sort_keys=True).encode()).hexdigest()
+
     def _error(self, key: str, message: str) -> ExperimentError:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)
 
@@ -224,11 +252,11 @@ class Members:
             u[:, columns] = reordered(u[:, columns], R)
         return u
 
-    def prepared(self, first: int, last: int) -> PreparedMembers:
+    def prepared(self, first: int, last: int) -> Batch:
         """Members first to last − 1, ready to run, or why they are impossible."""
         return self.prepared_with(self.draws(first, last).values, range(first, last))
 
-    def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> PreparedMembers:
+    def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> Batch:
         """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
         seeds = [
             self.nominal.sensors.seed if k is None else np.random.SeedSequence(self.seed, spawn_key=(k,))
@@ -239,10 +267,10 @@ class Members:
     def possible(self) -> Batch:
         """The first member that can run; an `ExperimentError` if none of the first can."""
         for last in (1, 8, _AMONG):
-            prepared = self.prepared(0, min(self.count, last))
-            if len(prepared.batch):
-                return prepared.batch.take([0])
-        text = f"none of the first {len(prepared.errors)} members is possible; the first: {prepared.reasons[0]}"
+            batch = self.prepared(0, min(self.count, last))
+            if len(batch):
+                return batch.take([0])
+        text = f"none of the first {len(batch.errors)} members is possible; the first: {batch.reasons[0]}"
         raise self._error("", text)
 
     @property
@@ -263,76 +291,8 @@ def _normal(deviations: FloatArray, target: VariedValue) -> Spread:
     return Spread(n, lambda u: normal(u.reshape(len(u), *target.shape), mean, deviation))
 
 
-@dataclass(frozen=True, eq=False)
-class GivenController:
-    """A controller from Python that replaces the experiment's; compared by identity."""
-
-    controller: Any
-
-
-@dataclass(frozen=True)
-class EnsemblePlan:
-    """Everything that determines the results of an ensemble, as plain values that can be sent to workers."""
-
-    experiment: dict[str, Any]
-    where: str
-    folder: str
-    members: int
-    seed: int
-    # contents of the files that the experiment names
-    files: dict[str, str] = field(default_factory=dict)
-    # the controller from Python that replaces the experiment's, in words, and itself, which no file keeps
-    controller: str = ""
-    given: GivenController | None = field(default=None, compare=False)
-    # what was set of the experiment's file, as `Experiment.changed`
-    settings: dict[str, Any] = field(default_factory=dict, compare=False)
-
-    @property
-    def title(self) -> str:
-        """The title of the experiment."""
-        return str(self.experiment["title"])
-
-    @property
-    def text(self) -> str:
-        """The plan as JSON, for workers and files."""
-        values = {part.name: getattr(self, part.name) for part in fields(self) if part.name != "given"}
-        return json.dumps({"format": FORMAT, **values}, indent=1, sort_keys=True)
-
-    @property
-    def decisive(self) -> dict[str, Any]:
-        """The part that determines results; without the file's location."""
-        names = ("experiment", "members", "seed", "files", *(("controller",) if self.controller else ()))
-        return {name: getattr(self, name) for name in names}
-
-    @property
-    def hash(self) -> str:
-        """A hash of the part that determines results."""
-        return hashlib.sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
-
-    @property
-    def prepared(self) -> Members:
-        """The members, prepared once per process; refuses changed files, and a controller that is not there."""
-        if self.controller and self.given is None:
-            raise ExperimentError(
-                self.where,
-                "controller",
-                f"was {self.controller}, given in Python, which files do not keep; expected the same call in Python "
-                "with controller=",
-            )
-        return _members_of(self.text, self.given)
-
-
-def plan_from(text: str, given: GivenController | None = None) -> EnsemblePlan:
-    """The plan of a `EnsemblePlan.text`, a `ValueError` if it is none; a controller from Python is not in the text."""
-    values = json.loads(text)
-    if values.pop("format", None) != FORMAT:
-        raise ValueError("a plan of another version")
-    return EnsemblePlan(**values, given=given)
-
-
-def plan_of(experiment: Experiment, controller: Any = None) -> EnsemblePlan:
-    """The plan of an experiment with an `[ensemble]` in which something varies."""
-    values = experiment.model_dump(mode="json", exclude_unset=True)
+def varying_members(experiment: Experiment, controller: Any = None) -> Members:
+    """The members of an experiment with an `[ensemble]`; an `ExperimentError` if they would all be the same."""
     members = Members(experiment, controller)
     if not members.inputs and not experiment.sensors.noise and not experiment.loop.jitter:
         raise ExperimentError(
@@ -340,24 +300,30 @@ def plan_of(experiment: Experiment, controller: Any = None) -> EnsemblePlan:
             "ensemble",
             "nothing varies; expected a distribution, for instance platform_mass = {normal = [120, 10]}, or noise",
         )
-    return EnsemblePlan(
-        experiment=values,
-        where=experiment.where,
-        folder=str(experiment.folder.absolute()),
-        members=members.count,
-        seed=members.seed,
-        files=digests(experiment),
-        controller="" if controller is None else fingerprint(controller),
-        given=None if controller is None else GivenController(controller),
-        settings=experiment.changed,
-    )
+    return members
 
 
-@lru_cache(2)
-def _members_of(text: str, given: GivenController | None) -> Members:
-    plan = plan_from(text)
-    experiment = experiment_from(plan.experiment, plan.where, Path(plan.folder))
-    if (files := digests(experiment)) != plan.files:
-        names = sorted(name for name in {*files, *plan.files} if files.get(name) != plan.files.get(name))
-        raise ExperimentError(plan.where, "", f"names {', '.join(names)}, which has changed since the run began")
-    return Members(experiment, None if given is None else given.controller)
+def members_from(text: str, controller: Any = None) -> Members:
+    """The members of a plan's text, with its controller from Python; refuses changed files, and one that is missing."""
+    plan = json.loads(text)
+    if plan["controller"] and controller is None:
+        raise ExperimentError(
+            plan["where"],
+            "controller",
+            f"was {plan['controller']}, given in Python, which files do not keep; expected the same call in Python "
+            "with controller=",
+        )
+    experiment = experiment_from(plan["experiment"], plan["where"], Path(plan["folder"]), changed=plan["settings"])
+    files, known = digests(experiment), plan["files"]
+    if files != known:
+        names = sorted(name for name in {*files, *known} if files.get(name) != known.get(name))
+        raise ExperimentError(plan["where"], "", f"names {', '.join(names)}, which has changed since the run began")
+    return Members(experiment, controller)
+
+
+def decisive(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a plan that determines results: without the experiment's place, and what was set of its file."""
+    if plan.get("format") != FORMAT:
+        raise ValueError("a plan of another version")
+    names = ("experiment", "members", "seed", "files", *(("controller",) if plan["controller"] else ()))
+    return {name: plan[name] for name in names}

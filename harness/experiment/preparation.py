@@ -147,8 +147,11 @@ class InParallel(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """N members of an experiment that are ready to run; what is equal is the same object."""
+    """The members of an experiment that are ready to run, and why others are not; what is equal is the same object."""
 
+    where: str  # file or name of the experiment
+    numbers: NDArray[np.intp]  # of those that are ready (N,), among all
+    errors: dict[int, GoughStewartError]  # of the others
     setups: Sequence[Setup]
     machines: Platforms
     sensors: Sequence[Sensors]
@@ -160,13 +163,19 @@ class Batch:
         """N."""
         return len(self.setups)
 
+    @property
+    def reasons(self) -> dict[int, str]:
+        """Why others are not ready."""
+        return {k: str(self.errors[k]).removeprefix(f"{self.where}: ") for k in sorted(self.errors)}
+
     def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
         """Some of them, in the order of their indices."""
         at = np.asarray(members, dtype=np.intp)
         setups, sensors, changes, seeds = (
             [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.seeds)
         )
-        return Batch(setups, self.machines[at], sensors, changes, seeds, self.start_force[at])
+        machines, start_force = self.machines[at], self.start_force[at]
+        return Batch(self.where, self.numbers[at], self.errors, setups, machines, sensors, changes, seeds, start_force)
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
@@ -280,10 +289,10 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     command, replaces the experiment's. An invalid part is an `ExperimentError`, a reference that the platform cannot
     follow a `ReachError`.
     """
-    prepared = Preparation(experiment, controller).members([{}], injection=injection)
-    for error in prepared.errors.values():
+    batch = Preparation(experiment, controller).members([{}], injection=injection)
+    for error in batch.errors.values():
         raise error
-    return with_hints(experiment, prepared.batch.member(0))
+    return with_hints(experiment, batch.member(0))
 
 
 def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
@@ -321,21 +330,6 @@ def too_late(experiment: Experiment) -> tuple[str, ...]:
     return (f"reference.at is {at:g} s in a run of {duration:g} s, so nothing moves; set it earlier, or run longer",)
 
 
-@dataclass(frozen=True, eq=False)
-class PreparedMembers:
-    """Those of N members that can run, and why others cannot."""
-
-    numbers: NDArray[np.intp]  # of the members of the batch, from 0 to N - 1
-    batch: Batch
-    errors: dict[int, GoughStewartError]
-    where: str  # file or name of the experiment
-
-    @property
-    def reasons(self) -> dict[int, str]:
-        """Why members cannot run."""
-        return {k: str(self.errors[k]).removeprefix(f"{self.where}: ") for k in sorted(self.errors)}
-
-
 # What an experiment's tables say, for members with the same ones but for sensors and machine: the tables by name, the
 # nominal model, and the platform whose parameters those of the machine replace.
 _Believed = tuple[dict[str, Any], Platform, Platform]
@@ -369,7 +363,7 @@ class Preparation:
 
     def members(  # noqa: PLR0912, PLR0915 - one road, in sections
         self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
-    ) -> PreparedMembers:
+    ) -> Batch:
         """Members with these values, and with seeds of their own for noise and jitter instead of the sensors'."""
         experiment, where, once, errors = self.experiment, self._where, self._once, dict[int, GoughStewartError]()
         if seeds is not None and any(change.has_settings for change in experiment.change):
@@ -463,6 +457,9 @@ class Preparation:
 
         self._known = {name: results for name, results in self._known.items() if len(results) <= _REPEATED}
         batch = Batch(
+            where=where,
+            numbers=numbers,
+            errors=errors,
             setups=setups,
             machines=machines,
             sensors=[sensors[at] for at in ready],
@@ -471,7 +468,7 @@ class Preparation:
             start_force=np.clip(forces, -limit, limit),
         )
         possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
-        return PreparedMembers(numbers[possible], batch if len(possible) == n else batch.take(possible), errors, where)
+        return batch if len(possible) == n else batch.take(possible)
 
     # Stages: each is made once for the same parts.
 

@@ -19,7 +19,7 @@ from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.margins import growing_of
-from gough_stewart.harness.experiment.members import EnsemblePlan, plan_of
+from gough_stewart.harness.experiment.members import Members, varying_members
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
@@ -137,7 +137,7 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     # read and prepare; a member of an ensemble has the values, noise and jitter of its number
-    chosen, plan = experiment_of(experiment, settings), None
+    chosen, members = experiment_of(experiment, settings), None
     replaced = [name for name, value in (("controller", controller), ("injection", injection)) if value is not None]
     before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
@@ -145,8 +145,8 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     elif injection is not None:
         raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
     else:
-        plan = plan_of(chosen, controller)
-        (chosen,), batch = _members_of(plan, [member])
+        members = varying_members(chosen, controller)
+        (chosen,), batch = _members_of(members, [member])
         prepared = with_hints(chosen, batch.member(0))
 
     # what is to be said before
@@ -160,9 +160,9 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     choice, loop = chosen.plant, prepared.loop
     opening: AbstractContextManager[Plant]
     opening_law: AbstractContextManager[LawFrom | None] = prepared.law_in_a_run()
-    in_batch = plan is not None and plant is None and fmu is None
-    if plan is not None and in_batch:
-        running = batch.in_parallel(plan.prepared.stepping)
+    in_batch = members is not None and plant is None and fmu is None
+    if members is not None and in_batch:
+        running = batch.in_parallel(members.stepping)
         name, opening, loop, opening_law = "lanes", running.plant, running.loop, nullcontext(running.law_from)
     elif plant is None or isinstance(plant, str):
         kind: PlantKind = plant or choice.kind
@@ -218,35 +218,33 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     return record
 
 
-def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
+def _members_of(members: Members, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
     """The experiments of members, and the same prepared; None is the nominal machine."""
-    for member in numbers:
-        if member is not None and not 0 <= member < plan.members:
-            raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
-    members = plan.prepared
-    values = [{} if member is None else members.draws(member, member + 1).values[0] for member in numbers]
-    names = ["nominal machine" if member is None else f"member {member}" for member in numbers]
-    prepared = members.prepared_with(values, numbers)
-    for k, reason in prepared.reasons.items():
-        raise ExperimentError(plan.where, names[k], f"is impossible: {reason}")
+    nominal = members.nominal
+    for number in numbers:
+        if number is not None and not 0 <= number < members.count:
+            raise ExperimentError(nominal.where, "member", f"is {number}; expected 0 to {members.count - 1}")
+    values = [{} if number is None else members.draws(number, number + 1).values[0] for number in numbers]
+    names = ["nominal machine" if number is None else f"member {number}" for number in numbers]
+    batch = members.prepared_with(values, numbers)
+    for k, reason in batch.reasons.items():
+        raise ExperimentError(nominal.where, names[k], f"is impossible: {reason}")
     experiments = [
-        experiment_with(members.nominal, drawn).model_copy(update={"title": f"{plan.title}, {name}"})
+        experiment_with(nominal, drawn).model_copy(update={"title": f"{nominal.title}, {name}"})
         for drawn, name in zip(values, names, strict=True)
     ]
-    return experiments, prepared.batch
+    return experiments, batch
 
 
-def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: TimeProgress | None = None) -> list[Record]:
+def records_of(members: Members, numbers: Sequence[int | None]) -> list[Record]:
     """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed."""
-    if not members:
-        return []
-    experiments, batch = _members_of(plan, members)
-    running = batch.in_parallel(plan.prepared.stepping)
+    experiments, batch = _members_of(members, numbers)
+    running = batch.in_parallel(members.stepping)
     with running.plant:
-        run = simulate(running.plant, running.law_from, running.loop, progress)
-    replaced = ["controller"] if plan.controller else []
+        run = simulate(running.plant, running.law_from, running.loop)
+    replaced = [] if members.controller is None else ["controller"]
     return [
-        record_of(run.of_member(k), with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, members[k])
+        record_of(run.of_member(k), with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, numbers[k])
         for k, experiment in enumerate(experiments)
     ]
 

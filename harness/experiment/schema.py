@@ -1,5 +1,6 @@
 """The schema of experiments, in TOML files and in Python."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -102,7 +103,17 @@ class Start(TableSection):
     angular_velocity: AngularVelocity | None = None
 
 
-Delay = Annotated[int, Field(ge=0, le=1000)]
+def _samples(value: Any) -> Any:
+    """A delay, which is counted: neither a part of a sample nor a time."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if isinstance(value, float) and math.isfinite(value):
+        nearest = sorted({max(0, math.floor(value)), max(0, math.ceil(value))})
+        raise ValueError(f"expected a whole number of samples; write {' or '.join(map(str, nearest))}")
+    raise ValueError("expected a whole number of samples, such as 2")
+
+
+Delay = Annotated[int, BeforeValidator(_samples), Field(ge=0, le=1000)]
 
 
 class LoopChoice(TableSection):

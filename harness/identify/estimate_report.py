@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gough_stewart.harness.control.linear_controller import linear_of
+from gough_stewart.harness.control.loop_margins import loop_margins
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.margins import judged
@@ -374,7 +375,7 @@ def _margins_of(experiment: Experiment) -> dict[str, float] | str:
     if controller is None:
         return NOTHING
     try:
-        loop = judged(prepared, prepared.machine, controller)
+        loop = judged(prepared, prepared.machine, controller, loop_margins)
     except UnstableLoopError:
         return "unstable"
     if loop.doubt:

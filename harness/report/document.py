@@ -55,6 +55,7 @@ class Number(Data):
     members: Vector | None = None
     small_is_worse: bool = False
     block: int = 1  # so many members share their numbers; only blocks are independent
+    in_sequence: bool = False  # blocks are of a Sobol' sequence, whose numbers are powers of two
     doubt: str = ""  # why a requirement on it is inconclusive, if so
 
     @property

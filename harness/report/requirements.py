@@ -245,7 +245,7 @@ def judge(wanted: Required, number: Number) -> Requirement:
             )
             if low >= share or high < share:
                 status = "met" if low >= share else "missed"
-            elif (needed := members_to_tell(holding, total, share, wanted.confidence, block)) is None:
+            elif (needed := members_to_tell(holding, number, share, wanted.confidence)) is None:
                 note += "; the share is too near to the wanted one for any number of members to tell"
             else:
                 so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
@@ -255,13 +255,13 @@ def judge(wanted: Required, number: Number) -> Requirement:
     return Requirement(wanted.text, wanted.path, number.name, status, value, bound, quantity, margin, note)
 
 
-def members_to_tell(
-    holding: int, total: int, wanted: float, confidence: float = CONFIDENCE, block: int = 1
-) -> int | None:
+def members_to_tell(holding: int, number: Number, wanted: float, confidence: float) -> int | None:
     """How many members would tell whether this share holds it, if as many of them do as of the present ones.
 
-    Whole blocks of them; None if the share is so near to the wanted one that ten millions would not do.
+    Whole blocks of them, a power of two of a Sobol' sequence; None if the share is so near to the wanted one that ten
+    millions would not do.
     """
+    total, block = len([] if number.members is None else number.members), number.block
     share = holding / total
     towards = math.floor if share > wanted else math.ceil
 
@@ -270,11 +270,13 @@ def members_to_tell(
         return low >= wanted or high < wanted
 
     low = high = math.ceil(total / block)
+    if number.in_sequence:
+        low = high = 1 << (high - 1).bit_length()
     while not tells(high):
         low, high = high, 2 * high
         if high * block > _MOST:
             return None
-    while high - low > 1:
+    while high - low > 1 and not number.in_sequence:
         middle = (low + high) // 2
         low, high = (low, middle) if tells(middle) else (middle, high)
     return high * block

@@ -146,35 +146,28 @@ class CorrelatedInputs(TableSection):
     def _positive(self) -> "CorrelatedInputs":
         if len(set(self.of)) < len(self.of) or not self.of:
             raise ValueError(f"of is {self.of}; expected different names")
-        checked_matrix(self.matrix)
+        try:
+            C = self.values
+        except ValueError as error:
+            raise ValueError(f"the matrix {error}") from None
+        if np.abs(C - C.T).max(initial=0.0) > 1e-9 * np.abs(C).max(initial=0.0):
+            raise ValueError("the matrix is not symmetric")
+        # scaled to correlations, so that different units do not make it look singular
+        worst = float(np.diag(C).min(initial=np.inf))
+        if worst > 0:
+            worst = float(np.linalg.eigvalsh(correlation_of(C))[0])
+        if not worst > _POSITIVE:
+            raise ValueError(
+                f"the matrix is not positive definite (smallest eigenvalue {worst:.3g}, scaled to correlations); "
+                "expected > 0: reduce the correlations, or remove inputs that depend entirely on others"
+            )
         return self
 
     @property
     def values(self) -> FloatArray:
         """The matrix (n, n)."""
-        return checked_matrix(self.matrix)
-
-
-def checked_matrix(matrix: Any) -> FloatArray:
-    """A covariance (n, n), symmetric and positive definite; else a `ValueError`."""
-    n = len(matrix)
-    try:
-        C = real_array(matrix, (n, n))
-    except ValueError as error:
-        raise ValueError(f"the matrix {error}") from None
-    if np.abs(C - C.T).max(initial=0.0) > 1e-9 * np.abs(C).max(initial=0.0):
-        raise ValueError("the matrix is not symmetric")
-    # scaled to correlations, so that different units do not make it look singular
-    diagonal = np.diag(C)
-    worst = float(diagonal.min(initial=np.inf))
-    if worst > 0:
-        worst = float(np.linalg.eigvalsh(correlation_of(C))[0])
-    if not worst > _POSITIVE:
-        raise ValueError(
-            f"the matrix is not positive definite (smallest eigenvalue {worst:.3g}, scaled to correlations); expected "
-            "> 0: reduce the correlations, or remove inputs that depend entirely on others"
-        )
-    return C
+        n = len(self.matrix)
+        return real_array(self.matrix, (n, n))
 
 
 def correlation_of(covariance: FloatArray) -> FloatArray:

@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, limits_of_members, margins_of, reduced
+from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, margins_of, metrics_of, reduced
 from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values
-from gough_stewart.harness.experiment.preparation import Batch, PreparedMembers
+from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.variation import EnsembleChoice
 from gough_stewart.harness.tuning.search import Evaluation, Goal, Point, SearchAxis
 from gough_stewart.model.errors import GoughStewartError
@@ -50,11 +48,9 @@ class Candidates:
                 f"{self.members.nominal.where}: no member is possible; the first: {impossible[min(impossible)]}"
             )
 
-    def metrics(self) -> tuple[str, ...]:
+    def metrics(self) -> list[str]:
         """The metrics of the runs."""
-        batch = self._prepared([({}, k) for k in self._kept]).batch
-        loop = batch.member(0).loop
-        return tuple(columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results()))
+        return metrics_of(self._prepared([({}, self._kept[0])]))
 
     def evaluate(
         self,
@@ -78,28 +74,28 @@ class Candidates:
         pairs = [(c, k) for c in range(len(points)) for k in self._kept]
         for first in range(0, len(pairs), SIZE):
             part = pairs[first : first + SIZE]
-            prepared = self._prepared([(settings[c], k) for c, k in part])
-            for at in sorted(prepared.errors):
-                reasons.setdefault(part[at][0], str(prepared.errors[at]))
-            if not len(prepared.batch):
+            batch = self._prepared([(settings[c], k) for c, k in part])
+            for at in sorted(batch.errors):
+                reasons.setdefault(part[at][0], str(batch.errors[at]))
+            if not len(batch):
                 continue
-            outcomes, columns, _ = of_batch = run(prepared.batch)
+            outcomes, columns, _ = of_batch = run(batch)
             self.integration_error = max(self.integration_error, float(np.max(columns["integration_error"])))
-            check_memory(prepared.batch, of_batch, run)
+            check_memory(batch, of_batch, run)
             unknown = np.full(len(outcomes), np.nan)  # margins are not part of runs
             rows = np.stack([columns.get(name, unknown) for name in names], axis=1)
-            for at, row, outcome in zip(prepared.numbers.tolist(), rows, outcomes, strict=True):
+            for at, row, outcome in zip(batch.numbers.tolist(), rows, outcomes, strict=True):
                 c, k = part[at]
                 numbers[c, k], completed[c, k] = row, outcome.status == "completed"
                 if outcome.status != "completed":
                     reasons.setdefault(c, str(outcome.cause))
             if progress is not None:
-                progress(len(prepared.batch))
+                progress(len(batch))
 
-        # margins of the linear loop of the nominal machine; not of every member, since each takes a second
+        # margins of the linear loop of the nominal machine; not of every member, since each takes as long as many runs
         margins = [name for name in names if name.startswith("margins.")]
         for c, values in enumerate(settings if margins else ()):
-            batch = self.members.prepared_with([values], [None]).batch
+            batch = self.members.prepared_with([values], [None])
             with suppress(GoughStewartError):
                 judged = margins_of([batch.member(0)]) if len(batch) else {}
                 for name in margins if judged else ():
@@ -110,7 +106,7 @@ class Candidates:
             for c, point in enumerate(points)
         ]
 
-    def _prepared(self, members: Sequence[tuple[Values, int]]) -> PreparedMembers:
+    def _prepared(self, members: Sequence[tuple[Values, int]]) -> Batch:
         """Members by number, with other values than their own."""
         return self.members.prepared_with(
             [{**self._draws[k], **values} for values, k in members], [k for _, k in members]

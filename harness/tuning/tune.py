@@ -177,17 +177,18 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
     if candidates.is_random and not history.is_interrupted:
         count = fresh or min(stated or FRESH, FRESH)
         judges.append(Candidates(chosen, count, candidates.members.seed + 1, controller))
-    points = [best.point, *([] if original is None else [original])]
-    judged = [judge.evaluate(axes, points, goal, further=(*known, "margins.disk")) for judge in judges]
-    (seen, *before), (unseen, *before_unseen) = judged[0], judged[1] if judges[1:] else [None]
+    seen, *unseen = (judge.evaluate(axes, [best.point], goal, further=(*known, "margins.disk"))[0] for judge in judges)
+    before, *before_unseen = (
+        None if original is None else judge.evaluate(axes, [original], goal)[0] for judge in judges
+    )
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}
     tuned = experiment_with(candidates.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble})
     return Tuning(
         tuned,
         dict(zip([axis.key for axis in axes], best.point, strict=True)),
         seen,
-        unseen,
-        before[0] if before else None,
+        unseen[0] if unseen else None,
+        before,
         before_unseen[0] if before_unseen else None,
         history,
         candidates.count,

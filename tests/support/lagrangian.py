@@ -10,7 +10,7 @@ rotor's inertia along the leg.
 """
 
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -31,28 +31,52 @@ class Pose(NamedTuple):
 
 def legs_along(machine: Platform, pose: Pose) -> tuple[FloatArray, FloatArray]:
     """Lengths [m] and velocities [m/s] of the legs along a motion, each (n, 6)."""
-    length, velocity = _functions()[0](np.concatenate(pose[:2], axis=1).T, _numbers(machine))
-    return np.array(length).T, np.array(velocity).T
+    length, velocity = _evaluated(0, np.concatenate(pose[:2], axis=1), machine)
+    return length, velocity
 
 
 def forces_along(machine: Platform, pose: Pose) -> FloatArray:
     """Actuator forces (n, 6) that a motion needs without friction [N]."""
-    generalized, jacobian = _functions()[1](np.concatenate(pose, axis=1).T, _numbers(machine))
-    # of each row a 6 × 6 block of columns
-    transposed = np.array(jacobian).reshape(6, len(pose.q), 6).transpose(1, 2, 0)
-    return np.asarray(np.linalg.solve(transposed, np.array(generalized).T[..., None])[..., 0], dtype=float)
+    generalized, jacobian = _evaluated(1, np.concatenate(pose, axis=1), machine)
+    # column by column, of each row the transposed matrix
+    transposed = jacobian.reshape(-1, 6, 6)
+    return np.asarray(np.linalg.solve(transposed, generalized[..., None])[..., 0], dtype=float)
 
 
 def equations_at(machine: Platform, q: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """M (6, 6), h (6,) and ∂L/∂q (6, 6) of a frictionless machine: M q̈ + h = (∂L/∂q)ᵀ F."""
-    M, h, by_angles = _functions()[2](np.concatenate([q, rate]), _numbers(machine))
-    return np.array(M), np.array(h)[:, 0], np.array(by_angles)
+    M, h, by_angles = _evaluated(2, np.concatenate([q, rate])[None], machine)
+    # column by column
+    return M.reshape(6, 6), h[0], by_angles.reshape(6, 6).T
+
+
+def _evaluated(which: int, rows: FloatArray, machine: Platform) -> list[FloatArray]:
+    """The outputs of a function for each row of its first input, (n, size)."""
+    inputs, outputs, (_, call) = _memory(which, len(rows))
+    inputs[0][:], inputs[1][:] = rows, _numbers(machine)
+    call()
+    return [output.copy() for output in outputs]
 
 
 @lru_cache(maxsize=64)
 def _numbers(machine: Platform) -> FloatArray:
     values = {name: getattr(machine, name) * getattr(machine, f"{name}_factor", 1.0) for name in _SIZES}
     return np.concatenate([np.ravel(value) for value in values.values()])
+
+
+@lru_cache(16)
+def _memory(which: int, n: int) -> tuple[list[Any], list[Any], tuple[Any, Any]]:
+    """Arrays of inputs and outputs for n rows, and what evaluates them without the conversions of a call."""
+    function = _functions()[which]
+    mapped: Any = function.map("rows", "serial", n, [1], [])
+    buffer, call = mapped.buffer()
+    inputs: list[Any] = [np.zeros((n, function.numel_in(0))), np.zeros(function.numel_in(1))]
+    outputs: list[Any] = [np.zeros((n, function.numel_out(k))) for k in range(function.n_out())]
+    for k, array in enumerate(inputs):
+        buffer.set_arg(k, memoryview(array))
+    for k, array in enumerate(outputs):
+        buffer.set_res(k, memoryview(array))
+    return inputs, outputs, (buffer, call)
 
 
 _SIZES = {

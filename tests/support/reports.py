@@ -91,7 +91,7 @@ def whole() -> dict[str, Any]:
     number = {
         "path": "tracking.position.norm_peak", "name": "peak", "value": 8e-4, "quantity": "length", "low": 7e-4,
         "high": 9e-4, "limit": 1e-3, "margin": 2e-4, "explanation": "largest", "members": [1.0, None],
-        "small_is_worse": True, "block": 3, "doubt": "without jitter",
+        "small_is_worse": True, "block": 3, "in_sequence": True, "doubt": "without jitter",
     }  # fmt: skip
     required = {"text": "a <= 1 mm", "path": "a", "name": "the a", "status": "open", "value": None, "bound": 1e-3,
                 "quantity": "length", "margin": "Infinity", "note": "needs 60 members"}  # fmt: skip

@@ -148,7 +148,10 @@ def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> 
 
 
 def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_path: Path) -> None:
-    """Expected: shares of the table's own column; ln 0.025/ln 0.95 = 71.9 machines tell if all of them hold it."""
+    """Expected: shares of the table's own column; ln 0.025/ln 0.95 = 71.9 machines tell if all of them hold it.
+
+    Of a Sobol' sequence the next power of two.
+    """
     out = tmp_path / "out"
     few = ("ensemble", "heave_tolerances", *SHORT, "--members", "16", "--workers", "1", "--out", str(out))
     path = "tracking.position.norm_peak"
@@ -161,7 +164,7 @@ def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_pat
     (kept, *_) = (out / "worst").iterdir()
     assert not (out / "worst" / "report.html").exists()
     assert {each.name for each in kept.iterdir()} == {"record.parquet", "metadata.json"}
-    assert "72 members would tell, if all of them hold it" in " ".join(done.stdout.split())
+    assert "128 members would tell, if all of them hold it" in " ".join(done.stdout.split())
     assert done.stderr.endswith(f"inconclusive: {wide}\n")
     members = polars.read_parquet(out / "members.parquet")[path]
     holding = (members < 1e-4).sum()

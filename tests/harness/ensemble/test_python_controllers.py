@@ -119,6 +119,21 @@ def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path) -> 
     assert whole.members.equals(gs.ensemble(file, SHORT, members=2, workers=1).members, null_equal=True)
 
 
+def test_records_of_the_worst_are_not_made_with_files_that_the_run_has_changed(file: Path, tmp_path: Path) -> None:
+    """Expected: its name, of a table that grows with each controller that is made."""
+    pid = file.parent / "pid.py"
+    start = "self.integral, self.before = np.zeros(6), None"
+    grows = "table = Path(__file__).with_name('table.csv'); table.write_text(table.read_text() + '1')"
+    text = pid.read_text().replace(start, f"{start}\n        {grows}")
+    pid.write_text(f"from pathlib import Path\n{text}")
+    words = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
+    few = ("--members", "2", "--workers", "1", "--out", str(tmp_path / "out"))
+    done = invoke("ensemble", str(file), *words, *few, catch_exceptions=True)
+    assert done.exit_code != 0
+    said = " ".join(f"{done.output} {done.stderr} {done.exception}".split())
+    assert "names table.csv, which has changed since the run began" in said
+
+
 def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path) -> None:
     """Expected: with other gains or none it is refused; with the same class it goes on; files say that it was there."""
     interrupted(EXPERIMENT, tmp_path, Pid)

@@ -61,7 +61,10 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     ({"limits.stroke": "end"}, "limits.stroke: is 'end'; expected 'ignore', 'warn' or 'stop'"),
     ({"actuators.force_limit": "weak"}, "actuators.force_limit: is 'weak'; expected a number of N, or a string with "),
-    ({"sensors.seed": 1.5}, "sensors.seed: is 1.5; expected a valid integer"),
+    ({"sensors.seed": 1.5}, "sensors.seed: is 1.5; expected a whole number"),
+    ({"loop.delay": 1.5}, "loop.delay: is 1.5; expected a whole number of samples; write 1 or 2"),
+    ({"loop.delay": "2 ms"}, "loop.delay: is '2 ms'; expected a whole number of samples, such as 2"),
+    ({"change": [{"at": 1, "delay": 2.0}]}, "change.1.delay: is 2.0; expected a whole number of samples; write 2"),
     ({"loop.delay": -1}, "loop.delay: is -1; expected greater than or equal to 0"),
     ({"loop.delay": 1001}, "loop.delay: is 1001; expected less than or equal to 1000"),
     ({"sensors.noise": {"legs": 1}}, f"sensors.noise: no signal 'legs'; expected {SIGNALS}"),
@@ -83,7 +86,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (
         {"loop": {"duration": 0, "dely": 1}, "sensors": {"seed": "x"}, "change": [{"at": 1, "values": {}}]},
         "loop.duration: is 0; expected > 0 s; loop.dely: unknown key (= 1); did you mean 'delay'?; "
-        "sensors.seed: is 'x'; expected a valid integer; "
+        "sensors.seed: is 'x'; expected a whole number; "
         "change.1.values: unknown key (= {}); expected one of at, parameters, factors, controller, delay, force_limit, "
         "noise, quantisation",
     ),
@@ -137,7 +140,9 @@ def test_what_is_no_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
 # What is set in a good experiment that cannot run so, and the message from the part on.
 IMPOSSIBLE: list[tuple[dict[str, Any], str]] = [
     ({"platform": {"preset": "motionbase"}}, "platform: preset 'motionbase'.*did you mean 'motion_base'"),
-    ({"platform": {"file": "no.toml"}}, "platform: .*no.toml: cannot read"),
+    ({"platform": {"file": "no.toml"}}, "platform: .*no.toml: cannot read.*; expected a TOML file, or one of the pres"),
+    ({"platform": {"file": "liu200.toml"}}, "platform: .*cannot read.*; did you mean the preset 'liu2000'?"),
+    ({"platform": {"file": "uneve.toml"}}, "platform: .*cannot read.*; did you mean 'uneven.toml'?"),
     ({"platform.parameters.platform_mass": -3}, "platform: platform_mass: is -3"),
     ({"platform.parameters.mass": 3}, "platform: mass: no such parameter"),
     ({"loop.plant_step": 0.0003}, "loop: plant_step 0.0003 s does not divide sample_time"),
@@ -182,6 +187,7 @@ def test_an_impossible_experiment_names_its_part(
 ) -> None:
     """Expected: part, value and remedy, before anything runs."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "uneven.toml").touch()
     with pytest.raises(gs.GoughStewartError, match=rf"(?s)experiment 'heave_step': {says}"):
         gs.run("heave_step", settings)
 

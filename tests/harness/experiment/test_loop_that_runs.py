@@ -22,7 +22,7 @@ LINEAR = {
     "sensors.quantisation.leg_length": 0,
     "actuators.force_limit": "none",
     "platform.parameters.leg_coulomb_friction": 0,
-    "loop.duration": 4.0,
+    "loop.duration": 3.0,
 }
 UNEVEN = np.array([1.0, 0.8, 1.2, 0.7, 1.1, 0.9])
 
@@ -68,13 +68,13 @@ def test_a_loop_decays_within_its_margin_and_grows_beyond(gains: Any, leg: int |
 
 
 def test_readings_and_jitter_are_their_worst_delay() -> None:
-    """Expected: 9 samples of delay for readings every 10; 2 steps of 0.25 ms for readings every 3, and for jitter.
+    """Expected: 3 samples of delay for readings every 4; 2 steps of 0.25 ms for readings every 3, and for jitter.
 
     Which is one sample in all; a quarter of one is a factor e^(−iω 0.25 ms) far below half the rate.
     """
-    of_readings = gs.margins("heave_step", {"sensors.sample_time": 0.010})
-    assert of_readings.late == pytest.approx(0.009)
-    assert of_readings.as_dict()["margins"] == gs.margins("heave_step", {"loop.delay": 10}).as_dict()["margins"]
+    of_readings = gs.margins("heave_step", {"sensors.sample_time": 0.004})
+    assert of_readings.late == pytest.approx(0.003)
+    assert of_readings.as_dict()["margins"] == gs.margins("heave_step", {"loop.delay": 4}).as_dict()["margins"]
     clocks = {"loop.plant_step": 0.00025, "sensors.sample_time": 0.00075}
     with_jitter = gs.margins("heave_step", clocks | {"loop.jitter": 0.0006})
     assert with_jitter.late == pytest.approx(0.001)

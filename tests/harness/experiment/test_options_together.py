@@ -23,7 +23,7 @@ from tests.support.uneven import UNEVEN
 pytestmark = pytest.mark.usefixtures("units_in_process")
 
 
-DURATION, SAMPLE_TIME = 0.15, 0.005
+DURATION, SAMPLE_TIME = 0.1, 0.005
 _STEPS = 5  # of the plant in a sample time, where it has several
 # Six different gains, of legs and of axes.
 LEG_GAINS = {

@@ -44,7 +44,7 @@ def push(*force: float) -> dict[str, Any]:
 STIFF: dict[str, Any] = {
     "platform": {"preset": "liu2000"},
     "controller": {"type": "pd", "bandwidth": 5, "damping_ratio": 0.5},
-    "loop": {"duration": 3, "sample_time": 1e-3},
+    "loop": {"duration": 3, "sample_time": 3e-3},
 }
 PID = {"type": "pid", "bandwidth": 2, "damping_ratio": 1.2, "integral_time": 0.3}
 SLOW = {"type": "sine", "position_amplitude": [0, 0, 1e-3], "frequency": 0.1}

@@ -6,6 +6,7 @@ inverse as used here.
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -177,7 +178,7 @@ def test_the_value_is_that_which_the_share_of_members_holds() -> None:
 def test_too_few_members_say_how_many_would_tell_with_95_percent_of_confidence() -> None:
     """Expected: the least n with 0.95^n <= 0.025, ln 0.025/ln 0.95 = 71.9; fewer with 90 %, ln 0.05/ln 0.95 = 58.4."""
     for text, holding, total, note in (
-        ("", 20, 20, "72 members would tell, if all of them hold it"),
+        ("", 20, 20, " 72 members would tell, if all of them hold it"),
         ("", 49, 50, "members would tell, if 98 % of them hold it"),
         ("", 19, 20, "the share is too near to the wanted one for any number of members to tell"),
         (" with 90 % confidence", 20, 20, "59 members would tell, if all of them hold it"),
@@ -199,3 +200,6 @@ def test_members_in_blocks_are_as_sure_as_their_blocks(holding: int, block: int)
     assert f"(Clopper–Pearson, 10 independent blocks of {block})" in found.note
     if x == 10:  # ln 0.025/ln 0.9 = 35.01
         assert found.note.endswith(f"{36 * block} members would tell, if all of them hold it")
+        # of points of a Sobol' sequence 64
+        found = judge(required(f"{_PATH} <= 1 mm for 90 % of members"), replace(number, in_sequence=True))
+        assert found.note.endswith(f"{64 * block} members would tell, if all of them hold it")

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars
 import pytest
 
@@ -164,6 +165,14 @@ def test_values_outside_the_bounds_are_compared_but_not_tried(folder: Path, boun
     assert found.candidates["controller.bandwidth"].is_between(low, high).all()
     assert found.before is not None
     assert [found.before.value] == pytest.approx(alone(folder / "mine.toml", ONE, "force.rms"), rel=1e-5)
+
+
+def test_a_member_that_failed_has_no_numbers_beside_the_best(folder: Path) -> None:
+    """Expected: of two members the ton, which the drives do not hold; half of the members are enough."""
+    settings = {"ensemble": {"members": 2, "platform_mass": {"grid": [11.0, 1000.0]}}}
+    found = tune(folder, VARY[0], "force.rms", settings, members=2, fresh=2, quantile=0.5)
+    assert found.seen.failed == 1
+    assert np.isnan(found.seen.metrics["force.rms"]).tolist() == [False, True]
 
 
 def test_what_the_experiment_leaves_out_was_nothing(folder: Path) -> None:
