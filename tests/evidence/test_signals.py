@@ -161,9 +161,13 @@ def is_whole(path: Path) -> bool:
     if path.is_dir() or path.name.endswith(".part"):
         return path.is_dir()
     try:
-        return _ENDS_WELL.get(path.suffix, lambda content: content.endswith(b"\n"))(path.read_bytes())
+        return _ENDS_WELL.get(path.suffix, ends_with_a_line)(path.read_bytes())
     except (ValueError, OSError, zipfile.BadZipFile):
         return False
+
+
+def ends_with_a_line(content: bytes) -> bool:
+    return content.endswith(b"\n")
 
 
 _ENDS_WELL: dict[str, Callable[[bytes], bool]] = {
