@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.commands import Result, invoke
-from tests.support.experiments import experiment_from
 from tests.support.reports import parts_in, report_in, rows_in
 from tests.support.uneven import UNEVEN
 
@@ -150,22 +149,6 @@ def test_every_pose_is_a_row_of_the_table(seen: Seen) -> None:
             assert seen.csv[name].null_count() == len(seen.poses)
         else:
             np.testing.assert_allclose(seen.csv[name].to_numpy(), values, rtol=1e-9, err_msg=name)
-
-
-def test_lengths_of_legs_decide_between_too_short_and_too_long(tmp_path: Path) -> None:
-    """Expected: |t + R p − b| with SciPy's rotations, where no other limit comes first."""
-    seen, counts = Seen("map", tmp_path), dict.fromkeys(("none", "leg_too_short", "leg_too_long"), 0)
-    platform = seen.platform
-    assert platform.leg_length_min is not None
-    assert platform.leg_length_max is not None
-    for pose, limit in zip(seen.poses, seen.csv["limit"], strict=True):
-        if limit in counts:
-            arms = Rotation.from_euler("xyz", pose[3:]).apply(platform.platform_points.copy())
-            length = np.linalg.norm(pose[:3] + arms - platform.base_points, axis=1)
-            is_short, is_long = length.min() < platform.leg_length_min, length.max() > platform.leg_length_max
-            assert limit == ("leg_too_short" if is_short else "leg_too_long" if is_long else "none")
-            counts[limit] += 1
-    assert min(counts.values()) > 5
 
 
 def test_tables_have_ranges_limits_and_extremes(seen: Seen) -> None:
@@ -443,27 +426,6 @@ def test_why_most_poses_are_out_of_reach_is_a_sentence(
     """Expected: written out; the platforms have one limit that keeps off most."""
     verdict = report_of(platform, tmp_path, over, {}, 9)["verdict"]["text"]
     assert verdict.endswith(f" of it is out of reach {why}")
-
-
-def test_what_can_be_reached_is_what_a_run_may_hold() -> None:
-    """Expected: that an experiment which holds the pose is refused, or not; far from singular poses."""
-    rng, counts = np.random.default_rng(3), [0, 0]
-    poses = [0, 0, 2.0, 0, 0, 0] + rng.normal(size=(16, 6)) * [0.35, 0.35, 0.25, 0.15, 0.15, 0.15]
-    reachable = gs.evaluate_poses(MOTION_BASE, poses[:, :3], poses[:, 3:]).reachable
-    for pose, is_reachable in zip(poses.tolist(), reachable, strict=True):
-        experiment = experiment_from({
-            "title": "held", "platform": {"preset": "motion_base"},
-            "reference": {"type": "hold", "position": pose[:3], "orientation": pose[3:]},
-            "controller": {"type": "pd", "bandwidth": "2 Hz", "feedforward": "gravity"},
-            "loop": {"duration": 0.002, "sample_time": 0.002},
-        })  # fmt: skip
-        counts[bool(is_reachable)] += 1
-        if is_reachable:
-            gs.run(experiment)
-        else:
-            with pytest.raises(gs.GoughStewartError, match=r"leg|joint"):
-                gs.run(experiment)
-    assert min(counts) > 3
 
 
 def test_a_surface_lies_where_a_leg_reaches_its_limit(tmp_path: Path) -> None:
