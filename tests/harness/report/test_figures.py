@@ -44,7 +44,7 @@ def _report(*charts: Chart, status: Any = "told", text: str = "v") -> Report:
 
 def _figures(*charts: Chart) -> list[Any]:
     """The figures as they are saved."""
-    with figures_drawn(is_rendered=False) as made:
+    with figures_drawn() as made:
         figures(_report(*charts), ("png",))
     return list(made)
 

@@ -8,8 +8,8 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.page_arrays import charts_of, data_of, elements, rows_below, verdict_of, words_of
-from tests.support.pages import page_of_records
 from tests.support.records import changed, oscillating, plain, says_it_oscillates, waving_record
+from tests.support.reports import page_of_records
 from tests.support.uneven_records import record_of
 
 BASE = gs.load_preset("motion_base")

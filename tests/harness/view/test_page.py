@@ -10,8 +10,8 @@ from gough_stewart import GoughStewartError, Platform, Record, metrics, view
 from tests.harness.view.colour_vision import BLIND, delta_e_76, lab, rgb_of
 from tests.support.arrays import FloatArray
 from tests.support.page_arrays import charts_of, data_of, elements, rows_below, unpacked, words_of
-from tests.support.pages import page_of_records
 from tests.support.records import waving_record
+from tests.support.reports import page_of_records
 from tests.support.uneven_records import OTHER, RUN
 
 
