@@ -426,10 +426,7 @@ def contents(folder: str) -> dict[str, bytes]:
 
 
 def test_a_folder_holds_the_newest_result_of_one_study() -> None:
-    """Expected: page and figures of the result before go, files of the user stay; another study is refused there.
-
-    The closing line has the size of all that was written.
-    """
+    """Expected: page and figures of the result before go, files of the user stay; another study is refused there."""
     for options, then in ((["--report"], ("mine.txt", "bode.pdf", ".a.0123abcd.part")), ([], ())):
         done = invoke("margins", "heave_step", *options, "--out", "out")
         told = re.search(r"^Done in \d+\.\d+ s\. Wrote to out \((\S+) (kB|MB)\):$", done.stdout, re.MULTILINE)
@@ -450,21 +447,3 @@ def test_a_folder_holds_the_newest_result_of_one_study() -> None:
     for text in ("{", "[1]", '{"study": ""}'):  # a file of another program is no study
         Path("foreign/report.json").write_text(text)
         assert invoke("check", "heave_step", *shlex.split(COARSE), "--out", "foreign").exit_code == 0, text
-
-
-# --- reproduce -------------------------------------------------------------------------------------------------------
-
-REPRODUCED = {
-    *("open_loop.csv", "figure-4.png", "figure-5.png", "figure-6.png", "figure-7.png", "drift.png", "report.json"),
-    *("comparison.json", "gough_stewart_fmi2.fmu", "gough_stewart_fmi3.fmu"),
-}
-
-
-@pytest.mark.evidence
-def test_two_reproductions_write_the_same_bytes(demo: Demo) -> None:
-    """Expected: the files of the demonstration, but for the page, and charts as data, which were not asked for."""
-    assert names_in(demo.paper) == REPRODUCED | {"report.html"}
-    assert invoke("reproduce", "--out", "new/folder").exit_code == 0
-    assert names_in("new/folder") == REPRODUCED
-    for name in REPRODUCED - {"report.json"}:
-        assert Path("new/folder", name).read_bytes() == (demo.paper / name).read_bytes(), name

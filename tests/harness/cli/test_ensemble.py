@@ -78,10 +78,7 @@ def test_run_repeats_a_member(done: tuple[Result, Path], tmp_path: Path) -> None
 
 
 def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_path: Path) -> None:
-    """Expected: shares of the table's own column; ln 0.025/ln 0.95 = 71.9 machines tell if all of them hold it.
-
-    Of a Sobol' sequence the next power of two.
-    """
+    """Expected: shares of the table's own column; of ln 0.025/ln 0.95 = 71.9 the next power of two tells."""
     out = tmp_path / "out"
     few = ("ensemble", "heave_tolerances", *SHORT, "--members", "16", "--workers", "1", "--out", str(out))
     path = "tracking.position.norm_peak"

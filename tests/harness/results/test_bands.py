@@ -10,10 +10,7 @@ import gough_stewart as gs
 
 
 def test_samples_are_those_of_the_first_members_at_every_other_time() -> None:
-    """Expected: the records' own numbers with seven digits, none after a member has ended; some of nine loops are lost.
-
-    Of 601 rows bands have 200, samples 101 of these.
-    """
+    """Expected: the records' own numbers with seven digits, none after a member has ended; some are lost."""
     settings: dict[str, Any] = {
         "loop.duration": 0.6, "loop.delay": 20, "loop.plant_step": "1 ms", "limits.position_error": "55 mm",
         "ensemble": {"members": 9, "signals": ["leg_length"], "controller.bandwidth": {"uniform": [0.1, 20]}},
