@@ -1,7 +1,4 @@
-"""Poses as other people write them, in files written here by hand: what is read is the pose that they mean.
-
-Expected values are of matrices written out, R = Rz·Ry·Rx and the like, and of lengths |p + R b − a|.
-"""
+"""Poses as other people write them: what is read is the pose that they mean, by matrices written out."""
 
 from pathlib import Path
 from typing import Any
@@ -145,10 +142,7 @@ def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path
     home = lengths(UNEVEN.home_position[None], matrices(UNEVEN.home_orientation[None]))
     dates = [f"2024-02-29T23:59:{59 + t:06.3f}+01:00" if t < 1 else "" for t in TIME]
     epochs = [f"{1709247599 + t:.3f}" for t in TIME]
-    for stamps, values, keys in (
-        (dates, L, {}),
-        (epochs, L - home, {"leg_lengths": "from_home"}),
-    ):
+    for stamps, values, keys in ((dates, L, {}), (epochs, L - home, {"leg_lengths": "from_home"})):
         path = file_of(tmp_path, f"timestamp,{LEGS}", 1e3 * values, first=stamps)
         lines = path.read_text().splitlines()
         path.write_text("\n".join([*lines[:6], lines[5], *lines[6:]]))

@@ -75,11 +75,8 @@ def test_units_are_written_as_people_write_them_and_read_so(unit: str, text: str
     ("value", "unit", "message"),
     [
         ("three m", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm"),
-        (
-            "3 kg",
-            "m",
-            "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm; found the unit 'kg'",
-        ),
+        ("3 kg", "m",
+         "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm; found the unit 'kg'"),
         (True, "N", "expected a number of N, or a string with one of the units N, kN"),
         (1.01e12, "N", "expected a number of at most 1e+12 in SI units"),
         (-1.01e12, "N", "expected a number of at most 1e+12 in SI units"),
@@ -88,7 +85,7 @@ def test_units_are_written_as_people_write_them_and_read_so(unit: str, text: str
         ("3", PLAIN, "expected a number"),
         (True, PLAIN, "expected a number"),
     ],
-)
+)  # fmt: skip
 def test_what_is_no_quantity_says_what_is_one(value: Any, unit: str, message: str) -> None:
     """Expected: the whole text, and the bound from both sides."""
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - the text is what is looked at
@@ -102,24 +99,14 @@ def test_what_is_no_quantity_says_what_is_one(value: Any, unit: str, message: st
 
 # The types of fields: unit, size (0 for a number), and what bounds them.
 FIELDS: dict[str, tuple[str, int, str]] = {
-    **{
-        "Number": (PLAIN, 0, ""),
-        "PositiveNumber": (PLAIN, 0, "> 0"),
-        "AnyTime": ("s", 0, ""),
-        "Time": ("s", 0, ">= 0"),
-    },
-    **{"PositiveTime": ("s", 0, "> 0"), "PositiveLength": ("m", 0, "> 0"), "Angle": ("rad", 0, "")},
-    **{"Frequency": ("Hz", 0, "> 0"), "Band": ("Hz", 2, ""), "PositiveForce": ("N", 0, "> 0")},
-    **{"PositiveForceRate": ("N/s", 0, "> 0"), "Position": ("m", 3, ""), "Orientation": ("rad", 3, "")},
-    **{
-        "Velocity": ("m/s", 3, ""),
-        "AngularVelocity": ("rad/s", 3, ""),
-        "Force": ("N", 3, ""),
-        "Torque": ("N.m", 3, ""),
-    },
-    **{"LegForces": ("N", 6, ""), "ProportionalGains": ("N/m", 6, "channels")},
-    **{"DerivativeGains": ("N.s/m", 6, "channels"), "IntegralGains": ("N/(m.s)", 6, "channels")},
-}
+    "Number": (PLAIN, 0, ""), "PositiveNumber": (PLAIN, 0, "> 0"), "Angle": ("rad", 0, ""), "AnyTime": ("s", 0, ""),
+    "Time": ("s", 0, ">= 0"), "PositiveTime": ("s", 0, "> 0"), "PositiveLength": ("m", 0, "> 0"),
+    "Frequency": ("Hz", 0, "> 0"), "Band": ("Hz", 2, ""), "PositiveForce": ("N", 0, "> 0"),
+    "PositiveForceRate": ("N/s", 0, "> 0"), "Position": ("m", 3, ""), "Orientation": ("rad", 3, ""),
+    "Velocity": ("m/s", 3, ""), "AngularVelocity": ("rad/s", 3, ""), "Force": ("N", 3, ""), "Torque": ("N.m", 3, ""),
+    "LegForces": ("N", 6, ""), "ProportionalGains": ("N/m", 6, "channels"),
+    "DerivativeGains": ("N.s/m", 6, "channels"), "IntegralGains": ("N/(m.s)", 6, "channels"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FIELDS)

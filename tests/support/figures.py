@@ -10,19 +10,15 @@ from matplotlib.figure import Figure
 
 from tests.support.arrays import FloatArray
 
-_SAVE = Figure.savefig
-
 
 @contextmanager
-def figures_drawn(is_rendered: bool = True) -> Iterator[list[Figure]]:
-    """The figures that are saved meanwhile, once each, in order; their files are empty unless they are rendered."""
+def figures_drawn() -> Iterator[list[Figure]]:
+    """The figures that are saved meanwhile, once each, in order; their files stay empty."""
     found: list[Figure] = []
 
-    def noted(figure: Figure, *arguments: Any, **options: Any) -> None:
+    def noted(figure: Figure, *_: Any, **__: Any) -> None:
         if not any(figure is each for each in found):
             found.append(figure)
-        if is_rendered:
-            _SAVE(figure, *arguments, **options)
 
     with patch.object(Figure, "savefig", noted):
         yield found

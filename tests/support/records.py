@@ -90,6 +90,22 @@ def waving_record(
     return gs.Record(polars.DataFrame(table), {**known, **metadata})
 
 
+def stepping(
+    platform: gs.Platform, tau: float, size: float, off: float = 0.0, at: int = 100, **others: ArrayLike
+) -> gs.Record:
+    """A second with a step along z in a row [m], followed with a time constant [s] to a rest that is off; all rests."""
+    time = 1e-3 * np.arange(1001)
+    wanted = np.where(time < time[at], 0.0, size)
+    actual = np.where(time < time[at], 0.0, (size - off) * (1 - np.exp(-(time - time[at]) / tau)))
+    z, home, turned = np.array([0.0, 0.0, 1.0]), platform.home_position, platform.home_orientation
+    values: dict[str, ArrayLike] = {
+        "position": home + np.outer(actual, z), "reference__position": home + np.outer(wanted, z),
+        "error__position": np.outer(wanted - actual, z), "orientation": turned, "reference__orientation": turned,
+        **dict.fromkeys(("error__orientation", "error__leg_length", "leg_velocity", "flag__force_limited"), 0.0),
+    }  # fmt: skip
+    return changed(waving_record(platform, rows=1001), **values, **others)
+
+
 def oscillating(record: gs.Record, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> gs.Record:
     """The same with a sine as the error of one leg [Hz, m], and errors at rest of the others; the reference stands."""
     wave = amplitude * np.sin(2 * np.pi * frequency * record["time"])

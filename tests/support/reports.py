@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+import gough_stewart as gs
 from tests.support.commands import invoke
 
 QUANTITIES: dict[str, dict[str, Any]] = {
@@ -117,6 +118,12 @@ def page_of(whole: dict[str, Any]) -> bytes:
         done = invoke("view", folder, "--out", f"{folder}/page.html")
         assert done.exit_code == 0, done.output
         return Path(folder, "page.html").read_bytes()
+
+
+def page_of_records(records: list[gs.Record], names: list[str]) -> bytes:
+    """The page of `gs.view`."""
+    with tempfile.TemporaryDirectory() as folder:
+        return gs.view(records, f"{folder}/page.html", names=names).read_bytes()
 
 
 def tables_of(report: Any) -> dict[str, Any]:

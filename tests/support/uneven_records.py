@@ -1,6 +1,5 @@
 """Records of an uneven machine at uneven settings, in which no two numbers are alike."""
 
-import base64
 from dataclasses import replace
 from typing import Any
 
@@ -24,11 +23,6 @@ EXPERIMENT: dict[str, Any] = {
     "disturbance": [{"at": 0.02, "force": [1.0, 2.0, 3.0]}, {"at": 0.04, "force": []}],
 }
 ROWS = 301
-
-
-def numbers(packed: dict[str, str], width: int | None = None) -> Floats:
-    values = np.frombuffer(base64.b64decode(packed["bdata"]), f"<{packed['dtype']}").astype(float)
-    return values if width is None else values.reshape(-1, width)
 
 
 def more(rows: int) -> dict[str, Floats]:

@@ -10,7 +10,6 @@ import pytest
 
 from gough_stewart import read_record
 from tests.support.commands import Result, invoke
-from tests.support.page_arrays import data_of, unpacked
 
 SHORT = ("--set", "loop.duration=0.1", "--set", "ensemble.worst=2")
 TABLES = {"members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"}
@@ -41,24 +40,6 @@ def test_the_worst_members_are_those_with_the_largest_error_and_linked_from_the_
         assert f'href="worst/member-{member}/report.html"' in page
         error = read_record(out / "worst" / f"member-{member}")["error.position"]
         assert ((error**2).sum(axis=1) ** 0.5).max() == pytest.approx(peak, rel=1e-12)
-
-
-def test_view_makes_the_page_that_the_command_wrote(done: tuple[Result, Path], tmp_path: Path) -> None:
-    """Expected: every byte of the HTML but its data, and every chart's signals of members, number by number."""
-    result = invoke("view", str(done[1]), "--out", str(tmp_path / "again.html"))
-    assert result.exit_code == 0, result.output
-    pages = [path.read_bytes() for path in (done[1] / "report.html", tmp_path / "again.html")]
-    frames = [re.sub(rb'(id="data">).*?</script>', rb"\1</script>", page, flags=re.DOTALL) for page in pages]
-    assert frames[0] == frames[1]
-    kept = []
-    for page in pages:
-        data = data_of(page)
-        kept.append([
-            {name: unpacked(data["arrays"][number]).tolist() for name, number in chart["samples"].items()}
-            for chart in data["charts"] if "samples" in chart
-        ])  # fmt: skip
-    assert len(kept[0]) > 5
-    assert kept[0] == kept[1]
 
 
 def test_the_worst_member_is_shown_beside_the_nominal_machine(done: tuple[Result, Path], tmp_path: Path) -> None:
@@ -96,62 +77,8 @@ def test_run_repeats_a_member(done: tuple[Result, Path], tmp_path: Path) -> None
     assert f"member {member}" in json.loads((tmp_path / "metadata.json").read_text())["title"]
 
 
-@pytest.mark.evidence
-def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> None:
-    """Expected: the mean of the differences of the members' rows; the mean times its confidence by Student's t of 8."""
-    text = re.sub(r'(?m)^(duration = )"2 s"', r'\1"0.3 s"', invoke("experiments", "heave_step").stdout)
-    for name, bandwidth in (("slow", 1), ("fast", 4)):
-        mine = re.sub(r"(?m)^(bandwidth = ).*", rf'\g<1>"{bandwidth} Hz"', text)
-        (tmp_path / f"{name}.toml").write_text(mine)
-    with (tmp_path / "slow.toml").open("a") as first:
-        first.write("[ensemble]\nmembers = 9\nworst = 1\nplatform_mass = { uniform = [1000, 3000] }\n")
-    # of the two files, the second is judged
-    for name, bound in (("slow", "< 1 um"), ("fast", "> 0 mm")):
-        with (tmp_path / f"{name}.toml").open("a") as more:
-            more.write(f'[require]\ntracking.position.norm_peak = "{bound}"\n')
-    out = tmp_path / "compared"
-    files = [str(tmp_path / f"{name}.toml") for name in ("slow", "fast")]
-    rms = "tracking.position.norm_rms"
-    wanted = (f"{rms} <= 1 m", f"difference.{rms} < 0 mm", f"first.{rms} < 1 um")
-    options = ("--report", "--figures", *(word for each in wanted for word in ("--require", each)))
-    command = ("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(out))
-    result = invoke(*command, *options, columns=80)
-    assert result.exit_code == 3, result.output
-    assert result.stdout.startswith("Missed: first.tracking")
-    assert result.stderr == f"missed: {wanted[2]}\n"
-    # all but the verdict, which is one line for other programs
-    assert max(map(len, result.output.partition("Done in")[0].splitlines()[1:])) <= 80
-    assert re.search(r"\d…", result.output) is None, "a number is cut off"
-    kinds = ("pdf", "png", "svg")
-    figures = {f"{name}.{kind}" for name in ("distribution", "dependence", "sensitivity") for kind in kinds}
-    own = {"differences.parquet", "fast", "slow", "report.json", "report.html"}
-    assert {path.name for path in out.iterdir()} == own | figures
-    for name in ("slow", "fast"):
-        (page,) = (out / name).glob("worst/member-*/report.html")
-        assert f'href="worst/{page.parent.name}/report.html"' in (out / name / "report.html").read_text()
-    slow, fast = (polars.read_parquet(out / name / "members.parquet") for name in ("slow", "fast"))
-    assert slow["varied.platform_mass"].equals(fast["varied.platform_mass"])
-    gaps = (fast[rms] - slow[rms]).to_numpy()
-    row = polars.read_parquet(out / "differences.parquet").row(by_predicate=polars.col("metric") == rms, named=True)
-    assert row["mean"] == pytest.approx(gaps.mean())
-    # 2.306 of a table of Student's t: 97.5 %, eight degrees of freedom
-    assert row["mean_high"] - row["mean"] == pytest.approx(2.306 * gaps.std(ddof=1) / 3, rel=1e-3)
-    assert f" {1e3 * gaps.mean():.3g} " in result.output
-    states = [each["status"] for each in json.loads((out / "report.json").read_text())["requirements"]]
-    # those of the command line, then that of the second file
-    assert states == ["met", "met", "missed", "met"]
-    again = invoke(*command, "--json")
-    assert again.exit_code == 0, again.output
-    found = {each["path"]: each for each in json.loads(again.stdout)["numbers"]}
-    assert found[f"difference.{rms}"]["members"] == pytest.approx(gaps.tolist())
-    assert {path.name for path in out.iterdir()} == own - {"report.html"}
-
-
 def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_path: Path) -> None:
-    """Expected: shares of the table's own column; ln 0.025/ln 0.95 = 71.9 machines tell if all of them hold it.
-
-    Of a Sobol' sequence the next power of two.
-    """
+    """Expected: shares of the table's own column; of ln 0.025/ln 0.95 = 71.9 the next power of two tells."""
     out = tmp_path / "out"
     few = ("ensemble", "heave_tolerances", *SHORT, "--members", "16", "--workers", "1", "--out", str(out))
     path = "tracking.position.norm_peak"

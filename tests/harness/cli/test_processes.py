@@ -95,10 +95,7 @@ def test_little_is_imported_before_there_is_something_to_see(
 
 
 def test_runs_and_builds_do_without_what_they_do_not_need(fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    """Expected: what has to be traced and compiled is there, as from a wheel; a run with an FMU needs none.
-
-    A run starts no process, none of which can be left behind then.
-    """
+    """Expected: what has to be traced and compiled is there, as from a wheel; a run with an FMU needs none."""
     none = {"casadi", "control", "matplotlib", "scipy"}
     run = f"run heave_step --set loop.duration=0.01 --out {tmp_path}"
     loaded_after("", run)  # keeps what it compiles

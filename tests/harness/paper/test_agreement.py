@@ -73,9 +73,8 @@ def test_each_comparison_measures_what_it_names() -> None:
     # no weight, no forces, no work: the kinetic energy is the scale
     free = {"gravity": np.zeros(3), "leg_coulomb_friction": 0.0, "leg_viscous_friction": 0.0}
     case = replace(case_of(replace(gs.load_preset("motion_base"), **free)), duration=0.02)  # type: ignore[arg-type]
-    assert agreement(case, run_kernel(case), run_kane(case), run_stepping(case), run_stepping(case, rows=False))[
-        8
-    ].holds
+    rows = agreement(case, run_kernel(case), run_kane(case), run_stepping(case), run_stepping(case, rows=False))
+    assert rows[8].holds
 
 
 def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
@@ -97,17 +96,6 @@ def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
     assert np.allclose(end[:3], expected[:3] * scale, atol=1e-9)
     assert np.allclose(end[3:6], expected[3:6], atol=1e-9)
     assert case_of(replace(gs.load_preset("liu2000"), name="mine", source="me")).is_published
-
-
-@pytest.mark.parametrize("preset", ["liu2000", "desktop_hexapod", "motion_base"])
-@pytest.mark.parametrize("factor", [0.2, 5.0])
-def test_changed_platforms_still_pass_their_case(preset: str, factor: float) -> None:
-    """A payload changed on a preset is the first thing a user tries."""
-    platform = gs.load_preset(preset)
-    mass, inertia = platform.platform_mass * factor, platform.platform_inertia * factor
-    changed = replace(platform, platform_mass=mass, platform_inertia=inertia)
-    end = run_stepping(case_of(changed))[-1]
-    assert abs(end[2] / changed.home_position[2] - 1) < 0.5
 
 
 def test_the_other_order_is_the_same_mechanism_with_renamed_legs_and_as_far_away() -> None:

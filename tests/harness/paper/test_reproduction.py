@@ -133,7 +133,7 @@ NAME = "a [red]b[/nope] $\\frac{c$ <b> 台"
 def uneven() -> tuple[gs.Platform, Any, list[Figure]]:
     """A short-legged, uneven platform with friction, and its figures as they were drawn."""
     platform = replace(UNEVEN, name=NAME)
-    with figures_drawn(is_rendered=False) as figures:
+    with figures_drawn() as figures:
         found = gs.reproduce(platform, page=True)
     return platform, found, figures
 

@@ -58,10 +58,7 @@ def test_whole_numbers_stay_whole_what_is_infinite_is_a_gap_and_equal_arrays_are
 
 @pytest.mark.parametrize("rows", [101, 1000, 1003])
 def test_blocks_keep_every_peak_in_its_order(rows: int) -> None:
-    """Expected, row by row: of each block its smallest and largest value as they follow each other; gaps are gaps.
-
-    They are at the block's first and middle row.
-    """
+    """Expected, row by row: of each block its smallest and largest value as they follow each other; gaps are gaps."""
     time, values = np.linspace(7.3, 9.1, rows), np.random.default_rng(3).normal(size=rows)
     values[30:60] = np.nan
     found_time, found = blocks(time, values, most=100)
@@ -83,10 +80,7 @@ def test_blocks_keep_every_peak_in_its_order(rows: int) -> None:
 @settings(max_examples=60)
 @given(st.integers(1, 90), st.integers(0, 40), st.integers(0, 2**32 - 1))
 def test_the_rows_kept_are_those_of_a_loop_over_buckets(n: int, points: int, seed: int) -> None:
-    """Expected: both ends, and of each bucket the first smallest and the first largest finite value.
-
-    Times are no row numbers, from 7.3 s on; gaps and infinite values are no extremes.
-    """
+    """Expected: both ends, and of each bucket the first smallest and the first largest finite value."""
     rng = np.random.default_rng(seed)
     time = 7.3 + np.cumsum(rng.uniform(0.1, 1.0, n))
     values = rng.integers(-4, 5, n) + rng.choice([0.0, 0.0, 0.0, np.nan, np.inf, -np.inf], n)

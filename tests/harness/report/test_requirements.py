@@ -1,8 +1,4 @@
-"""Requirements: how they are written, and how they come out.
-
-Expected values are worked out by hand, or by SciPy's binomial test, whose intervals are found without beta functions'
-inverse as used here.
-"""
+"""Requirements: how they are written, and how they come out, by hand or by SciPy's binomial test."""
 
 import math
 import re

@@ -41,10 +41,7 @@ def test_the_verdict_is_the_first_line_then_its_numbers_then_requirements_then_t
 
 
 def test_units_stand_once_and_what_is_left_out_is_counted() -> None:
-    """Expected: by hand; a unit stands beside the name of a row that shares it, or in the head.
-
-    Where a column states its unit and a row has several, all numbers have theirs.
-    """
+    """Expected: by hand; a unit stands beside the name of a row that shares it, or in the head."""
     legs = [["peak error", *({"value": 1e-4 * leg, "quantity": "length"} for leg in (1, 2))],
             ["peak force", *({"value": 101.5 * leg, "quantity": "force"} for leg in (1, 2))]]  # fmt: skip
     columns = [{"name": "cause"}, {"name": "peak", "quantity": "length"}]
@@ -127,10 +124,7 @@ def joined(pieces: list[str]) -> str:
 @settings(max_examples=60, deadline=None)
 @given(_tables(), st.integers(40, 120))
 def test_no_width_cuts_or_breaks_a_number(made: Table, width: int) -> None:
-    """Expected: every cell, read back from between the lines that were printed; every part begins with the names.
-
-    No line is too wide; numbers stand in one piece and in order; names and sentences are there, perhaps folded.
-    """
+    """Expected: every cell, read back from between the lines that were printed; every part begins with the names."""
     text = printed(made, width)
     assert max((Text(line).cell_len for line in text.splitlines()), default=0) <= width, text
     names, *others = ([head, *(row[k] for row in made.shown)] for k, head in enumerate(made.heads))

@@ -73,15 +73,8 @@ def test_numbers_in_any_unit_are_stored_in_that_of_the_quantity() -> None:
     with pytest.raises(ValueError, match="the unit 'mm'; expected no unit"):
         NUMBER.stored(1.0, "mm")
     degrees = 180 / math.pi
-    for unit, factor in {
-        "mm": 1e3,
-        "deg": degrees,
-        "°": degrees,
-        "%": 100,
-        "rad/s": degrees,
-        "kN": 1e-3,
-        "xyz": 1,
-    }.items():
+    factors = {"mm": 1e3, "deg": degrees, "°": degrees, "%": 100, "rad/s": degrees, "kN": 1e-3, "xyz": 1}
+    for unit, factor in factors.items():
         assert of_unit(unit).factor == pytest.approx(factor, rel=1e-15)
 
 

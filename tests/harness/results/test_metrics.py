@@ -156,13 +156,7 @@ def test_parts_without_numbers_are_none_and_not_empty() -> None:
         assert gs.metrics(partly)["step_response"] is None
 
 
-def test_of_a_single_row_the_force_and_flags_count() -> None:
-    """Expected: F, and the legs whose flags are set; no time, so no mean power. Without a finite row, nothing."""
-    found = gs.metrics(record_of(1, {"actuator_force": -3.0, "leg_velocity": 2.0, "flag.force_limited": True}))
-    assert (found["rows"], found["duration"], found["energy"]["net_total"]) == (1, 0, 0)
-    assert found["power"] == {"peak": [6.0] * 6, "mean": [None] * 6}
-    assert found["force"] == {"rms": [3.0] * 6, "peak": [3.0] * 6}
-    assert found["saturation"]["force_limited"] == {"legs": [1] * 6, "any": 1}
+def test_without_a_finite_row_there_are_no_numbers() -> None:
     nothing = gs.metrics(record_of(1, {"leg_length": np.nan}, status="diverged"))
     assert (nothing["rows"], nothing["force"], nothing["step_response"]) == (0, None, None)
     assert "diverged at 0 s: too far from the reference" in str(nothing)

@@ -1,9 +1,7 @@
 """Loops that grow or oscillate by themselves: closed forms of errors, and loops whose stability is known otherwise."""
 
 import html
-import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,6 @@ import pytest
 from scipy import signal
 
 import gough_stewart as gs
-from tests.support.commands import invoke
 from tests.support.records import Floats, columns
 
 STEP, N = 1e-3, 2000
@@ -269,46 +266,3 @@ def test_open_loops_and_runs_that_ended_early_are_not_judged() -> None:
         assert found_in(gs.Record(record.table.drop(record.columns_of(lacks)), whole)) is None
     lost = np.where(np.arange(N) < N - 1, record["error.leg_length[6]"], np.nan)
     assert found_in(gs.Record(record.table.with_columns(polars.Series("error.leg_length[6]", lost)), whole)) is None
-
-
-def test_members_of_an_ensemble_are_judged_as_their_runs() -> None:
-    """Expected: of loops at rest and in motion, with noise and changes, what `gs.metrics` says of each member's run."""
-    varied: dict[str, Any] = {
-        "members": 6,
-        "platform_mass": {"uniform": [900, 1500]},
-        "controller.bandwidth": {"uniform": [2, 20]},
-    }
-    for settings in (
-        {"loop.delay": 4, "loop.duration": 1.0},
-        {"loop.delay": 4, "loop.duration": 1.0, "disturbance": [{"at": 0.3, "duration": 0.1, "force": [0, 0, 500]}]},
-        {
-            "loop.delay": 4,
-            "loop.duration": 2.0,
-            "reference": {"type": "sine", "frequency": 0.5, "position_amplitude": [0, 0, 0.02]},
-        },
-    ):
-        chosen = {**settings, "ensemble": varied}
-        members = gs.ensemble("heave_step", chosen, workers=1).members
-        runs = [gs.metrics(gs.run("heave_step", chosen, member=k))["outcome"]["oscillation"] for k in range(6)]
-        kinds = [run and ("growing" if run["is_growing"] else "oscillating") for run in runs]
-        assert members["oscillation"].to_list() == kinds
-        assert sum(kind is not None for kind in kinds) > 0
-        for column in ("amplitude", "frequency"):
-            numbers = np.array([run and run[column] for run in runs], float)
-            np.testing.assert_allclose(members[f"oscillation.{column}"].fill_null(np.nan), numbers, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "says"),
-    [
-        (("heave_step", "--set", "controller.bandwidth=20", "--set", "loop.delay=4"), 0, r"oscillates at 38(\.\d)? Hz"),
-        (("too_slow", "--set", "loop.duration=1.6"), 3, "growing: leg"),
-        (("heave_step", "--set", "loop.duration=0.6"), 0, ""),
-    ],
-)
-def test_a_run_says_how_its_loop_ends(arguments: tuple[str, ...], code: int, says: str, tmp_path: Path) -> None:
-    """Expected: three loops with an eigenvalue outside of the unit circle are told, the shipped one is not."""
-    done = invoke("run", *arguments, "--out", str(tmp_path))
-    assert done.exit_code == code
-    assert re.search(says, done.stderr)
-    assert ("without input" in done.stderr) == bool(says)

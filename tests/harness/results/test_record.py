@@ -96,20 +96,6 @@ def test_variables_and_columns_go_by_name() -> None:
             gs.Record(record.table, metadata).report()
 
 
-def test_files_that_are_no_records_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "record.csv").write_text("time\n0\n")
-    polars.DataFrame({"a": [1]}).write_parquet(tmp_path / "other.parquet")
-    (tmp_path / "text.parquet").write_text("hello")
-    for name, says in (
-        ("nothing.parquet", "nothing.parquet: .*expected record.parquet"),
-        ("record.csv", "metadata.json: No such file"),
-        ("other.parquet", "has no metadata of a run"),
-        ("text.parquet", "text.parquet: cannot be read as a record"),
-    ):
-        with pytest.raises(Refusal, match=says):
-            gs.read_record(tmp_path / name)
-
-
 DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
     "half of it": (lambda t: t[: t.rindex(",", 0, len(t) // 2)], "is empty; expected a number"),
     "rows at its end": (lambda t: "".join(t.splitlines(True)[:-3]), "has 18 rows, but the run had 21"),

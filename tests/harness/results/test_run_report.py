@@ -15,8 +15,9 @@ from lxml import html
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from tests.support.arrays import FloatArray
 from tests.support.orientations import rotation_vectors
-from tests.support.records import Floats, changed, columns, oscillating, plain, says_it_oscillates, waving_record
+from tests.support.records import changed, columns, oscillating, plain, says_it_oscillates, stepping, waving_record
 from tests.support.uneven_records import BELIEVED, LEGS, MACHINE, ROWS, RUN
 
 PLATFORM = gs.load_preset("motion_base")
@@ -90,17 +91,10 @@ def test_a_jump_is_judged_by_where_it_ends_and_when_it_settles(size: float) -> N
 
     What is left is its error at the beginning of the last tenth of the rows, in which it is largest.
     """
-    tau, n, at = 0.05, 1001, 101
-    time, axis = 1e-3 * np.arange(n), np.array([0.0, 0.0, size])
-    wanted = np.where(np.arange(n)[:, None] >= at, axis, 0.0)
-    actual = np.where(time < time[at], 0.0, 1 - np.exp(-(time - time[at]) / tau))[:, None] * axis
-    home, turned = PLATFORM.home_position, PLATFORM.home_orientation
-    still = {"error__orientation": 0.0, "error__leg_length": 0.0, "flag__force_limited": False, "leg_velocity": 0.0}
-    pose = {"position": home + actual, "reference__position": home + wanted, "error__position": wanted - actual}
-    turns = {"orientation": turned, "reference__orientation": turned}
-    record = changed(waving_record(PLATFORM, rows=n), **still, **pose, **turns, actuator_force=20.0)
-    text = verdict(record).text
-    left = 1e3 * abs(size) * math.exp(-(time[-math.ceil(n / 10)] - time[at]) / tau)
+    tau, at = 0.05, 101
+    record = stepping(PLATFORM, tau, size, at=at, actuator_force=20.0)
+    time, text = record["time"], verdict(record).text
+    left = 1e3 * abs(size) * math.exp(-(time[-101] - time[at]) / tau)
     assert first_number(text, "Ends within ") == pytest.approx(max(up(left), 1e-3))
     assert first_number(text, "settles in ") == pytest.approx(tau * math.log(50), abs=6e-3)
     short = gs.Record(record.table.head(at + 80), record.metadata)
@@ -108,8 +102,8 @@ def test_a_jump_is_judged_by_where_it_ends_and_when_it_settles(size: float) -> N
     assert "z has not settled to 2 % within 0.079 s of its step" in unsettled.text
     assert unsettled.status == "marginal"
     # a reference that moves smoothly from end to end is followed, not jumped
-    ramp = np.clip((time - 0.1) / 0.3, 0, 1)[:, None] * axis
-    smooth = changed(record, position=home + ramp - 2e-4, reference__position=home + ramp, error__position=2e-4)
+    ramp = PLATFORM.home_position + np.outer(np.clip((time - 0.1) / 0.3, 0, 1), [0.0, 0.0, size])
+    smooth = changed(record, position=ramp - 2e-4, reference__position=ramp, error__position=2e-4)
     assert verdict(smooth).text.startswith("Follows within 0.35 mm")
 
 
@@ -180,10 +174,7 @@ def test_what_was_set_is_told_beside_what_the_file_has() -> None:
 
 
 def test_faults_stand_in_the_verdict_and_at_their_times_in_charts() -> None:
-    """Expected: the experiment's two faults, of which the run has not seen a third, in order of time.
-
-    A controller is off from where it was first switched off to where it is on again.
-    """
+    """Expected: the experiment's two faults, of which the run has not seen a third, in order of time."""
     faults = [
         {"at": 0.3, "duration": 0.1, "freeze": {"leg_length": [2, 5]}}, {"at": 0.1, "cut": [3]}, {"at": 9.0, "cut": [1]}
     ]  # fmt: skip
@@ -246,7 +237,7 @@ CHARTS: dict[str, tuple[str, str, str, tuple[str, ...], bool, tuple[float, ...]]
 }
 
 
-def values_of(title: str, prefix: str = "") -> Floats:
+def values_of(title: str, prefix: str = "") -> FloatArray:
     """What a chart shows, from the columns of the record, in SI units."""
     column = prefix + CHARTS[title][0]
     if title == "actuator power of legs":
@@ -346,7 +337,7 @@ def test_the_scene_has_the_bodies_and_every_frame() -> None:
     assert [empty.reference, empty.external_force, empty.nearness, empty.flags] == [None, None, None, ()]
 
 
-def nearness() -> dict[str, Floats]:
+def nearness() -> dict[str, FloatArray]:
     """By their definitions; power counts the velocity at both ends of a row."""
     length, force, velocity = RUN["leg_length"], np.abs(RUN["actuator_force"]), np.abs(RUN["leg_velocity"])
     later = np.maximum(velocity, np.vstack([velocity[1:], velocity[-1:]]))

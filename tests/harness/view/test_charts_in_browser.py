@@ -278,10 +278,7 @@ def test_curves_that_coincide_are_all_seen(many: Page) -> None:
 
 
 def test_colour_tells_runs_and_dashes_tell_axes(three: Page) -> None:
-    """Expected: of each run one colour, of each axis one dash; earlier runs are wider, so that they are seen.
-
-    A run that is hidden has no curve. The moved run differs from the first by 1 mm.
-    """
+    """Expected: of each run one colour, of each axis one dash; earlier runs are wider, so that they are seen."""
     box_of(three, HOME)
     found = [line for line in lines(three, HOME) if line["role"] == "actual"]
     assert len(found) == 9
@@ -304,10 +301,7 @@ def test_colour_tells_runs_and_dashes_tell_axes(three: Page) -> None:
 
 
 def test_no_two_lines_look_the_same_and_short_logarithmic_axes_have_round_ticks(three: Page, many: Page) -> None:
-    """Expected: of three runs, and of fourteen signals and three references, every pair of colour and dashes once.
-
-    From 2 to 100 Hz round numbers of one digit, at most seven; over more decades powers of ten.
-    """
+    """Expected: of three runs, and of fourteen signals and three references, every pair of colour and dashes once."""
     until(three, "GoughStewart.ready.all === true")
     for page in (many, three):
         for title in page.evaluate("GoughStewart.panels.filter(p => p.figure?.isFunction).map(p => p.chart.title)"):
@@ -447,10 +441,7 @@ def test_a_chart_is_saved_as_a_picture(fresh: Page, tmp_path: Path) -> None:
 
 
 def test_a_chart_has_bokehs_tools_and_its_zoom_is_that_of_all_charts_over_time(fresh: Page) -> None:
-    """Expected: of curves over time a drag that marks, pan, zoom, a line at the pointer, reset and save, no other.
-
-    The zoom's box is over a fifth to three fifths of 0.5 s; a double click shows the whole again.
-    """
+    """Expected: of curves over time a drag that marks, pan, zoom, a line at the pointer, reset and save, no other."""
     box = box_of(fresh, HOME)
     zooms = ["PanTool", "BoxZoomTool", "WheelZoomTool", "ResetTool"]
     tools = of_panel(fresh, HOME, ".figure.figure.toolbar.tools.map(t => t.type)")

@@ -141,10 +141,7 @@ def test_the_page_plays_by_itself_in_silence(playing: Watched, report: Path) -> 
 
 @pytest.mark.parametrize("row", [0, 137, 500])
 def test_the_moment_shown_is_that_of_the_row(one: Watched, record: gs.Record, platform: gs.Platform, row: int) -> None:
-    """Expected: position and R of the row, legs from B_i to P_i and of its length, parts along them; clock and table.
-
-    At half time to the next row, the mean of both positions.
-    """
+    """Expected: position and R of the row, legs from B_i to P_i and of its length, parts along them; clock, table."""
     scrub(one.page, record["time"][row])
     shown = drawn(one.page)
     position, orientation = record["position"][row], record["orientation"][row]
@@ -156,12 +153,8 @@ def test_the_moment_shown_is_that_of_the_row(one: Watched, record: gs.Record, pl
     for k, leg in enumerate(shown["legs"]):
         B, u = platform.base_points[k], legs.direction[k]
         P = B + record["leg_length"][row, k] * u
-        for end, point in (
-            ("foot", B),
-            ("head", P),
-            ("sleeveEnd", B + scene.lower * u),
-            ("rodEnd", P - scene.upper * u),
-        ):
+        ends = {"foot": B, "head": P, "sleeveEnd": B + scene.lower * u, "rodEnd": P - scene.upper * u}
+        for end, point in ends.items():
             assert leg[end] == pytest.approx(point, abs=1e-6), (k, end)
     assert one.page.inner_text("#clock").startswith(f"{record['time'][row]:.3f}")
     said = one.page.inner_text("#now").replace("−", "-")
@@ -249,10 +242,7 @@ def test_dragging_and_the_wheel_change_the_view(one: Watched, by: Literal["left"
 
 
 def test_keys_turn_the_view_where_it_has_the_focus_and_step_elsewhere(one: Watched, record: gs.Record) -> None:
-    """Expected: 5° to a press in azimuth or height, a tenth of the distance, a move without a turn, and back home.
-
-    The camera stays above the floor, whatever keys are pressed.
-    """
+    """Expected: 5° to a press in azimuth or height, a tenth of the distance, a move without a turn, and back home."""
     page = one.page
     page.select_option("#from", "corner")
     seek(page, record, 100)

@@ -27,10 +27,7 @@ def test_the_surface_of_a_ball_is_closed_and_encloses_its_volume(n: int) -> None
 
 @pytest.mark.parametrize("normal", [(0.5, -0.8, 0.4), (-0.3, 0.2, 0.9), (0.7, 0.7, -0.1)])
 def test_a_box_that_a_plane_cuts_is_exact(normal: tuple[float, float, float]) -> None:
-    """Expected: SciPy's intersection of half spaces; corners in the plane or on faces; normals all outward.
-
-    Coordinates have uneven steps and ranges; colours are interpolated, exactly for a linear function.
-    """
+    """Expected: SciPy's intersection of half spaces; corners in the plane or on faces; normals all outward."""
     axes = [np.array([-1.0, -0.6, 0.1, 0.9]), np.array([2.0, 2.3, 3.1, 3.3, 3.9]), np.array([-7.0, -5.5, -5.0])]
     x, y, z = np.meshgrid(*axes, indexing="ij")
     middle = np.array([0.03, 2.9, -5.8])
