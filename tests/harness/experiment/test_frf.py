@@ -258,11 +258,9 @@ def test_runs_without_a_response_are_refused_with_the_reason(shipped: gs.Record)
 
 LAW = """
 from pathlib import Path
-
 import control
 import numpy as np
 from gough_stewart import LinearController
-
 
 Path(__file__).with_name("executed").touch()
 gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
@@ -270,25 +268,10 @@ controller = LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length"
 """
 OWN = """
 title = "own"
-
-[reference]
-type = "hold"
-
-[controller]
-type = "python"
-file = "law.py"
-feedforward = "gravity"
-
-[loop]
-duration = 0.8
-sample_time = "2 ms"
-
-[injection]
-type = "chirp"
-leg = 1
-amplitude = 1
-band = [4, 50]
-period = 0.25
+reference.type = "hold"
+controller = { type = "python", file = "law.py", feedforward = "gravity" }
+loop = { duration = 0.8, sample_time = "2 ms" }
+injection = { type = "chirp", leg = 1, amplitude = 1, band = [4, 50], period = 0.25 }
 """
 
 

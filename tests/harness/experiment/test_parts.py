@@ -1,5 +1,6 @@
 """Single tables of an experiment at work: start, limits, changes, disturbances, as its record has them."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,3 +105,32 @@ def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> No
     replaced = gs.run("heave_step", tables, controller=lambda _sample: np.zeros(6))
     assert not replaced["controller.feedforward"].any()
     assert replaced.metadata["replaced"] == ["controller"]
+
+
+def test_an_injection_is_in_the_record_and_in_the_command() -> None:
+    """Expected: a function of the nominal time, in six legs apart; without it no such column."""
+
+    def wave(time: float) -> Any:
+        return 10 * np.sin(30 * time + np.arange(6))
+
+    with_it, without = gs.run("heave_step", HOLD, injection=wave), run()
+    expected = np.array([wave(0.002 * (min(k, 19) // 2)) for k in range(21)])
+    assert with_it["controller.injection"] == pytest.approx(expected)
+    assert "controller.injection" not in without
+    assert with_it["controller.force"][0] - without["controller.force"][0] == pytest.approx(expected[0])
+    with pytest.raises(gs.GoughStewartError, match=r"the injection at time 0 s has shape \(3,\)"):
+        gs.run("heave_step", HOLD, injection=lambda _time: [1.0, 2.0, 3.0])
+
+
+def test_the_machine_may_come_from_a_file(tmp_path: Path) -> None:
+    """Expected: the file's platform, with single parameters changed on it; the belief stays."""
+    desktop = gs.load_preset("desktop_hexapod")
+    gs.save_platform(desktop, tmp_path / "machine.toml")
+    plant: dict[str, Any] = {"file": str(tmp_path / "machine.toml"), "parameters": {"leg_viscous_friction": 3.0}}
+    tables = {"platform.preset": "motion_base", "plant": plant, "controller": {"type": "open_loop"}}
+    metadata = gs.run("paper_open_loop", {**tables, "start": {}, "loop.duration": 0.01}).metadata
+    machine = metadata["machine"]
+    assert (machine["name"], machine["leg_viscous_friction"]) == (desktop.name, 3)
+    assert gs.Platform(**metadata["platform"]) == gs.load_preset("motion_base")
+    with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter; did you mean 'platform_m"):
+        run(plant={"parameters": {"platform_mas": 3.0}})
