@@ -106,6 +106,13 @@ _MACHINE: dict[str, Any] = {
     "platform_points": (UNEVEN.platform_points - 0.003 * UNEVEN.platform_points[::-1]).tolist(),
     "platform_mass": 13.9,
     "platform_com": [0.02, -0.07, 0.11],
+    "leg_lower_mass": [2.3, 0.0, 2.9, 1.8, 2.5, 3.1],
+    "leg_upper_mass": [1.2, 1.5, 0.0, 1.1, 1.4, 0.8],
+    "leg_lower_com": [0.47, 0.4, 0.55, 0.5, 0.6, 0.44],
+    "leg_upper_com": [0.58, 0.5, 0.66, 0.61, 0.54, 0.7],
+    "leg_lower_inertia": [0.13, 0.1, 0.17, 0.15, 0.12, 0.2],
+    "leg_upper_inertia": [0.061, 0.05, 0.07, 0.08, 0.055, 0.066],
+    "leg_armature": [1.7, 2.2, 1.3, 1.9, 1.5, 2.4],
     "leg_viscous_friction": 9.5,
     "gravity": [0.8, -1.1, -9.6],
 }
