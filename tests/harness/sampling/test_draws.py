@@ -13,7 +13,7 @@ from tests.support.arrays import FloatArray
 from tests.support.uneven import UNEVEN
 
 N = 128
-J = UNEVEN.platform_inertia
+J, MOTION_BASE = UNEVEN.platform_inertia, gs.load_preset("motion_base")
 PARAMETERS = {
     name: np.asarray(getattr(UNEVEN, name)).tolist()
     for name in ("platform_mass", "platform_com", "platform_inertia", "leg_lower_mass", "leg_armature", "gravity")
@@ -37,8 +37,14 @@ def vector(columns: dict[str, Any], name: str) -> FloatArray:
 DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
     "platform_mass": ({"normal": ["12 kg", "900 g"]}, [stats.norm(12, 0.9)]),
     "leg_lower_mass": ({"lognormal": ["2 kg", 0.2]}, [stats.lognorm(0.2, scale=2)]),
-    "leg_upper_mass": ({"lognormal": 0.3}, [stats.lognorm(0.3, scale=gs.load_preset("motion_base").leg_upper_mass)]),
+    "leg_upper_mass": ({"lognormal": 0.3}, [stats.lognorm(0.3, scale=MOTION_BASE.leg_upper_mass)]),
     "leg_armature": ({"truncated_normal": [2, 1.5, 0.5, 2.5]}, [stats.truncnorm(-1, 1 / 3, 2, 1.5)]),
+    "leg_lower_com": ({"normal": 0.02}, [stats.norm(MOTION_BASE.leg_lower_com, 0.02)]),
+    "leg_upper_com": ({"uniform": 0.03}, [stats.uniform(MOTION_BASE.leg_upper_com - 0.03, 0.06)]),
+    "leg_lower_inertia": (
+        {"factor": {"lognormal": 0.1}},
+        [stats.lognorm(0.1, scale=MOTION_BASE.leg_lower_inertia)],
+    ),
     # far up the tail of the normal distribution
     "leg_coulomb_friction": ({"truncated_normal": [0, 1, 9, 12]}, [stats.truncnorm(9, 12, 0, 1)]),
     "leg_viscous_friction": ({"uniform": [5, "11 N.s/m"]}, [stats.uniform(5, 6)]),
@@ -141,7 +147,7 @@ def test_normal_scores_have_the_correlation_of_the_matrix_in_its_order(sampling:
     com = (vector(drawn, "platform_com") - 1e-3) / 2e-3
     scores = np.column_stack([com, stats.norm.ppf(drawn["leg_armature"] - 1)])
     masses = np.column_stack([drawn[name] for name in ("leg_lower_mass", "platform_mass", "leg_upper_mass")])
-    middle = [UNEVEN.leg_lower_mass, UNEVEN.platform_mass, gs.load_preset("motion_base").leg_upper_mass]
+    middle = [UNEVEN.leg_lower_mass, UNEVEN.platform_mass, MOTION_BASE.leg_upper_mass]
     deviations = np.sqrt(np.diag(COVARIANCE))
     z = np.column_stack([scores, (masses - middle) / deviations])
     R = np.eye(7)
@@ -319,19 +325,12 @@ def test_what_is_no_variation_says_what_is_expected(table: dict[str, Any], says:
     assert says in str(caught.value)
 
 
-class Modal:
-    """A controller of two kinds of parameters."""
-
-    def __init__(self, _platform: gs.Platform, _sample_time: float, mode: Any, levels: Any, steps: int) -> None:
-        self.mode, self.levels, self.steps = mode, levels, steps
-
-    def __call__(self, _sample: gs.Sample) -> FloatArray:
-        """No force."""
-        return np.zeros(6)
-
-
 def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
     """Expected: values of their own types, also where some are numbers and some are not; lists as lists."""
+
+    def modal(_platform: gs.Platform, _sample_time: float, **_parameters: Any) -> Any:
+        return lambda _sample: np.zeros(6)
+
     settings = {
         "loop.duration": 4e-3,
         "controller": {"type": "python", "parameters": {"mode": "slow", "levels": [1.0, 2.0], "steps": 3}},
@@ -346,7 +345,7 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
     }  # fmt: skip
     found = []
     for member in range(12):
-        record = gs.run("heave_step", settings, member=member, controller=Modal)
+        record = gs.run("heave_step", settings, member=member, controller=modal)
         found.append(record.metadata["experiment"]["controller"]["parameters"])
     assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
     assert {(type(each["steps"]), each["steps"]) for each in found} == {(int, 2), (int, 5)}
