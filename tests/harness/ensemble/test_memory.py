@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid, metrics_of
+from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid
+from tests.support.metric_definitions import as_one_number
 
 ARRAYS = ("command", "excess", "feedforward")
 LIMITED = {"limits.reference": "warn", "sensors.noise.leg_length": 1e-4}
@@ -30,7 +31,7 @@ def ensemble(controller: Any, members: int = 2, settings: dict[str, Any] | None 
 @pytest.fixture(scope="module")
 def among() -> gs.Ensemble:
     """The ensemble of the class in one process, whose member 0 is that of its record to 1e-12."""
-    alone = metrics_of(gs.run(EXPERIMENT, SHORT, controller=Pid, member=0))
+    alone = as_one_number(gs.metrics(gs.run(EXPERIMENT, SHORT, controller=Pid, member=0)))
     found = ensemble(Pid, 9)
     assert found.metrics
     for name in found.metrics:
@@ -76,7 +77,7 @@ def test_a_python_file_gives_the_same(kind: str, among: gs.Ensemble, tmp_path: P
     for _ in range(2):
         assert ensemble(None, 9, settings).members.equals(among.members, null_equal=True)
     record = gs.run(EXPERIMENT, SHORT | settings, member=3)
-    assert metrics_of(record)[RMS] == pytest.approx(among.values(RMS)[3], rel=1e-12)
+    assert as_one_number(gs.metrics(record))[RMS] == pytest.approx(among.values(RMS)[3], rel=1e-12)
 
 
 def test_a_single_run_is_the_same_twice_and_leaves_the_object_as_it_was() -> None:
