@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
@@ -21,7 +22,7 @@ from tests.support.metric_definitions import as_one_number, defined_metrics
 from tests.support.reports import parts_in, report_in, rows_in
 from tests.support.uneven import UNEVEN
 
-LIMITS = {"leg_velocity_max": 0.25, "actuator_force_max": 90.0, "actuator_power_max": 20.0}
+LIMITS: dict[str, Any] = {"leg_velocity_max": 0.25, "actuator_force_max": 90.0, "actuator_power_max": 20.0}
 MACHINE = replace(UNEVEN, leg_length_min=2.6, leg_length_max=3.44, **LIMITS)
 TOML = """
 title = "machines in trouble"

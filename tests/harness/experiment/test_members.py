@@ -169,7 +169,7 @@ def test_members_start_with_forces_within_their_own_limits() -> None:
 
 def test_belief_and_machine_vary_each_for_itself() -> None:
     """Expected: a machine that has a mass of its own keeps it when the belief varies."""
-    settings = {"loop.duration": 0.01, "reference.at": 5e-3, "plant.parameters.platform_mass": 1234.0}
+    settings: dict[str, Any] = {"loop.duration": 0.01, "reference.at": 5e-3, "plant.parameters.platform_mass": 1234.0}
     settings["ensemble"] = {"platform": {"platform_mass": {"normal": 50}}}
     records = [gs.run("heave_step", settings, member=k) for k in range(3)]
     assert {record.metadata["machine"]["platform_mass"] for record in records} == {1234.0}
