@@ -5,7 +5,7 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from tests.support.small_ensemble import small
+from tests.harness.ensemble.small_ensemble import small
 
 
 @pytest.fixture(scope="module")
@@ -31,20 +31,6 @@ def test_an_ensemble_of_impossible_members_has_the_columns_of_any_other() -> Non
     assert members["margins.disk"].is_null().to_list() == [True] * 3 + [False]
     with pytest.raises(gs.GoughStewartError, match=r"none of the first 4 members is possible; the first: .*platform_m"):
         gs.ensemble(small(platform_mass={"uniform": [-3, -1]}, members=4), workers=1)
-
-
-@pytest.mark.usefixtures("units_in_process")
-def test_a_member_is_its_experiment_in_another_plant() -> None:
-    """Expected: the stepping model and the FMU, another integrator, within 1e-8 m and rad."""
-    # which would round on two sides of a step sooner or later
-    fixed = {"sensors.quantisation.leg_length": 0.0}
-    experiment = gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "ensemble.members": 64, **fixed})
-    lanes, *others = (gs.run(experiment, member=5, plant=plant) for plant in (None, "model", "fmu3"))
-    assert lanes.metadata["plant"] == "lanes"
-    for name in ("position", "orientation"):
-        for other in others:
-            assert np.abs(lanes[name] - other[name]).max() < 1e-8
-    assert (lanes["measured.leg_length"] != lanes["leg_length"]).any()
 
 
 def test_internal_steps_hold_the_tolerance_and_are_those_that_each_member_needs(whole: polars.DataFrame) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import gough_stewart as gs
 from tests.harness.ensemble.memory import EXPERIMENT, SHORT, Pid
-from tests.support.small_ensemble import MANY, SIZE, small
+from tests.harness.ensemble.small_ensemble import MANY, SIZE, small
 from tools.pages.blocks import ROOT
 
 distributed = pytest.importorskip("distributed")

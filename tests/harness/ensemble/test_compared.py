@@ -16,24 +16,11 @@ from tests.support.reports import parts_in, report_in, rows_in, units_in
 
 TOML = """
 title = "BANDWIDTH Hz"
-[platform]
-preset = "motion_base"
-[reference]
-type = "point_to_point"
-duration = 0.1
-position_change = [0.004, -0.003, 0.011]
-at = 0.02
-[controller]
-type = "pd"
-bandwidth = BANDWIDTH
-feedforward = "gravity"
-[loop]
-duration = 0.16
-sample_time = 0.004
-plant_step = 0.002
-delay = 1
-[limits]
-position_error = 0.0135
+platform.preset = "motion_base"
+reference = { type = "point_to_point", duration = 0.1, position_change = [0.004, -0.003, 0.011], at = 0.02 }
+controller = { type = "pd", bandwidth = BANDWIDTH, feedforward = "gravity" }
+loop = { duration = 0.16, sample_time = 0.004, plant_step = 0.002, delay = 1 }
+limits.position_error = 0.0135
 """
 VARIED = """
 [ensemble]

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid, metrics_of
+from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, NAMED, RMS, SHORT, WAYS, Pid
+from tests.support.metric_definitions import as_one_number
 
 ARRAYS = ("command", "excess", "feedforward")
 LIMITED = {"limits.reference": "warn", "sensors.noise.leg_length": 1e-4}
@@ -30,7 +31,7 @@ def ensemble(controller: Any, members: int = 2, settings: dict[str, Any] | None 
 @pytest.fixture(scope="module")
 def among() -> gs.Ensemble:
     """The ensemble of the class in one process, whose member 0 is that of its record to 1e-12."""
-    alone = metrics_of(gs.run(EXPERIMENT, SHORT, controller=Pid, member=0))
+    alone = as_one_number(gs.metrics(gs.run(EXPERIMENT, SHORT, controller=Pid, member=0)))
     found = ensemble(Pid, 9)
     assert found.metrics
     for name in found.metrics:
@@ -76,7 +77,7 @@ def test_a_python_file_gives_the_same(kind: str, among: gs.Ensemble, tmp_path: P
     for _ in range(2):
         assert ensemble(None, 9, settings).members.equals(among.members, null_equal=True)
     record = gs.run(EXPERIMENT, SHORT | settings, member=3)
-    assert metrics_of(record)[RMS] == pytest.approx(among.values(RMS)[3], rel=1e-12)
+    assert as_one_number(gs.metrics(record))[RMS] == pytest.approx(among.values(RMS)[3], rel=1e-12)
 
 
 def test_a_single_run_is_the_same_twice_and_leaves_the_object_as_it_was() -> None:
@@ -205,17 +206,6 @@ class Total:
         return proportional(sample) + 1e-2 * self.sum
 
 
-TOTAL = Total()
-
-
-class InClass:
-    total = Total()
-
-
-def in_a_global(sample: gs.Sample) -> Any:
-    return TOTAL(sample)
-
-
 def in_a_closure() -> Any:
     total = Total()
 
@@ -249,19 +239,13 @@ def from_before() -> Any:
     return law
 
 
-REMEMBER: dict[str, Callable[[], Any]] = {
-    "global": lambda: in_a_global,
-    "default": lambda: lambda sample, total=Total(): total(sample),  # noqa: B008 - the mistake itself
-    "class": lambda: lambda sample: InClass.total(sample),  # noqa: PLW0108 - a function
-    **{make.__name__: make for make in (in_a_closure, in_an_object, late, from_before)},
-}
 REFUSED = r"first member gave other results when it ran again \(.*keeps memory, which all members share; use a factory"
 
 
-@pytest.mark.parametrize("where", REMEMBER)
-def test_a_function_with_memory_is_refused_wherever_it_keeps_it(where: str) -> None:
+@pytest.mark.parametrize("make", [in_a_closure, in_an_object, late, from_before])
+def test_a_function_with_memory_is_refused_wherever_it_keeps_it(make: Callable[[], Any]) -> None:
     with pytest.raises(gs.GoughStewartError, match=REFUSED):
-        ensemble(REMEMBER[where]())
+        ensemble(make())
 
 
 def test_memory_is_found_in_a_search_in_a_file_of_one_member_and_in_other_processes(tmp_path: Path) -> None:
@@ -290,9 +274,8 @@ def test_memory_that_changes_no_result_is_allowed() -> None:
 
 @pytest.mark.parametrize("only", [WAYS["object"](), proportional])
 def test_a_factory_that_gives_the_same_object_twice_is_refused(only: Any) -> None:
-    with pytest.raises(
-        gs.GoughStewartError, match=r"members 0 and 1 got the same (object of class Pid|proportional\(\))"
-    ):
+    said = r"members 0 and 1 got the same (object of class Pid|proportional\(\))"
+    with pytest.raises(gs.GoughStewartError, match=said):
         ensemble(lambda _platform, _sample_time: only)
 
 
@@ -301,9 +284,8 @@ def test_linear_controllers_of_a_factory_may_be_the_same_but_not_of_different_st
     pid, pd = (gs.sampled(gs.pid(gs.Gains(2e4, 500.0, integral)), 1e-3) for integral in (100.0, 0.0))
     assert ensemble(lambda _platform, _sample_time: pid).members.equals(ensemble(pid).members, null_equal=True)
     both = [pd, pid]
-    with pytest.raises(
-        gs.GoughStewartError, match=r"different structure, linear in .* 12 states, 18 inputs .* 6 states"
-    ):
+    said = r"different structure, linear in .* 12 states, 18 inputs .* 6 states"
+    with pytest.raises(gs.GoughStewartError, match=said):
         ensemble(lambda _platform, _sample_time: both.pop())
 
 

@@ -7,10 +7,19 @@ from typing import Any
 import pytest
 
 import gough_stewart as gs
-from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid, metrics_of
+from tests.harness.ensemble.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid
 from tests.support.commands import invoke
+from tests.support.metric_definitions import as_one_number
 
 KP = "controller.parameters.kp"
+CONTROLLER = """[controller]
+type = "python"
+file = "pid.py"
+name = "Pid"
+feedforward = "computed_torque"
+[controller.parameters]
+kp = 70000  # by hand
+"""
 
 
 @pytest.fixture
@@ -21,19 +30,10 @@ def file(tmp_path: Path) -> Path:
     (folder / "pid.py").write_text(FILE + "\nnp.loadtxt('table.csv')\n")
     (folder / "legs.py").write_text(BESIDE)
     (folder / "table.csv").write_text("1\n")
+    before, _, after = invoke("experiments", EXPERIMENT).stdout.partition("[controller]")
     path = folder / "mine.toml"
-    path.write_text(shipped())
+    path.write_text(f"{before}{CONTROLLER}[loop]{after.partition('[loop]')[2]}")
     return path
-
-
-def shipped() -> str:
-    """The shipped experiment with the controller of the file, and its gain at 7e4."""
-    whole = invoke("experiments", EXPERIMENT).stdout
-    before, after = whole.split("[controller]")
-    rest = after[after.index("[loop]") :]
-    lines = ['type = "python"', 'file = "pid.py"', 'name = "Pid"', 'feedforward = "computed_torque"']
-    lines += ["[controller.parameters]", "kp = 70000  # by hand", ""]
-    return f"{before}[controller]\n" + "\n".join(lines) + f"\n{rest}"
 
 
 def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
@@ -44,7 +44,7 @@ def test_parameters_vary_in_an_ensemble_and_by_set(file: Path) -> None:
     assert found.members[f"varied.{KP}"].to_list() == values
     for k, kp in enumerate(values):
         record = gs.run(file, {**SHORT, "ensemble": only, KP: kp}, member=k)
-        assert metrics_of(record)[RMS] == pytest.approx(found.values(RMS)[k], rel=1e-12)
+        assert as_one_number(gs.metrics(record))[RMS] == pytest.approx(found.values(RMS)[k], rel=1e-12)
     assert len(set(found.values(RMS))) == 3
     around = {**only, "controller": {"parameters": {"kp": {"factor": {"uniform": [0.9, 1.1]}}}}}
     drawn = gs.ensemble(file, {**SHORT, "ensemble": around}, workers=1).values(KP)
@@ -122,10 +122,9 @@ def test_a_changed_neighbour_is_not_gone_on_with(file: Path, tmp_path: Path) -> 
 def test_records_of_the_worst_are_not_made_with_files_that_the_run_has_changed(file: Path, tmp_path: Path) -> None:
     """Expected: its name, of a table that grows with each controller that is made."""
     pid = file.parent / "pid.py"
-    start = "self.integral, self.before = np.zeros(6), None"
-    grows = "table = Path(__file__).with_name('table.csv'); table.write_text(table.read_text() + '1')"
-    text = pid.read_text().replace(start, f"{start}\n        {grows}")
-    pid.write_text(f"from pathlib import Path\n{text}")
+    start = "self.integral = np.zeros(6)"
+    grows = "with open('table.csv', 'a') as table: table.write('1')"
+    pid.write_text(pid.read_text().replace(start, f"{start}\n        {grows}"))
     words = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
     few = ("--members", "2", "--workers", "1", "--out", str(tmp_path / "out"))
     done = invoke("ensemble", str(file), *words, *few, catch_exceptions=True)

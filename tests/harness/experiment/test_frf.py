@@ -1,4 +1,4 @@
-"""The frequency response of whole runs: against closed forms, and against the linear model."""
+"""What is said of the frequency response of a run: text, tables, charts, doubts, and which controller it is of."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,86 +31,9 @@ def uneven_run(injection: dict[str, Any], **tables: Any) -> gs.Record:
     return gs.run(gs.Experiment(**values | tables))
 
 
-@pytest.mark.parametrize(
-    "injection",
-    [
-        {"type": "multisine", "leg": 4, "amplitude": 0.2, "band": [2, 200], "lines_at_most": 25, "settle": 3},
-        {"type": "prbs", "mode": "pitch", "amplitude": 0.2, "band": [4, 60], "settle": 4},
-    ],
-    ids=["leg", "mode"],
-)
-def test_small_injections_give_the_loop_of_the_linear_model(injection: dict[str, Any]) -> None:
-    """Expected: to 1e-5 of S, what is not linear at 0.2 N; `linearise` differentiates, the run integrates."""
-    found = gs.frf(uneven_run(injection))
-    assert found.predicted is not None
-    S = 1 / (1 + found.predicted)
-    assert np.abs(found.measured.S - S).max() < 1e-5
-    assert np.ptp(np.abs(S)) > 0.5
-    assert found.measured.coherence.min() > 1 - 1e-9
-    assert found.notes == ()
-    # the force of a lag is that of its mean over a plant step
-    fine = {"duration": 2.5, "sample_time": 2e-3, "plant_step": 1e-4, "delay": 1}
-    late = gs.frf(uneven_run(injection, actuators={"lag": "1 ms"}, loop=fine))
-    assert late.predicted is not None
-    S_late = 1 / (1 + late.predicted)
-    assert np.abs(late.measured.S - S_late).max() < 1e-3
-    assert np.abs(S_late - S).max() > 0.02
-
-
-def test_a_mass_on_six_springs_has_its_closed_form() -> None:
-    """Expected: L = Σ n_i² (k H₂ + d H₁) of the heave of a lone mass m under forces held over T, n_i = (u_i)_z.
-
-    H₂ = T²/(2 m) (z + 1)/(z − 1)² to the position, H₁ = T/(m (z − 1)) to the velocity; legs without mass.
-    """
-    light: dict[str, Any] = dict.fromkeys(("leg_lower_mass", "leg_upper_mass"), 1e-9)
-    light |= dict.fromkeys(("leg_lower_inertia", "leg_upper_inertia"), 0.0) | {"gravity": [0.0, 0.0, 0.0]}
-    values: dict[str, Any] = {
-        "title": "springs",
-        "platform": {"preset": "liu2000", "parameters": light},
-        "plant": {"tolerance": 1e-11},
-        "reference": {"type": "hold", "orientation": [0, 0, 0]},
-        "controller": {"type": "pd", "bandwidth": 1.0, "feedforward": "gravity"},
-        "loop": {"duration": 2.0, "sample_time": 4e-3},
-        "injection": {"type": "multisine", "mode": "heave", "amplitude": 0.1, "band": [2.5, 100], "settle": 2},
-    }
-    k, d, m, T = 2000.0, 60.0, 10.0, 4e-3
-    gains = np.hstack([k * np.eye(6), d * np.eye(6)])
-    law = gs.LinearController(control.ss([], [], [], gains, T), ("leg_length", "leg_velocity"))
-    record = gs.run(gs.Experiment(**values), controller=law)
-    found = gs.frf(record, controller=law)
-    n2 = 6 * (record["reference.position"][0, 2] ** 2) / record["reference.leg_length"][0, 0] ** 2
-    z = np.exp(2j * np.pi * found.frequency * T)
-    L = n2 * (k * T**2 / (2 * m) * (z + 1) / (z - 1) ** 2 + d * T / (m * (z - 1)))
-    assert np.abs(found.measured.L / L - 1).max() < 1e-4
-    assert found.predicted is not None
-    assert np.abs(found.measured.L / found.predicted - 1).max() < 1e-4
-
-
-def test_noise_lowers_coherence_and_circles_reach_the_linear_model() -> None:
-    """Expected: of 24 circles of 95 % at least 19, and of a quarter of their radius, which 17 % reach, at most 11.
-
-    False alarms of 1.0 and of 0.2 in 1000, by the binomial distribution; 17 % = 1 − 0.05^(1/16).
-    """
-    injection = {"type": "multisine", "leg": 4, "amplitude": 2.0, "band": [4, 100], "period": 0.25}
-    sensors = {"noise": {"leg_length": 2e-6}, "seed": 8}
-    found = gs.frf(uneven_run(injection, sensors=sensors, loop={"duration": 2.5, "sample_time": 2e-3, "delay": 1}))
-    assert found.predicted is not None
-    gap = np.abs(found.measured.S - 1 / (1 + found.predicted))
-    assert len(gap) == 24
-    assert (gap < found.measured.radius).sum() >= 19
-    assert (gap < found.measured.radius / 4).sum() <= 11
-    assert 0.3 < found.measured.coherence.min() < 0.999
-
-
 @pytest.fixture(scope="module")
 def shipped() -> gs.Record:
     return gs.run("frequency_response", {"loop.duration": 3, "loop.sample_time": 2e-3})
-
-
-def test_a_run_whose_controller_was_off_is_said_to_be_an_open_loop(shipped: gs.Record) -> None:
-    off = gs.run("frequency_response", {"loop.duration": 3, "change": [{"at": 2, "enabled": False}]})
-    assert any("the controller was off" in note for note in gs.frf(off).notes)
-    assert not any("the controller was off" in note for note in gs.frf(shipped).notes)
 
 
 def test_the_command_writes_table_and_picture_beside_the_record(shipped: gs.Record, tmp_path: Path) -> None:
@@ -160,12 +83,12 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> 
     assert report.verdict.text.startswith(f"|S| peaks at {20 * np.log10(size.max()):.2g} dB at {f[peak]:.2g} Hz; ")
     # without a linear model there are no columns of it
     odd = gs.frf(shipped, controller=lambda _sample: np.zeros(6))
-    odd_report: Any = odd.report()
-    (table,) = (part for part in odd_report.parts() if type(part).__name__ == "Table")
+    report = odd.report()
+    (table,) = (part for part in report.parts() if type(part).__name__ == "Table")
     assert [column.name for column in table.columns] == [*heads[:5], "coherence"]
     assert "no linear model to compare with: the controller is not linear" in " ".join(odd.notes)
     assert "predicted.L.gain" not in odd.table().columns
-    assert odd.report().verdict.text.endswith("no linear model to compare with")
+    assert report.verdict.text.endswith("no linear model to compare with")
 
 
 def test_an_l_that_cannot_be_known_is_not_shown_however_coherent(shipped: gs.Record) -> None:
@@ -246,6 +169,8 @@ def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> Non
     weak = {"type": "pd", "proportional_gain": 2500, "derivative_gain": 100, "feedforward": "gravity"}
     slow = uneven_run(injection, controller=weak, loop={**base, "delay": 40})
     assert "the linear loop is unstable; `gough-stewart margins` shows the cause" in gs.frf(slow).notes
+    off = uneven_run(injection, loop=base, change=[{"at": 0.5, "enabled": False}])
+    assert any("the controller was off" in note for note in gs.frf(off).notes)
 
 
 def test_runs_without_a_response_are_refused_with_the_reason(shipped: gs.Record) -> None:
@@ -258,11 +183,9 @@ def test_runs_without_a_response_are_refused_with_the_reason(shipped: gs.Record)
 
 LAW = """
 from pathlib import Path
-
 import control
 import numpy as np
 from gough_stewart import LinearController
-
 
 Path(__file__).with_name("executed").touch()
 gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
@@ -270,25 +193,10 @@ controller = LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length"
 """
 OWN = """
 title = "own"
-
-[reference]
-type = "hold"
-
-[controller]
-type = "python"
-file = "law.py"
-feedforward = "gravity"
-
-[loop]
-duration = 0.8
-sample_time = "2 ms"
-
-[injection]
-type = "chirp"
-leg = 1
-amplitude = 1
-band = [4, 50]
-period = 0.25
+reference.type = "hold"
+controller = { type = "python", file = "law.py", feedforward = "gravity" }
+loop = { duration = 0.8, sample_time = "2 ms" }
+injection = { type = "chirp", leg = 1, amplitude = 1, band = [4, 50], period = 0.25 }
 """
 
 

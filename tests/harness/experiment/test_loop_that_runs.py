@@ -1,17 +1,14 @@
-"""Margins held against runs: what they say of the same change of all legs, of one leg, and of clocks, is seen there."""
+"""Margins held against runs: what they say of clocks, of elastic legs and of the machine is seen there."""
 
 import json
-import math
 import re
 from pathlib import Path
 from typing import Any
 
-import control
 import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 
 T = 1e-3
@@ -24,47 +21,13 @@ LINEAR = {
     "platform.parameters.leg_coulomb_friction": 0,
     "loop.duration": 3.0,
 }
-UNEVEN = np.array([1.0, 0.8, 1.2, 0.7, 1.1, 0.9])
 
 
-def law(gains: Any, factors: FloatArray | float = 1.0, delays: Any = 0) -> Any:
-    """A PD of its own in each leg, with further factors and delays [samples]."""
-    s, z = control.tf("s"), control.tf([1, 0], [1], T)
-    legs = []
-    for k, (factor, delay) in enumerate(zip(factors * UNEVEN, np.broadcast_to(delays, 6), strict=True)):
-        channel = gains.proportional[k] + gains.derivative[k] * s / (gains.filter_time * s + 1)
-        sampled = control.sample_system(control.ss(channel), T, "tustin")
-        legs.append(control.ss(factor * sampled * control.ss(z ** -int(delay))))
-    return control.append(*legs)
-
-
-@pytest.fixture(scope="module")
-def gains() -> Any:
-    return gs.margins("heave_step", LINEAR).gains
-
-
-def growth(settings: Any, controller: Any = None, **more: Any) -> float:
+def growth(settings: Any, **more: Any) -> float:
     """How many times the rate of the legs' errors in the second third of a run is that in the last."""
-    rate = np.diff(gs.run("heave_step", LINEAR | settings, controller=controller, **more)["error.leg_length"], axis=0)
+    rate = np.diff(gs.run("heave_step", LINEAR | settings, **more)["error.leg_length"], axis=0)
     n = len(rate) // 3
     return float(np.linalg.norm(rate[2 * n :]) / np.linalg.norm(rate[n : 2 * n]))
-
-
-@pytest.mark.parametrize("leg", [None, 2])
-@pytest.mark.parametrize("change", ["gain", "delay"])
-def test_a_loop_decays_within_its_margin_and_grows_beyond(gains: Any, leg: int | None, change: str) -> None:
-    """Expected: at 0.98 and 1.02 times its gain margin, at the last sample of delay within it and the next one."""
-    known = gs.margins("heave_step", LINEAR, controller=law(gains))
-    margin = known.common if leg is None else known.legs[leg]
-    changed = np.ones(6) if leg is None else np.eye(6)[leg]
-    if change == "gain":
-        within, beyond = (law(gains, 1 + changed * (share * margin.gain_up - 1)) for share in (0.98, 1.02))
-    else:
-        within, beyond = (
-            law(gains, 1.0, changed * n) for n in (math.floor(margin.delay / T), math.ceil(margin.delay / T))
-        )
-    assert growth({}, within) < 0.97
-    assert growth({}, beyond) > 1.03
 
 
 def test_readings_and_jitter_are_their_worst_delay() -> None:
@@ -130,15 +93,9 @@ def test_the_slow_growth_of_an_elastic_loop_is_remarked_upon() -> None:
     gains: Any = known.gains
     for share, count in ((0.98, 0), (1.02, 1)):
         said: list[str] = []
-        factor = share * known.common.gain_up
-        controller = {
-            "type": "pd",
-            "space": "leg",
-            "proportional_gain": float(factor * gains.proportional[0]),
-            "derivative_gain": float(factor * gains.derivative[0]),
-            "derivative_filter": gains.filter_time,
-            "feedforward": "gravity",
-        }
+        kp, kd = (share * known.common.gain_up * float(each[0]) for each in (gains.proportional, gains.derivative))
+        controller = {"type": "pd", "proportional_gain": kp, "derivative_gain": kd, "feedforward": "gravity"}
+        controller["derivative_filter"] = gains.filter_time
         record = gs.run("heave_step", elastic | {"controller": controller}, warn=said.append)
         assert len(said) == count
         assert np.abs(record["error.leg_length"][1000:]).max() < 2e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.small_ensemble import small
+from tests.harness.ensemble.small_ensemble import small
 
 NORMAL = {"normal": [1, 1]}
 COMMON = (
@@ -15,7 +15,7 @@ COMMON = (
     *("platform.file", "limits.stroke", "limits.condition_number", "controller.type", "controller.space"),
     *("reference.type", "sensors", "ensemble.members"),
 )
-PAIR = ["platform_mass", "leg_viscous_friction"]
+PAIR, UNIT = ["platform_mass", "leg_viscous_friction"], [[1, 0], [0, 1]]
 # A key with how it varies, or a whole table, and the message after its name.
 WRONG: list[tuple[str, Any, str]] = [
     *((key, NORMAL, "is common to all members; expected a parameter of the machine, or a number of") for key in COMMON),
@@ -40,22 +40,10 @@ WRONG: list[tuple[str, Any, str]] = [
     ("actuators.force_limit", {"factor": NORMAL}, "has no value to vary about"),
     ("actuators.rate_limit", {"normal": 3}, "has no value to vary about"),
     ("plant.parameters.platform_mass", {"uniform": [1, 2]}, "varies twice"),
-    (
-        "correlation",
-        [{"of": ["platform_mass", "gravity"], "matrix": [[1, 0], [0, 1]]}],
-        "is correlated but does not va",
-    ),
-    (
-        "correlation",
-        [{"of": ["platform_mass", "base_points"], "matrix": [[1, 0], [0, 1]]}],
-        "have 19 elements; their m",
-    ),
+    ("correlation", [{"of": ["platform_mass", "gravity"], "matrix": UNIT}], "is correlated but does not va"),
+    ("correlation", [{"of": ["platform_mass", "base_points"], "matrix": UNIT}], "have 19 elements; their m"),
     ("correlation", [{"of": PAIR, "matrix": [[2, 0], [0, 1]]}], "expected a matrix with 1 on the diagonal"),
-    (
-        "correlation",
-        [{"of": PAIR, "matrix": [[1, 0.5], [0.5, 1]]}, {"of": PAIR[::-1], "matrix": [[1, 0.1], [0.1, 1]]}],
-        "is in two matrices",
-    ),
+    ("correlation", [{"of": PAIR, "matrix": UNIT}, {"of": PAIR[::-1], "matrix": UNIT}], "is in two matrices"),
     ("covariance", [{"of": ["platform_mass"], "matrix": [[2]]}], "has a distribution and a covariance"),
 ]
 
@@ -75,7 +63,7 @@ def test_numbers_of_saltellis_design_count_what_varies() -> None:
     """Expected: of eight inputs, with those that are correlated as one."""
     with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 10 per point \(8 inputs plus 2\)"):
         gs.run(small(sampling="saltelli", members=41), member=0)
-    pair = {"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[1, 0.5], [0.5, 1]]}
+    pair = {"of": PAIR, "matrix": [[1, 0.5], [0.5, 1]]}
     with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 9 per point \(7 inputs plus 2\)"):
         gs.run(small(sampling="saltelli", members=41, correlation=[pair]), member=0)
 
@@ -165,11 +153,8 @@ def test_a_machine_that_cannot_hold_its_start_is_alone_impossible() -> None:
 
 def test_members_start_with_forces_within_their_own_limits() -> None:
     """Expected: the forces that hold each machine by statics, cut off at each member's own limit."""
-    varied = {
-        "members": 9,
-        "platform_com": {"normal": "0.2 m"},
-        "actuators": {"force_limit": {"choice": ["1.5 kN", "1.6 kN", "9 kN"]}},
-    }
+    limits = {"force_limit": {"choice": ["1.5 kN", "1.6 kN", "9 kN"]}}
+    varied = {"members": 9, "platform_com": {"normal": "0.2 m"}, "actuators": limits}
     settings = {**SHORT, "limits.reference": "warn", "ensemble": varied}
     cut = set[bool]()
     for k in range(9):
@@ -184,9 +169,8 @@ def test_members_start_with_forces_within_their_own_limits() -> None:
 
 def test_belief_and_machine_vary_each_for_itself() -> None:
     """Expected: a machine that has a mass of its own keeps it when the belief varies."""
-    settings = {"plant.parameters.platform_mass": 1234.0, "ensemble": {"platform": {"platform_mass": {"normal": 50}}}}
-    records = [
-        gs.run("heave_step", {"loop.duration": 0.01, "reference.at": 5e-3, **settings}, member=k) for k in range(3)
-    ]
+    settings: dict[str, Any] = {"loop.duration": 0.01, "reference.at": 5e-3, "plant.parameters.platform_mass": 1234.0}
+    settings["ensemble"] = {"platform": {"platform_mass": {"normal": 50}}}
+    records = [gs.run("heave_step", settings, member=k) for k in range(3)]
     assert {record.metadata["machine"]["platform_mass"] for record in records} == {1234.0}
     assert len({record.metadata["platform"]["platform_mass"] for record in records}) == 3

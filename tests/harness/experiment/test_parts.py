@@ -1,11 +1,15 @@
-"""Single tables of an experiment at work: start, limits, changes, disturbances, as its record has them."""
+"""Single tables of an experiment at work, and whole runs: start, limits, changes, disturbances, in their records."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import gough_stewart as gs
+from tests.support.commands import invoke
+from tests.support.plain_motion import trajectory
 from tests.support.uneven import PARAMETERS, UNEVEN
 
 HOLD: dict[str, Any] = {
@@ -104,3 +108,68 @@ def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> No
     replaced = gs.run("heave_step", tables, controller=lambda _sample: np.zeros(6))
     assert not replaced["controller.feedforward"].any()
     assert replaced.metadata["replaced"] == ["controller"]
+
+
+def test_an_injection_is_in_the_record_and_in_the_command() -> None:
+    """Expected: a function of the nominal time, in six legs apart; without it no such column."""
+
+    def wave(time: float) -> Any:
+        return 10 * np.sin(30 * time + np.arange(6))
+
+    with_it, without = gs.run("heave_step", HOLD, injection=wave), run()
+    expected = np.array([wave(0.002 * (min(k, 19) // 2)) for k in range(21)])
+    assert with_it["controller.injection"] == pytest.approx(expected)
+    assert "controller.injection" not in without
+    assert with_it["controller.force"][0] - without["controller.force"][0] == pytest.approx(expected[0])
+    with pytest.raises(gs.GoughStewartError, match=r"the injection at time 0 s has shape \(3,\)"):
+        gs.run("heave_step", HOLD, injection=lambda _time: [1.0, 2.0, 3.0])
+
+
+def test_the_machine_may_come_from_a_file(tmp_path: Path) -> None:
+    """Expected: the file's platform, with single parameters changed on it; the belief stays."""
+    desktop = gs.load_preset("desktop_hexapod")
+    gs.save_platform(desktop, tmp_path / "machine.toml")
+    plant: dict[str, Any] = {"file": str(tmp_path / "machine.toml"), "parameters": {"leg_viscous_friction": 3.0}}
+    tables = {"platform.preset": "motion_base", "plant": plant, "controller": {"type": "open_loop"}}
+    metadata = gs.run("paper_open_loop", {**tables, "start": {}, "loop.duration": 0.01}).metadata
+    machine = metadata["machine"]
+    assert (machine["name"], machine["leg_viscous_friction"]) == (desktop.name, 3)
+    assert gs.Platform(**metadata["platform"]) == gs.load_preset("motion_base")
+    with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter; did you mean 'platform_m"):
+        run(plant={"parameters": {"platform_mas": 3.0}})
+
+
+def test_the_papers_open_loop_is_that_of_a_lagrangian() -> None:
+    """Expected: the tests' Lagrangian under DOP853 at 1e-11; and no error without a reference."""
+    record = gs.run("paper_open_loop")
+    start = np.concatenate([record[name][0] for name in ("position", "orientation", "velocity", "angular_velocity")])
+    inputs = np.concatenate([record["actuator_force"][0], np.zeros(6)])
+    expected = trajectory(gs.load_preset("liu2000"), start, lambda _time: inputs, record["time"][::100])
+    assert start == pytest.approx([0, 0, 3, 0, 0, -0.1, 0, 0.2, 0, 0, 0.1, 0])
+    assert inputs[:6] == pytest.approx([55, 49.5] * 3)
+    pose = np.hstack([record["position"], record["orientation"]])
+    assert np.abs(pose[::100] - expected[:, :6]).max() < 1e-8
+    assert "error.position" not in record
+
+
+@pytest.mark.usefixtures("units_in_process")
+def test_the_same_run_gives_the_same_bytes() -> None:
+    """Expected: no clock, no random number without a seed, no path in any file."""
+    settings = ["loop.duration=0.3", "sensors.noise.leg_length='5 um'", "sensors.seed=3"]
+    experiment = gs.load_experiment("heave_step", settings)
+    one, two = (gs.run(experiment, plant="fmu3") for _ in range(2))
+    assert one.to_csv() == two.to_csv()
+    assert one.to_parquet() == two.to_parquet()
+    assert one.to_metadata() == two.to_metadata()
+    other = gs.run(gs.load_experiment("heave_step", [*settings, "sensors.seed=4"]), plant="fmu3")
+    assert other.to_csv() != one.to_csv()
+
+
+def test_metrics_are_written_although_a_requirement_cannot_be_judged(tmp_path: Path) -> None:
+    """Expected: the metrics of the record; a settling time that a run without a step along x does not have."""
+    options = ("--set", "loop.duration=0.05", "--require", "step_response.x.settling_time <= 1 s")
+    done = invoke("run", "heave_step", *options, "--out", str(tmp_path), catch_exceptions=True)
+    assert done.exit_code == 4
+    record = gs.read_record(tmp_path)
+    assert json.loads((tmp_path / "metrics.json").read_text()) == gs.metrics(record)
+    assert record["time"][-1] == pytest.approx(0.05)

@@ -19,34 +19,21 @@ H, STEPS, HERTZ, PHASE = 5e-3, 180, 1.1, 0.3
 # Of five axes: a check of all six goes through four times as many phases.
 ALONG = np.array([0.0, -0.16, 0.2, 0.05, -0.08, 0.07])
 HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
-LIMITS = {
-    "leg_velocity_max": 1.3,
-    "leg_acceleration_max": 5.0,
-    "actuator_power_max": 400.0,
-    "joint_angle_max": 0.3,
-}
+LIMITS = {"leg_velocity_max": 1.3, "leg_acceleration_max": 5.0, "actuator_power_max": 400.0, "joint_angle_max": 0.3}
 FILE = f"""
 title = "sway"
 limits.condition_number = 40
-[platform]
-file = "uneven.toml"
-[platform.parameters]
-{chr(10).join(f"{name} = {value}" for name, value in LIMITS.items())}
+platform.file = "uneven.toml"
+{chr(10).join(f"platform.parameters.{name} = {value}" for name, value in LIMITS.items())}
+controller = {{ type = "pd", bandwidth = 1.5 }}
+actuators.force_limit = "0.25 kN"
+loop = {{ duration = {STEPS * H}, sample_time = {2 * H}, plant_step = {H} }}
 [reference]
 type = "sine"
 position_amplitude = {ALONG[:3].tolist()}
 orientation_amplitude = {ALONG[3:].tolist()}
 frequency = {HERTZ}
 phase = {PHASE}
-[controller]
-type = "pd"
-bandwidth = 1.5
-[actuators]
-force_limit = "0.25 kN"
-[loop]
-duration = {STEPS * H}
-sample_time = {2 * H}
-plant_step = {H}
 """
 
 

@@ -105,7 +105,8 @@ def test_a_member_is_the_run_of_an_experiment_with_its_values(many: gs.Ensemble,
     """Expected: every column of the single run, on the model with its own integrator."""
     alone = gs.run(experiment(folder, None), drawn(many, member))
     ensemble = {"members": MEMBERS, "seed": 9, "tolerance": 1e-10, **VARIED}
-    own = gs.run(experiment(folder, ensemble), member=member)
+    own, other = (gs.run(experiment(folder, ensemble), member=member, plant=plant) for plant in (None, "model"))
+    np.testing.assert_allclose(other["actuator_force"], alone["actuator_force"], rtol=1e-9)
     assert own.table.columns == alone.table.columns
     for name in alone.table.columns:
         a, b = own.table[name].to_numpy().astype(float), alone.table[name].to_numpy().astype(float)

@@ -1,6 +1,7 @@
 """The command `tune`: its options reach the search, and what it writes and shows is what the search found."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -44,23 +45,14 @@ def plain(evaluation: Any) -> dict[str, Any]:
     }
 
 
-def strict(text: str) -> dict[str, Any]:
-    """JSON without NaN and Infinity."""
-
-    def refused(word: str) -> None:
-        raise AssertionError(word)
-
-    data: dict[str, Any] = json.loads(text, parse_constant=refused)
-    return data
-
-
 def test_the_files_have_every_number_of_the_search(folder: Path, found: gs.Tuning, shown: str) -> None:
     """Expected: the same search in Python, whose numbers are those of single runs elsewhere."""
     out = folder / "out"
     assert {each.name for each in out.iterdir()} == {"tuned.toml", "tuning.json", "candidates.csv", "report.json"}
     assert all(each.name in shown for each in out.iterdir())
     text = (out / "tuning.json").read_text(encoding="utf-8")
-    written = strict(text)
+    written = json.loads(text)
+    assert not re.search("NaN|Infinity", text)
     assert text.startswith(f'{{\n  "metric": "{METRIC}",\n  "subject_to": [\n    "force.rms < 94.8 N",\n')
     assert text.endswith("}\n")
     written.pop("versions")
@@ -135,16 +127,16 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     assert done.exit_code == 0, done.stderr
     rows = polars.read_csv(out / "candidates.csv").to_dicts()
     for row in rows:
-        record = gs.run(
-            folder / "mine.toml", {"loop.duration": 0.28, "controller.bandwidth": row["controller.bandwidth"]}
-        )
-        steps = {step["axis"]: step for step in gs.metrics(record)["step_response"]}
-        alone = steps["z"]["rise_time"]
+        changes = {"loop.duration": 0.28, "controller.bandwidth": row["controller.bandwidth"]}
+        steps = gs.metrics(gs.run(folder / "mine.toml", changes))["step_response"]
+        (alone,) = (step["rise_time"] for step in steps if step["axis"] == "z")
         assert row["value"] == pytest.approx(np.inf if alone is None else alone, rel=1e-9)
         assert row["kept"] == (alone is not None and row["force.rms"] < bound)
         assert row["failed"] == 0
     assert {row["kept"] for row in rows} == {True, False}
-    written = strict((out / "tuning.json").read_text(encoding="utf-8"))
+    text = (out / "tuning.json").read_text(encoding="utf-8")
+    assert not re.search("NaN|Infinity", text)
+    written = json.loads(text)
     assert written["before"] == {"value": None, "conditions": {"force.rms": None}, "failed": 1}
     best = min((row for row in rows if row["kept"]), key=lambda row: row["value"])
     assert written["seen"] == {"value": best["value"], "conditions": {"force.rms": best["force.rms"]}, "failed": 0}
