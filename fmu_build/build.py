@@ -20,7 +20,7 @@ from gough_stewart.fmu_build.documents import installed_package, model_descripti
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.mjcf import mjcf
 from gough_stewart.fmu_build.plant.plant_component import PLANT_STEM, plant_component
-from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
+from gough_stewart.fmu_build.sources import model_source, sources, standard_headers, start_block
 from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
@@ -178,10 +178,12 @@ def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[s
     tokens = (token, "") if is_fmi2 else ("", token)
     code = blank.files | {"model.c": model_source(component, tokens)}
     build_description = rendered("buildDescription.xml", identifier=component.identifier, source_files=names)
+    header = next(iter(standard_headers(fmi_version).values()))
+    notice = header[header.index("Copyright") :].partition("*/")[0].rstrip(" -\n")
     files = {
         "modelDescription.xml": model_description(component, fmi_version, token, names),
         "documentation/licenses/license.txt": installed_package()[1].encode(),
-        "documentation/licenses/fmi-headers.txt": standard_license(fmi_version).encode(),
+        "documentation/licenses/fmi-headers.txt": f"{notice}\n".encode(),
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(component, fmi_version),
         "terminalsAndIcons/icon.png": component.icon.png,
         "terminalsAndIcons/icon.svg": component.icon.svg,

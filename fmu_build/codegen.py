@@ -113,14 +113,12 @@ def function_source(
     if types.real != "double":
         body = re.sub(_LITERAL, rf"(({types.real})\g<0>)", body)
 
-    def read(match: re.Match[str]) -> str:
-        return f"{types.cast(inputs[int(match[1])], to_real=True)}{inputs[int(match[1])]}[{match[2]}]"
-
-    def written(match: re.Match[str]) -> str:
-        return f"{outputs[int(match[1])]}[{match[2]}]={types.cast(outputs[int(match[1])], to_real=False)}"
-
-    body = re.sub(r"arg\[([0-9]+)\]\? arg\[\1\]\[([0-9]+)\] : 0", read, body)
-    body = re.sub(r"if \(res\[([0-9]+)\]!=0\) res\[\1\]\[([0-9]+)\]=", written, body)
+    for k, name in enumerate(inputs):
+        value = f"{types.cast(name, to_real=True)}{name}"
+        body = re.sub(rf"arg\[{k}\]\? arg\[{k}\]\[([0-9]+)\] : 0", rf"{value}[\1]", body)
+    for k, name in enumerate(outputs):
+        cast = types.cast(name, to_real=False)
+        body = re.sub(rf"if \(res\[{k}\]!=0\) res\[{k}\]\[([0-9]+)\]=", rf"{name}[\1]={cast}", body)
     body = body.replace("casadi_real", types.real)
     body = body.replace("casadi_inf", "HUGE_VAL" if types.real == "double" else f"(({types.real})HUGE_VAL)")
     body = body.replace("casadi_sq(", "sq(").replace("casadi_sign(", "sign(")

@@ -226,17 +226,6 @@ def loop_sources(components: str, variant: Variant = IDEAL, *, alone: bool = Fal
     return lanes_sources(variant, alone=alone) | c_folder("loop") | Sources({}, {"components.h": components})
 
 
-def machine_sources(
-    components: str, fields: str, plan: str, design: str, law: Any = None, variant: Variant = IDEAL
-) -> Sources:
-    """The C of c/machine, one machine with its loop, from generated headers and a user's law, see `law_library`."""
-    texts = {"machine_fields.h": fields, "plan.h": plan, "design.h": design}
-    headers = {name: f"{GENERATED}\n{text}" for name, text in texts.items()}
-    headers["machine_fields.h"] += "" if law is None else "\n#define MACHINE_HAS_LAW\n"
-    user = Sources({}, {}) if law is None else law_sources(law)
-    return user | loop_sources(components, variant, alone=True) | c_folder("machine") | Sources({}, headers)
-
-
 def machine_library(sources: Sources, target: Target) -> Library:
     """The description of the library of c/machine for a target; a WebAssembly module imports nothing."""
     flags: tuple[str, ...] = ("-s", "-shared")
@@ -252,19 +241,14 @@ def machine_library(sources: Sources, target: Target) -> Library:
 
 def law_library(function: Any) -> LanesLibrary:
     """The library of c/law for one traced law, a CasADi Function `law` of `memory`, with the output `next`."""
-    sources = law_sources(function)
-    return machine_code(vector_library("law", lambda: sources, digest_of(sources.headers["law_step.h"].encode())))
-
-
-def law_sources(function: Any) -> Sources:
-    """The C of c/law for a traced law."""
     from gough_stewart.fmu_build.codegen import in_lanes
 
     text = in_lanes(function, "static inline void ", exact=True, call="each_{}")
     sizes = defines({"N_MEMORY": function.numel_in(0), "N_NEXT": function.numel_out(0)})
     called = sorted(set(re.findall(r"\beach_(\w+)\(", text)))
     loops = "\n".join(f"{'OF_TWO' if name in _OF_TWO else 'OF_ONE'}({name})" for name in called)
-    return _on_vectors("law", "law_step.h", f"{GENERATED}\n{sizes}\n\n{loops}\n{text}")
+    sources = _on_vectors("law", "law_step.h", f"{GENERATED}\n{sizes}\n\n{loops}\n{text}")
+    return machine_code(vector_library("law", lambda: sources, digest_of(sources.headers["law_step.h"].encode())))
 
 
 class FoldKernel(NamedTuple):

@@ -80,13 +80,6 @@ def standard_headers(fmi_version: str) -> dict[str, str]:
         ) from None
 
 
-def standard_license(fmi_version: str) -> str:
-    """The copyright notice in the headers of the standard."""
-    text = standard_headers(fmi_version)[_STANDARD[fmi_version][0]]
-    start = text.index("Copyright")
-    return text[start : text.index("*/", start)].rstrip(" -\n") + "\n"
-
-
 def model_header(component: UnitComponent) -> str:
     """`model.h`."""
     layout, values = component.layout, _start_values(component)

@@ -185,8 +185,16 @@ def compile_library(
             # an error that neither the sources nor a full disk explain may be of the cache
             if stop.is_set() or is_about_sources or full:
                 break
-            if not is_last:
-                _empty_objects(in_use)
+            if not is_last:  # empty the cache as soon as no other compiler works in it
+                # release the shared lock first: two processes waiting for each other would deadlock
+                _flock(in_use, "LOCK_UN")
+                _flock(in_use, "LOCK_EX")
+                objects = Path(compiler_environment()["ZIG_GLOBAL_CACHE_DIR"])
+                if objects.is_dir() and not objects.is_symlink():
+                    shutil.rmtree(objects, ignore_errors=True)
+                else:
+                    objects.unlink(missing_ok=True)
+                _flock(in_use, "LOCK_SH")
         text, cache = message.strip() or f"exit code {code} without a message", cache_folder()
         if full:
             free, place = shutil.disk_usage(places[full]).free, Path(scratch).parent if full == "TMPDIR" else cache
@@ -210,19 +218,6 @@ def compiling() -> Iterator[IO[str]]:
     with (cache_folder() / "zig.lock").open("a") as in_use:
         _flock(in_use, "LOCK_SH")
         yield in_use
-
-
-def _empty_objects(in_use: IO[str]) -> None:
-    """Empty the cache as soon as no other compiler works in it."""
-    # release the shared lock first: two processes waiting for each other would deadlock
-    _flock(in_use, "LOCK_UN")
-    _flock(in_use, "LOCK_EX")
-    folder = Path(compiler_environment()["ZIG_GLOBAL_CACHE_DIR"])
-    if folder.is_dir() and not folder.is_symlink():
-        shutil.rmtree(folder, ignore_errors=True)
-    else:
-        folder.unlink(missing_ok=True)
-    _flock(in_use, "LOCK_SH")
 
 
 def _flock(in_use: IO[str], how: str) -> None:

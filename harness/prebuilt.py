@@ -10,6 +10,7 @@ traced. The wheel's build makes all;
 
 import argparse
 import json
+import lzma
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
@@ -51,7 +52,6 @@ from gough_stewart.model.process.installed import (
     PREBUILT,
     TRACER,
     manifest_line,
-    packed,
     state_of_texts,
 )
 
@@ -74,7 +74,7 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
         return
 
     def not_loaded_in_place(file: str, states: dict[str, str], make: Callable[[], bytes]) -> PrebuiltFile:
-        return PrebuiltFile(file + PACKED, states, lambda: packed(make()))
+        return PrebuiltFile(file + PACKED, states, lambda: lzma.compress(make(), preset=9))
 
     yield not_loaded_in_place(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
     yield not_loaded_in_place(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())

@@ -31,7 +31,7 @@ from gough_stewart.model.process.installed import (
 from gough_stewart.model.vectors import Array, FloatArray
 
 PREFIX = "evaluate_"
-# Arguments and results of the functions, by the names of their parts; `traced` has each.
+# Arguments and results of the functions, by the names of their parts; `traced_function` makes each.
 FUNCTIONS = {
     "derivatives": (("x", "u", "p"), ("xdot",)),
     "outputs": (("x", "u", "p"), ("y",)),
@@ -158,7 +158,7 @@ def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = I
     from gough_stewart.model.traced import traced_function
 
     arguments, results = FUNCTIONS[name]
-    function: Any = traced_function(name, variant)  # its buffer takes what has its size as well
+    function: Any = traced_function(name, variant)  # its buffer takes any memory, which its types do not say
     buffer, evaluate = function.buffer()
     for i, part in enumerate(arguments):
         buffer.set_arg(i, parts[part].data)

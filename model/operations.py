@@ -9,18 +9,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gough_stewart.model.vectors import Array, Scalars
 
 _OBJECT = np.dtype(object)
 _Operation = Callable[..., Array]
-
-
-def numbers_or_symbols(values: ArrayLike) -> Array:
-    """Floats; an object array stays as it is."""
-    array = np.asarray(values)
-    return array if array.dtype is _OBJECT else array.astype(float, copy=False)
 
 
 def _by_element(name: str, *arrays: Any) -> Array:

@@ -352,11 +352,12 @@ def load_platform(path: Path | str) -> Platform:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        beside, presets = [file.stem for file in path.parent.glob("*.toml")], preset_names()
+        is_missing, presets = isinstance(error, FileNotFoundError), preset_names()
+        beside = [file.stem for file in path.parent.glob("*.toml") if is_missing and file != path]
         hint = "; expected a TOML file, or one of the presets " + ", ".join(presets)
         if close := get_close_matches(path.stem, beside, n=1):
             hint = f"; did you mean '{path.with_name(close[0])}.toml'?"
-        elif close := get_close_matches(path.stem, presets, n=1, cutoff=0.5):
+        elif close := get_close_matches(path.stem, presets if is_missing else [], n=1, cutoff=0.5):
             hint = f"; did you mean the preset '{close[0]}'?"
         raise PlatformFileError(str(path), f"cannot read this platform file: {reason}{hint}") from error
     return platform_from_toml(text, str(path))

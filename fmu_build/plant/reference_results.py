@@ -70,6 +70,8 @@ def reference_runs(platform: Platform) -> tuple[ReferenceRun, ...]:
             rows.append(judge.find_results().copy())
         if len(rows) > 1:
             runs.append(ReferenceRun(name, variant, start, time[: len(rows)], inputs[: len(rows)], np.array(rows)))
+            for array in runs[-1][3:]:
+                array.setflags(write=False)
     return tuple(runs)
 
 

@@ -1,17 +1,19 @@
 """The C of machines: c/machine with generated headers, for this computer and as WebAssembly."""
 
 from functools import cache
+from importlib import resources
+from pathlib import Path
 
 from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
 from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.libraries import machine_library, machine_sources
-from gough_stewart.fmu_build.sources import defines
+from gough_stewart.fmu_build.libraries import loop_sources, machine_library
+from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY
 from gough_stewart.harness.export.machine import HEAD, N_MOTION, ROOM, all_fields, fields, version
 from gough_stewart.harness.loop.libraries import components_header
 from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_package, state_of_texts
+from gough_stewart.model.process.installed import TRACER, digest_of_files, prebuilt_content, state_of_texts
 
 # In the manifest of prebuilt files.
 MACHINE = "machine.wasm"
@@ -31,7 +33,8 @@ def shipped_wasm(variant: Variant = IDEAL) -> bytes:
 @cache
 def machine_texts() -> str:
     """The state of all sources that the C depends on, for `prebuilt`."""
-    return digest_of("".join([state_of_texts(), *map(state_of_package, _TRACED)]).encode())
+    modules = (path for package in _TRACED for path in Path(str(resources.files(package))).glob("*.py"))
+    return digest_of(f"{state_of_texts()}{digest_of_files(modules)}".encode())
 
 
 @cache
@@ -50,5 +53,10 @@ def machine_c(variant: Variant = IDEAL) -> Sources:
     }
     numbers = {f"MACHINE_{name.upper().replace('.', '_')}": k for name, k in fields().items()}
     reads = " \\\n    ".join(f"m->{field.member} = {field.kind}({k});" for k, field in enumerate(all_fields()))
-    header = f"{defines(sizes)}\n\n{defines(numbers)}\n\n#define MACHINE_READ \\\n    {reads}\n"
-    return machine_sources(components_header(), header, plan_header(), design_header(), variant=variant)
+    texts = {
+        "machine_fields.h": f"{defines(sizes)}\n\n{defines(numbers)}\n\n#define MACHINE_READ \\\n    {reads}\n",
+        "plan.h": plan_header(),
+        "design.h": design_header(),
+    }
+    headers = {name: f"{GENERATED}\n{text}" for name, text in texts.items()}
+    return loop_sources(components_header(), variant, alone=True) | c_folder("machine") | Sources({}, headers)

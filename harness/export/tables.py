@@ -44,10 +44,6 @@ class ConstantTables:
         self.lines: list[str] = []
         self.reals = self.words = 0  # numbers in the type of the controller, and of 32 bits
 
-    def bytes(self, size: int) -> int:
-        """What they take, where a number takes `size`."""
-        return size * self.reals + 4 * self.words
-
     def add(self, name: str, values: ArrayLike, kind: str = "real", written: Any = None) -> None:
         """An array; `written` are its rows in C if a macro of its kind does not write them."""
         array = np.asarray(values)
@@ -103,7 +99,8 @@ def add_motion(tables: ConstantTables, reference: Piecewise, home: Home) -> None
     tables.lines.append(f"static const moment TABLE_END = MOMENT({float(reference.end)!r});")
     if source is None:
         begins, pieces = reference.pieces
-        tables.define(N_PIECES=len(begins), FIRST_STEP=_first_step(len(begins)))
+        # of a search by halves, the largest power of 2 below their number
+        tables.define(N_PIECES=len(begins), FIRST_STEP=1 << max(0, (len(begins) - 1).bit_length() - 1))
         tables.add("BEGINS", begins, "moment")
         tables.add("PIECES", pieces, written=_rows(pieces, 6))
         return
@@ -122,7 +119,8 @@ def add_motion(tables: ConstantTables, reference: Piecewise, home: Home) -> None
     knots = source.law.knots
     at = source.law(knots)
     begin = begins[np.searchsorted(begins, at.value, side="right") - 1]
-    tables.define(N_KNOTS=len(knots), FIRST_STEP=_first_step(len(knots) - 1), LAW_UNIT=number(_UNIT))
+    first_step = 1 << max(0, (len(knots) - 2).bit_length() - 1)
+    tables.define(N_KNOTS=len(knots), FIRST_STEP=first_step, LAW_UNIT=number(_UNIT))
     tables.lines.append("#include <stdint.h>")
     tables.add("FIRST_KNOT", np.searchsorted(begin, begins), "int32_t")
     tables.add("KNOTS", knots, "moment")
@@ -134,16 +132,11 @@ def add_motion(tables: ConstantTables, reference: Piecewise, home: Home) -> None
 
 def _rows(pieces: FloatArray, relative: int) -> str:
     """Rows (n, 6, powers), with the constant terms of the first coordinates relative to home."""
-
-    def row(k: int, powers: FloatArray) -> str:
-        return f"{{{numbers(powers[:-1])}, {number(powers[-1], f'H{k}' if k < relative else 'R')}}}"
-
-    return "\n    " + ",\n    ".join("{" + ", ".join(row(k, p) for k, p in enumerate(piece)) + "}" for piece in pieces)
-
-
-def _first_step(n: int) -> int:
-    """Of a search among n values by halves: the largest power of 2 below n."""
-    return 1 << max(0, (n - 1).bit_length() - 1)
+    kinds, rows = [f"H{k}" if k < relative else "R" for k in range(6)], []
+    for piece in pieces:
+        parts = (f"{{{numbers(p[:-1])}, {number(p[-1], kind)}}}" for p, kind in zip(piece, kinds, strict=True))
+        rows.append(f"{{{', '.join(parts)}}}")
+    return "\n    " + ",\n    ".join(rows)
 
 
 # ---- motions as functions of time in single precision: time is a moment of 48 bits, see runtime/time.c ----

@@ -80,7 +80,7 @@ def controller_sources(designed: Designed, functions: Traced, prefix: str = "con
     operations = operations_of(functions)
     of_kinds = ", ".join(f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE)
     work = f"at most {sum(operations.values())} floating-point operations, of them {of_kinds}"
-    flash = tables.bytes(8), tables.bytes(4)
+    flash = 8 * tables.reals + 4 * tables.words, 4 * tables.reals + 4 * tables.words
 
     # what the example measures and follows: of a platform at rest in the first reference
     first = ["/* in single precision, relative to home */"]

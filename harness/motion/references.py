@@ -38,7 +38,7 @@ from gough_stewart.harness.quantities import (
     Time,
 )
 from gough_stewart.harness.section import FileName, Kind
-from gough_stewart.model.operations import maximum, minimum, numbers_or_symbols, reached
+from gough_stewart.model.operations import maximum, minimum, reached
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -98,7 +98,10 @@ class AboutPose(ReferenceChoice):
         MotionError
             Neither a pose nor a platform is set.
         """
-        return slower(self._at(numbers_or_symbols(time) / self.time_scale), self.time_scale)
+        times = np.asarray(time)
+        if times.dtype != object:  # else they are symbols
+            times = times.astype(float, copy=False)
+        return slower(self._at(times / self.time_scale), self.time_scale)
 
     @abstractmethod
     def _at(self, time: Array) -> Motion:

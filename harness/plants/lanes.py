@@ -239,13 +239,14 @@ class BatchPlant(Plant):
                 raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
             changed[name] = new
         # platforms are made, which raises their errors, only of members that fail the checks of all at once
-        for k in np.flatnonzero(self._platforms.having(changed).doubtful(changed) & members).tolist():
+        platforms = self._platforms.having(changed)
+        for k in np.flatnonzero(platforms.doubtful(changed) & members).tolist():
             try:
                 replace(self._platforms[k], **{name: value[k] for name, value in changed.items()})
             except PlatformError as error:
                 text = str(error).partition(": ")[2]
                 raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None
-        self._platforms = self._platforms.having(changed)
+        self._platforms = platforms
         for name, new in changed.items():
             self.batch.put_parameter(name, new)
         if not self._begun:

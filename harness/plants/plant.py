@@ -80,11 +80,12 @@ class Plant(Closing, Protocol):
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
         """Set tunable parameters of these members (N,) only; values of the others are ignored."""
-        raise PlantError(f"{type(self).__name__} is a plant of one platform; expected one of many for its members")
+        raise PlantError(f"{type(self).__name__} cannot set parameters of members; expected a plant of many platforms")
 
-    def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
+    def freeze(self, members: BoolArray) -> None:
         """Leave these members (N,) in their present state from now on; with its only member a run has ended."""
-        return
+        if len(members) > 1:
+            raise PlantError(f"{type(self).__name__} cannot freeze members; expected a plant of many platforms")
 
     def remarks(self) -> str:
         """What the plant said since the last call while all went well."""

@@ -27,6 +27,7 @@ PREBUILT = Path(str(resources.files("gough_stewart").joinpath("prebuilt")))
 MANIFEST = "manifest.json"
 # Ending of files that are not loaded where they are: xz makes them a fifth smaller than the wheel's deflate.
 PACKED = ".xz"
+_NOT_INSTALLED = "not installed: {}; install the extra: pip install 'gough-stewart[compile]'"
 _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
 
@@ -60,19 +61,8 @@ def prebuilt_content(name: str, state: str) -> bytes | None:
     return None if path is None else unpacked(path.read_bytes())
 
 
-def packed(content: bytes) -> bytes:
-    """A file's content as xz."""
-    return lzma.compress(content, preset=9)
-
-
 # the units of both FMI versions have the libraries of five targets in common
 unpacked = lru_cache(maxsize=8)(lzma.decompress)
-
-
-@cache
-def state_of_package(package: str) -> str:
-    """Digest of the modules of a package, without those of its subfolders."""
-    return _digest_of_files(Path(str(resources.files(package))).glob("*.py"))
 
 
 @cache
@@ -80,10 +70,10 @@ def state_of_texts() -> str:
     """Digest of all source files of the model and of its units."""
     folders = (Path(str(resources.files(f"gough_stewart.{name}"))) for name in ("fmu_build", "model"))
     paths = (path for folder in folders for path in folder.rglob("*"))
-    return _digest_of_files(path for path in paths if path.is_file() and path.parent.name != "__pycache__")
+    return digest_of_files(path for path in paths if path.is_file() and path.parent.name != "__pycache__")
 
 
-def _digest_of_files(paths: Iterable[Path]) -> str:
+def digest_of_files(paths: Iterable[Path]) -> str:
     """Digest of names and contents, in an order that is the same on all systems."""
     digest = sha256()
     for path in sorted(paths, key=lambda path: path.as_posix()):
@@ -112,7 +102,8 @@ def check_installed(uses: Mapping[str, str]) -> None:
     """Raise `NotInstalledError` if one of these packages is missing, by name with what it is needed for."""
     missing = [package for package in uses if find_spec(package) is None]
     if missing:
-        raise _not_installed(" and ".join(f"{package} ({uses[package]})" for package in missing))
+        packages = " and ".join(f"{package} ({uses[package]})" for package in missing)
+        raise NotInstalledError(_NOT_INSTALLED.format(packages))
 
 
 @contextmanager
@@ -123,7 +114,7 @@ def tracer_is_named() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if error.name != TRACER:
             raise
-        raise _not_installed(f"{TRACER} (to trace equations)") from None
+        raise NotInstalledError(_NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None
 
 
 @cache
@@ -147,7 +138,3 @@ def check_environment() -> None:
             is_there = False
         if not is_there:
             os.environ["MPLBACKEND"] = "agg"
-
-
-def _not_installed(packages: str) -> NotInstalledError:
-    return NotInstalledError(f"not installed: {packages}; install the extra: pip install 'gough-stewart[compile]'")

@@ -114,7 +114,7 @@ def test_files_that_cannot_be_read_or_written_are_named_with_the_reason(tmp_path
     for path, reason in (
         (tmp_path, "Is a directory"),
         (tmp_path / "none.toml", "No such file or directory"),
-        (tmp_path / "noise.toml", "is not UTF-8 text"),
+        (tmp_path / "noise.toml", "is not UTF-8 text; expected a TOML file"),
     ):
         with pytest.raises(
             gs.GoughStewartError, match=f"^{re.escape(f'{path}: cannot read this platform file: {reason}')}"
