@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy import simulate_fmu
-from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from tests.support.documented_loop import accelerations, twist_of_rates
 from tests.support.fmu_plants import ERROR, OK, STATES, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.real_platforms import real_platform
@@ -109,23 +109,15 @@ MASSLESS = UNEVEN.with_parameters(dict.fromkeys((*_ZEROS, "leg_viscous_friction"
 
 
 def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu: Fmu) -> None:
-    """Expected: Newton and Euler for one body about its centre of mass; joints carry the actuators' forces alone.
-
-    At rest six of these balance the weight, by a linear system.
-    """
-    R = Rotation.from_euler("xyz", STATE.orientation).as_matrix()
-    arms, com = MASSLESS.platform_points @ R.T, R @ MASSLESS.platform_com
-    u = STATE.position + arms - MASSLESS.base_points
-    u = u / np.linalg.norm(u, axis=1, keepdims=True)
-    forces, omega = INPUT_VALUES["actuator_force"][:, None] * u, STATE.angular_velocity
-    total = forces.sum(axis=0) + INPUT_VALUES["external_force"]
-    moment = np.cross(arms - com, forces).sum(axis=0) + INPUT_VALUES["external_torque"]
-    moment = moment - np.cross(com, INPUT_VALUES["external_force"])
-    inertia = R @ MASSLESS.platform_inertia @ R.T
-    turning = np.linalg.solve(inertia, moment - np.cross(omega, inertia @ omega))
-    of_com = total / MASSLESS.platform_mass + MASSLESS.gravity
-    acceleration = of_com - np.cross(turning, com) - np.cross(omega, np.cross(omega, com))
-    expected = {"acceleration": acceleration, "angular_acceleration": turning, "joint_force": forces}
+    """Expected: a Lagrangian's acceleration; joints carry the actuators' forces alone."""
+    q, twist = np.concatenate(STATE[:2]), np.concatenate(STATE[2:])
+    rate = np.asarray(np.linalg.solve(twist_of_rates(q), twist))
+    u = [*INPUT_VALUES.values()]
+    along = gs.leg_geometry(MASSLESS, *STATE[:2]).direction
+    expected = {
+        "acceleration": accelerations(MASSLESS, q, rate, u[0], np.concatenate(u[1:]))[:3],
+        "joint_force": u[0][:, None] * along,
+    }
     model = gs.SteppingModel(MASSLESS)
     model.set_many(MOVING)
     with plant(fmu) as p:
@@ -133,9 +125,6 @@ def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu
         for name, value in expected.items():
             assert np.asarray(model.get(name)) == pytest.approx(value, rel=1e-9, abs=1e-9), name
             assert p.get(name) == pytest.approx(value, rel=1e-9, abs=1e-9), name
-    weight = MASSLESS.platform_mass * MASSLESS.gravity
-    held = np.linalg.solve(np.vstack([u.T, np.cross(arms, u).T]), -np.concatenate([weight, np.cross(com, weight)]))
-    assert gs.static_leg_forces(MASSLESS, STATE.position, STATE.orientation) == pytest.approx(held, rel=1e-10)
 
 
 # --- joints that legs share ------------------------------------------------------------------------------------------
