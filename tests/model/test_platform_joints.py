@@ -1,4 +1,4 @@
-"""Platform files as data sheets state them: units, cylindrical coordinates, joints listed once with their legs."""
+"""Platform files as data sheets state them: units, cylindrical coordinates, joints that legs share."""
 
 import re
 from typing import Any
@@ -9,7 +9,7 @@ import tomlkit
 
 import gough_stewart as gs
 from tests.support.platform_files import loaded, written
-from tests.support.shared_joints import THREE_THREE
+from tests.support.shared_joints import SHARED, THREE_THREE
 from tests.support.uneven import UNEVEN
 
 _JOINTS = ("base_points", "platform_points")
@@ -117,3 +117,32 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 def test_what_is_no_list_of_joints_says_what_is_one(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=f"^.*mine.toml: {re.escape(says)}"):
         loaded(file_with(changes))
+
+
+def test_files_and_circles_have_shared_joints() -> None:
+    """Expected: the same platform; circles with an angle of 0 have a joint for each pair, the distances by hand."""
+    for platform in SHARED:
+        assert loaded(written(platform)) == platform
+    left_out = (*_JOINTS, "home_position", "home_orientation", "leg_length_max")
+    rest = {name: value for name, value in UNEVEN.as_dict().items() if name not in left_out}
+    octahedron = gs.Platform.from_radii(2.0, 1.2, 0.0, 0.0, home_leg_length=2.8, **rest)
+    assert octahedron.base_points[[0, 1, 3]] == pytest.approx(octahedron.base_points[[5, 2, 4]], abs=1e-15)
+    assert octahedron.platform_points[::2] == pytest.approx(octahedron.platform_points[1::2], abs=1e-15)
+    # corners 60° apart: R² + r² − R r in the plane
+    assert octahedron.home_position[2] == pytest.approx(np.sqrt(2.8**2 - (2.0**2 + 1.2**2 - 2.0 * 1.2)))
+
+
+def test_two_legs_in_one_place_are_refused() -> None:
+    """Expected: legs 2 and 5, which share both joints, within a millionth of the largest distance."""
+    tips = UNEVEN.platform_points.copy()
+    tips[4] = tips[1]
+    for share in (0.0, 0.9e-6, 1.1e-6):
+        base = UNEVEN.base_points.copy()
+        widest = np.linalg.norm(base[:, None] - base[None], axis=-1).max()
+        base[4] = base[1] + share * widest * np.array([0.6, 0, -0.8])
+        changed = {"base_points": base, "platform_points": tips, "leg_length_min": None, "leg_length_max": None}
+        if share > 1e-6:
+            assert (UNEVEN.with_parameters(changed).base_points == base).all()
+            continue
+        with pytest.raises(gs.GoughStewartError, match=r"legs 2 and 5 share both joints, at \(-0.61, 1.88, -0.03\) m"):
+            UNEVEN.with_parameters(changed)

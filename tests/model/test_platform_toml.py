@@ -37,8 +37,12 @@ def test_presets_are_named_are_those_of_their_files_and_errors_name_them() -> No
     assert gs.preset_names() == PRESETS
     for name in PRESETS:
         text = (Path(gs.__file__).parent / "model/presets" / f"{name}.toml").read_text(encoding="utf-8")
-        assert gs.load_preset(name).name == name
-        assert tomllib.loads(written(gs.load_preset(name))) == tomllib.loads(text)
+        platform = gs.load_preset(name)
+        assert platform.name == name
+        assert platform.source
+        home = platform.home_position, platform.home_orientation
+        assert gs.evaluate_poses(platform, *home).condition_number < 10
+        assert tomllib.loads(written(platform)) == tomllib.loads(text)
     for name, says in (("motion_bas", "did you mean 'motion_base'?"), ("qq", f"expected one of {', '.join(PRESETS)}")):
         with pytest.raises(gs.GoughStewartError, match=f"^preset '{name}': no such preset.* {re.escape(says)}$"):
             gs.load_preset(name)
