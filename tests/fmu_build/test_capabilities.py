@@ -210,7 +210,7 @@ FEWER = [20.0, 28.0, 17.0, 33.0, 25.0, 12.0]
 Act = Callable[[Plant, float, tuple[bool, ...]], float | None]
 
 
-def updated(fmu: Fmu, act: Act, *, early_return: bool = False, start: bool = True) -> Plant:
+def updated(fmu: Fmu, act: Act, *, early_return: bool = False) -> Plant:
     """An instance in motion that calls `act(plant, time, what may be done) -> time of early return or None`."""
     instances: list[Plant] = []
 
@@ -222,7 +222,7 @@ def updated(fmu: Fmu, act: Act, *, early_return: bool = False, start: bool = Tru
 
     options: dict[str, Any] = {"requiredIntermediateVariables": [0, 3], "earlyReturnAllowed": early_return}
     instances.append(Plant(fmu, intermediateUpdate=update, **options))
-    return instances[0].start(MOVING) if start else instances[0]
+    return instances[0].start(MOVING)
 
 
 @pytest.mark.parametrize("early_return", [True, False])
