@@ -11,7 +11,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 
 import gough_stewart as gs
-from tests.support.fmu_plants import POSE, Fmu, by_element, plant
+from tests.support.fmu_plants import DISCARD, POSE, Fmu, by_element, plant
 from tests.support.lagrangian import FloatArray
 from tests.support.uneven import MOVING, UNEVEN
 from tests.support.uneven_loops import POSE as POSE_AWAY
@@ -78,8 +78,8 @@ def test_fmpys_loops_end_at_a_singular_pose(fmu: Fmu) -> None:
             simulate_paper(fmu, "CoSimulation", timeout=20.0)
 
 
-def test_casadis_dae_builder_has_the_units_equations_and_jacobians(fmu2: Fmu) -> None:
-    """Expected: the unit's own derivatives and outputs through FMPy, and central differences of them, by x, u and p."""
+def test_casadis_dae_builder_has_the_units_equations(fmu2: Fmu) -> None:
+    """Expected: the unit's own derivatives and outputs through FMPy, with other states, inputs and parameters."""
     dae = casadi.DaeBuilder("plant", str(fmu2.folder))
     parts, functions = ("x", "u", "p"), ("ode", "y")
     point = [np.array(dae.start(getattr(dae, part)())) for part in parts]
@@ -98,20 +98,6 @@ def test_casadis_dae_builder_has_the_units_equations_and_jacobians(fmu2: Fmu) ->
         p.set_states(point[0])
         assert found[0] == pytest.approx(p.state_rates(), rel=1e-12)
         assert found[1] == pytest.approx(p.fmu.getReal([references[name] for name in dae.y()]), rel=1e-12)
-    jacobians = dae.create("jacobians", list(parts), [f"jac_{f}_{part}" for f in functions for part in parts])(*point)
-    for k, jacobian in enumerate(np.array(each) for each in jacobians):
-        at, h = k % 3, 1e-6
-        for column in range(len(point[at])):
-            ends = []
-            for sign in (1, -1):
-                moved = [vector.copy() for vector in point]
-                moved[at][column] += sign * h
-                ends.append(np.array(evaluate(*moved)[k // 3]).ravel())
-            expected = (ends[0] - ends[1]) / (2 * h)
-            assert jacobian[:, column] == pytest.approx(expected, rel=1e-5, abs=1e-5), (k, column)
-
-
-# --- internal steps --------------------------------------------------------------------------------------------------
 
 
 def times_of(fmu: Fmu, n: int, step: float, time: float, fixed_step_size: float) -> list[list[float]]:
@@ -168,23 +154,47 @@ def test_a_fixed_step_that_ends_early_has_equal_steps_up_to_there(fmu3: Fmu) -> 
         assert p.pose == pytest.approx(exact.pose, abs=1e-7)
 
 
-# --- beside a controller ---------------------------------------------------------------------------------------------
+T = 4e-3
 
 
 @pytest.fixture(scope="module")
-def in_a_system(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
-    """The plant in an SSP, whose experiment asks for a tolerance of 1e-9."""
+def in_a_system(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
+    """Plant and controller in an SSP, whose experiment asks for a tolerance of 1e-9 and a delay of 15 samples."""
     folder = tmp_path_factory.mktemp("system")
-    (path,) = gs.export(experiment_of("pid", plant={"tolerance": 1e-9}), forms="ssp", out=folder, allow_unstable=True)
+    loop = {"duration": 0.74, "sample_time": T, "delay": 15}
+    experiment = experiment_of("pid", plant={"tolerance": 1e-9}, loop=loop, actuators={"force_limit": 300.0})
+    (path,) = gs.export(experiment, forms="ssp", out=folder, allow_unstable=True)
     with zipfile.ZipFile(path) as archive:
-        return Fmu(Path(archive.extract("resources/plant.fmu", folder)))
+        return {name: Fmu(Path(archive.extract(f"resources/{name}.fmu", folder))) for name in ("plant", "controller")}
 
 
-def test_zeros_in_the_very_first_step_stand_for_the_forces_of_the_start(in_a_system: Fmu) -> None:
+def test_a_controllers_forces_wait_for_the_delay_of_the_loop_however_long(in_a_system: dict[str, Fmu]) -> None:
+    """Expected: start forces for 14 samples, then those of the unit with a delay of 1; a delay of 16 is refused."""
+    lengths = gs.leg_geometry(UNEVEN, POSE_AWAY[:3], POSE_AWAY[3:]).length
+    rows = lengths + 0.05 * np.random.default_rng(1).normal(size=(20, 6))
+    found = []
+    for delay in (1.0, 15.0):
+        with plant(in_a_system["controller"]) as p:
+            assert p.get("output_delay") == 15
+            p.refuses("expected a whole number of samples from 1 to 15", DISCARD, p.set, "output_delay", 16.0)
+            p.set("output_delay", delay)
+            p.initialise(time=0.5)
+            start = p.get_all(["start_force", "force_limited"])
+            for k, row in enumerate(rows):
+                p.set("leg_length", row)
+                p.do_step(0.5 + k * T, T)
+                found.append(p.get_all(["actuator_force", "force_limited"]))
+    prompt, late = np.array(found[:20]), np.array(found[20:])
+    assert 0.2 < prompt[:, 6:].mean() < 0.8
+    np.testing.assert_array_equal(late[14:], prompt[:6])
+    np.testing.assert_array_equal(late[:14], np.tile(start, (14, 1)))
+
+
+def test_zeros_in_the_very_first_step_stand_for_the_forces_of_the_start(in_a_system: dict[str, Fmu]) -> None:
     """Expected: the unit under the forces themselves; zeros later, or beside one force that is not, are meant."""
 
     def pose_after(*forces: FloatArray, tolerance: float | None = None, resets: bool = False) -> FloatArray:
-        with plant(in_a_system) as p:
+        with plant(in_a_system["plant"]) as p:
             for _ in range(1 + resets):
                 p.fmu.reset()
                 p.start(time=12.3, tolerance=tolerance)
@@ -193,7 +203,7 @@ def test_zeros_in_the_very_first_step_stand_for_the_forces_of_the_start(in_a_sys
                     p.do_step(12.3 + k * 0.004, 0.004)
             return p.pose
 
-    with plant(in_a_system) as p:
+    with plant(in_a_system["plant"]) as p:
         held = p.get("actuator_force")
         assert p.get("position") == pytest.approx(POSE_AWAY[:3])
     zero, one = np.zeros(6), np.array([0.0, 0, 0, 0, 0, 1e-3])

@@ -90,9 +90,6 @@ def test_tolerance_step_and_file_reach_the_plant(fmus: dict[str, Fmu]) -> None:
     assert len(ends) == 3
 
 
-# --- files that are refused before anything is unpacked, or after ----------------------------------------------------
-
-
 def archive(path: Path, files: dict[str, bytes]) -> Path:
     """An archive with these files, also with names that no library would write."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
