@@ -19,10 +19,6 @@ def others() -> dict[str, Any]:
     return {name: value for name, value in gs.load_preset("liu2000").as_dict().items() if name not in _JOINTS}
 
 
-def on_circles(base: float, platform: float, *angles: float, length: float, pairing: Any = "near") -> gs.Platform:
-    return gs.Platform.from_radii(base, platform, *angles, home_leg_length=length, pairing=pairing, **others())
-
-
 def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> None:
     """Expected: all that have no default, in the order of the file; for an unknown name the nearest one."""
     left = others()
@@ -120,7 +116,8 @@ def test_each_joint_of_circles_is_where_the_documentation_puts_it(
     pairing: str, azimuths: list[float], turn: float
 ) -> None:
     """Expected: by hand, in degrees: base a = 20°, platform b = 50°, pairs at 60° ± 25°; legs in order of the base."""
-    platform = on_circles(2.0, 1.5, math.radians(20), math.radians(50), length=3.0, pairing=pairing)
+    angles: Any = {"base_angle": math.radians(20), "platform_angle": math.radians(50), "pairing": pairing}
+    platform = gs.Platform.from_radii(**{**CIRCLES, **angles}, **others())
     for points, radius, degrees in (
         (platform.base_points, 2.0, [10, 110, 130, 230, 250, 350]),
         (platform.platform_points, 1.5, azimuths),

@@ -13,8 +13,10 @@ from gough_stewart import (
     compliance,
     evaluate_poses,
     leg_geometry,
+    leg_jacobian,
     load_preset,
     mass_matrix,
+    static_leg_forces,
 )
 from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
@@ -76,32 +78,27 @@ POSES = np.array(
 
 
 def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None:
-    """Expected: NumPy and SciPy's rotations, pose by pose; static forces by balances of bodies; a batch of a batch."""
+    """Expected: NumPy and SciPy, pose by pose, from legs, statics and masses that have tests; a batch of a batch."""
     platform = replace(UNEVEN, leg_velocity_max=0.8, actuator_force_max=75.0, leg_stiffness=2.7e6)
     rigid = replace(platform, leg_stiffness=0.0, leg_armature=0.0)  # motors hold
     found = evaluate_poses(platform, POSES[:, :3].reshape(2, 3, 3), POSES[:, 3:].reshape(2, 3, 3))
     home = Rotation.from_euler("xyz", UNEVEN.home_orientation)
     rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
 
-    def legs(t: FloatArray, R: Rotation) -> tuple[FloatArray, FloatArray, FloatArray]:
-        arm = R.apply(UNEVEN.platform_points.copy())
-        l = t + arm - UNEVEN.base_points
-        return arm, np.linalg.norm(l, axis=1), l / np.linalg.norm(l, axis=1)[:, None]
-
     def angle(a: FloatArray, b: FloatArray) -> float:
         return float(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)).max())
 
-    u0 = legs(UNEVEN.home_position, home)[2]
+    u0 = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).direction
     for k, pose in enumerate(POSES):
         R = Rotation.from_euler("xyz", pose[3:])
-        arm, L, u = legs(pose[:3], R)
-        scaled = np.hstack([u, np.cross(arm, u) / rho])
+        _, _, L, u = leg_geometry(UNEVEN, pose[:3], pose[3:])
+        J = leg_jacobian(UNEVEN, pose[:3], pose[3:])
+        scaled = J / np.repeat([1.0, rho], 3)
         sigma = np.linalg.svd(scaled, compute_uv=False)
         of_base = 0.7 - angle(u, u0)
         of_platform = 0.7 - angle(R.inv().apply(u), home.inv().apply(u0))
-        f0 = _static_forces(pose[:3], R)
+        f0 = static_leg_forces(UNEVEN, pose[:3], pose[3:])
         # a mass of 1 kg, and a force of 1 N in any direction, at Op
-        J = np.hstack([u, np.cross(arm, u)])
         f1 = np.linalg.solve(J.T, np.concatenate([-UNEVEN.gravity, np.zeros(3)]))
         A = np.linalg.inv(J.T)[:, :3]
         K = 2.7e6 * J.T @ J
@@ -141,23 +138,6 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
     )
     assert hanging.payload == pytest.approx(found.payload, rel=1e-8, abs=1e-8)
     assert hanging.force_margin == pytest.approx(found.force_margin, rel=1e-8, abs=1e-8)
-
-
-def _static_forces(position: FloatArray, R: Rotation) -> FloatArray:
-    """Leg forces at rest: weight of platform, of upper parts along the legs, of all leg parts by moments about B."""
-    g = UNEVEN.gravity
-    arm = R.apply(UNEVEN.platform_points.copy())
-    l = position + arm - UNEVEN.base_points
-    L = np.linalg.norm(l, axis=1)
-    u = l / L[:, None]
-    # what each leg takes at its platform joint: along u the upper part, across it the moment of both about B
-    first = 2.3 * 0.47 + 1.2 * (L - 0.58)
-    across = (first / L)[:, None] * (g - (u @ g)[:, None] * u)
-    onto = 1.2 * (u @ g)[:, None] * u + across
-    force = 11.5 * g + onto.sum(axis=0)
-    torque = np.cross(R.apply(UNEVEN.platform_com.copy()), 11.5 * g) + np.cross(arm, onto).sum(axis=0)
-    J = np.hstack([u, np.cross(arm, u)])
-    return np.asarray(np.linalg.solve(J.T, -np.concatenate([force, torque])))
 
 
 def test_a_pose_beyond_several_limits_is_out_of_reach_by_the_first() -> None:
