@@ -54,9 +54,6 @@ def xml(fmu: Fmu, place: str = "modelDescription.xml") -> ET.Element:
     return ET.parse(fmu.folder / place).getroot()
 
 
-# --- the description -------------------------------------------------------------------------------------------------
-
-
 def test_every_document_follows_the_standard(any_fmu: Fmu) -> None:
     """Expected: the schemas of the standard, and FMPy's validation beyond them."""
     assert validate_fmu(str(any_fmu.path)) == []
@@ -210,9 +207,6 @@ def test_terminals_join_the_actuators_the_pose_and_the_load(fmus: dict[str, Fmu]
     assert dict(box.attrib) == {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
 
 
-# --- the archive -----------------------------------------------------------------------------------------------------
-
-
 def test_the_archive_is_complete_portable_and_of_no_day(fmu: Fmu) -> None:
     """Expected: names of the standard, relative, with slashes; Unix permissions; one date; no place of the build."""
     with zipfile.ZipFile(fmu.path) as archive:
@@ -295,9 +289,6 @@ def test_reference_results_are_those_of_the_lagrangian_under_the_documented_inpu
         assert found[k + 1] == pytest.approx(x, abs=2e-10)
 
 
-# --- the page --------------------------------------------------------------------------------------------------------
-
-
 def page_of(fmu: Fmu) -> str:
     return (fmu.folder / "documentation/index.html").read_text()
 
@@ -350,8 +341,6 @@ def test_the_example_of_the_page_runs_as_it_stands(
     assert last["time"] == pytest.approx(0.5)
     assert (last["leg_length[1]"] if fmu.is_fmi2 else last["leg_length"][0]) == pytest.approx(length, rel=1e-6)
 
-
-# --- pictures --------------------------------------------------------------------------------------------------------
 
 SVG = "{http://www.w3.org/2000/svg}"
 # A view from 24° above the ground at an azimuth of −55°, by SciPy's rotations.

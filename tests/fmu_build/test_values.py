@@ -31,8 +31,6 @@ def names_of(fmu: Fmu, *causalities: str) -> list[str]:
     return [name for name, whole in fmu.variables.items() if whole.declared[0].causality in causalities]
 
 
-# --- values that are refused -----------------------------------------------------------------------------------------
-
 BAD_VALUES = [
     ("actuator_force", [1, 2, np.nan, 4, 5, 6], "actuator_force[3] = nan N", "finite"),
     ("position", [0, np.inf, 3], "position[2] = inf m", "finite"),
@@ -75,9 +73,6 @@ def test_what_is_fixed_or_computed_cannot_be_set(fmu: Fmu) -> None:
         for name in FIXED:
             p.refuses(name, ERROR, p.set, name, p.get(name))
             assert "step mode" in p.messages[-1].text
-
-
-# --- platforms and poses that cannot be -------------------------------------------------------------------------------
 
 
 def inertia(moments: list[float], seed: int, size: float) -> FloatArray:
@@ -144,8 +139,6 @@ def test_results_that_are_not_finite_are_discarded_only_where_fmi_2_knows_that(f
         assert refused(p.get, "position") == OK
 
 
-# --- steps that cannot be completed ----------------------------------------------------------------------------------
-
 NEAR = np.pi / 2 - 1e-3 - 1e-6
 FAILURES: list[tuple[dict[str, Any], dict[str, Any], float, str]] = [
     # start, inputs after a millisecond, step, message
@@ -195,9 +188,6 @@ def test_a_step_that_cannot_be_completed_is_discarded_with_the_state_as_before(
             each.set("actuator_force", 50.0)
             each.do_step(0.001, 1e-5)
         assert np.array_equal(p.pose, q.pose)
-
-
-# --- calls out of order, and wrong arguments -------------------------------------------------------------------------
 
 
 NONSENSE = (
@@ -267,9 +257,6 @@ def test_an_importer_with_another_description_gets_no_instance_and_a_reason(fmu:
     for options, expected in cases:
         with pytest.raises(NotInstantiatedError, match=expected):
             Plant(fmu, **options)
-
-
-# --- messages --------------------------------------------------------------------------------------------------------
 
 
 def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:

@@ -1,6 +1,7 @@
 """Leg kinematics against closed forms, also where a leg has no length."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,8 +42,12 @@ def test_a_leg_of_length_zero_is_a_singular_pose_that_its_neighbours_do_not_feel
     with pytest.raises(gs.GoughStewartError, match="condition number inf"):
         gs.inverse_dynamics(met, gs.State(o, o, o, o), gs.Acceleration(o, o))
     position = np.stack([met.home_position + 0.1, o, met.home_position - 0.1])
-    many = gs.evaluate_poses(met, position, o)
+    strong = replace(met, actuator_force_max=1e4, leg_velocity_max=1.0, leg_stiffness=1e6, leg_armature=1.0)
+    many: Any = gs.evaluate_poses(strong, position, o)
     assert many.condition_number[1] == np.inf
+    # nothing is held there
+    assert many.payload[0] > 0
+    assert {many.payload[1], many.force_margin[1], many.largest_speed[1], *(values[1] for values in many[8:])} == {0}
     for k in (0, 2):
         one = gs.evaluate_poses(met, position[k], o)
         assert (many.limit[k], many.condition_number[k]) == (0, pytest.approx(one.condition_number, rel=1e-12))

@@ -83,7 +83,6 @@ ONE_TO_ONE = [[k, k] for k in range(1, 7)]
 # Changes of the file, and the text of the error.
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"platform_mass": "12 m"}, "platform_mass is '12 m'; expected a number of kg, or a string with one of the units"),
-    ({"name": 3}, "name: is 3; expected a text"),
     ({"base_points_cylindrical": ROWS}, "base_points: is also determined by base_points_cylindrical; expected only"),
     (
         {"base_radius": 1, "platform_radius": 1, "base_angle": 1, "platform_angle": 1, "home_leg_length": 3}

@@ -38,20 +38,6 @@ class Limit(IntEnum):
     PLATFORM_JOINT = 6
 
 
-def test_at_a_singular_pose_nothing_is_held() -> None:
-    """Expected: where P₁ is at B₁, leg 1 has no direction."""
-    base, top = (np.round(64 * points) / 64 for points in (PAPER.base_points, PAPER.platform_points))
-    platform = replace(PAPER, base_points=base, platform_points=top, actuator_force_max=1e4)
-    q = evaluate_poses(platform, np.stack([platform.home_position, base[0] - top[0]]), LEVEL)
-    assert q.payload is not None
-    assert q.force_margin is not None
-    assert q.condition_number[1] == np.inf
-    assert q.payload[1] == q.force_margin[1] == 0 < q.payload[0]
-    soft = replace(platform, leg_velocity_max=1.0, leg_stiffness=1e6, leg_armature=1.0)
-    met = evaluate_poses(soft, base[0] - top[0], LEVEL)
-    assert [met.largest_speed, *met[8:]] == [0] * 6
-
-
 def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     q = evaluate_poses(PAPER, PAPER.home_position, LEVEL)
     assert (q.leg_length_margin, q.joint_angle_margin, q.payload, q.force_margin, q.largest_speed) == (None,) * 5

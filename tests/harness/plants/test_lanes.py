@@ -91,9 +91,6 @@ def distance(found: FloatArray, exact: FloatArray) -> float:
     return float((np.abs(found - exact) / (1 + np.abs(exact))).max())
 
 
-# --- motions ---------------------------------------------------------------------------------------------------------
-
-
 def test_members_move_as_the_lagrangian_says_with_changes_for_those_that_are_meant() -> None:
     """Expected: within 1e-8, of platforms that change their payload and gravity on the way, together or not."""
     platforms, starts, inputs = members(N)
@@ -130,9 +127,6 @@ def test_members_move_as_the_lagrangian_says_with_changes_for_those_that_are_mea
         model.set_inputs(1.3 * inputs[m])
         for name, value in zip(plant.columns, results[m], strict=True):
             assert value == pytest.approx(model.get(name), rel=1e-6, abs=1e-6), name
-
-
-# --- internal steps and their errors ---------------------------------------------------------------------------------
 
 
 def test_the_largest_error_of_any_step_of_a_run_is_kept() -> None:
@@ -176,8 +170,6 @@ def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
     np.testing.assert_array_equal(plant.signals()[1, STATES], np.concatenate(list(STATE)))
     np.testing.assert_array_equal(plant.signals()[0], free.signals()[0])
 
-
-# --- failures --------------------------------------------------------------------------------------------------------
 
 QUANTITIES = {
     "pitch": "orientation[2]",
@@ -276,8 +268,6 @@ def test_members_that_restart_repeat_their_run_bit_by_bit(steps: dict[str, Any])
         with pytest.raises(GoughStewartError, match=r"^platform_com: has shape"):
             plant.set_parameters({"platform_com": values})
 
-
-# --- machines that stick or give -------------------------------------------------------------------------------------
 
 STEPS = 14
 
