@@ -108,9 +108,6 @@ def binaries_of(path: Path) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")}
 
 
-# --- what is built ---------------------------------------------------------------------------------------------------
-
-
 def test_units_of_other_values_share_their_library_but_for_the_values(fmus: dict[str, Fmu], tmp_path: Path) -> None:
     """Expected: bytes that differ within the length of the numbers and tokens; the numbers are the other platform's."""
     other = gs.load_preset("motion_base")
@@ -222,9 +219,6 @@ def test_a_library_for_apples_processors_has_the_digests_of_its_pages(tmp_path: 
         assert library[place : place + 32] == hashlib.sha256(content).digest(), page
 
 
-# --- caches ----------------------------------------------------------------------------------------------------------
-
-
 def test_a_library_is_kept_and_a_damaged_one_is_compiled_anew(zig: FakeZig, tmp_path: Path) -> None:
     """Expected: one run for both versions; another after a flipped bit, a lost digest, or with another compiler."""
     path = built(tmp_path / "first")
@@ -306,9 +300,6 @@ def test_a_cache_that_cannot_be_written_is_named_with_a_remedy(
         built(tmp_path)
     assert str(tmp_path / "file") in str(caught.value)
     assert zig.calls() == []
-
-
-# --- failures --------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

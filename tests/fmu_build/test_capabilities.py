@@ -17,8 +17,6 @@ from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 INPUTS = tuple(INPUT_VALUES)
 U = np.concatenate(list(INPUT_VALUES.values()))
 
-# --- saved states ----------------------------------------------------------------------------------------------------
-
 
 def test_a_restored_state_goes_on_where_it_was_in_every_respect(fmu: Fmu) -> None:
     """Expected: mode, time, stop time, tolerance; and not in an instance of the other kind."""
@@ -100,9 +98,6 @@ def test_a_mode_that_the_kind_cannot_be_in_is_refused(stepped: tuple[Fmu, bytes]
                 assert accepts(p, sealed(header)) == (mode in possible.get(kind, set())), (kind, mode)
 
 
-# --- sensitivities ---------------------------------------------------------------------------------------------------
-
-
 # At home, where motors may begin, with bristles bent and everything in motion.
 HELD: dict[str, Any] = {
     **{"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation},
@@ -173,9 +168,6 @@ def test_what_is_no_unknown_or_known_is_an_error(fmu: Fmu) -> None:
             p.refuses("expected", ERROR, p.directional, *pair, [1.0] * p.size(pair[1]))
 
 
-# --- rates of inputs and outputs -------------------------------------------------------------------------------------
-
-
 def test_output_derivatives_are_difference_quotients_over_time(fmu: Fmu) -> None:
     """Expected: central differences along the unit's own trajectory."""
     h, points = 1e-4, []
@@ -203,8 +195,6 @@ def test_rates_of_other_orders_or_other_variables_are_errors(fmu2: Fmu) -> None:
         for references, orders, text in ((force, [1], ""), (position[:1], [0], ""), (position, [1, 1, 2], "order 2")):
             p.refuses(text, ERROR, p.fmu.getRealOutputDerivatives, references, orders)
 
-
-# --- FMI 3.0: intermediate update ------------------------------------------------------------------------------------
 
 FEWER = [20.0, 28.0, 17.0, 33.0, 25.0, 12.0]
 Act = Callable[[Plant, float, tuple[bool, ...]], float | None]
@@ -286,9 +276,6 @@ def test_inputs_set_between_hold_from_there_on_and_a_failed_step_undoes_them(fmu
         before = p.serialized()
         assert refused(p.do_step, 0.0, 1.0) == DISCARD
         assert p.serialized() == before
-
-
-# --- Model Exchange --------------------------------------------------------------------------------------------------
 
 
 def test_model_exchange_has_the_states_and_derivatives_of_the_description(any_fmu: Fmu) -> None:

@@ -1,5 +1,6 @@
 """Units of machines that stick or give, beside the stepping model; massless legs and shared joints, by mechanics."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,17 @@ OWN_STATES = ("leg_bristle", "motor_position", "motor_velocity")
 def at_home(platform: gs.Platform) -> dict[str, Any]:
     home = {name: getattr(platform, f"home_{name}") for name in ("position", "orientation", "actuator_force")}
     return home | ({"motor_position": platform.home_motor_position} if platform.leg_stiffness else {})
+
+
+@pytest.mark.parametrize("kind", ["model", "fmu3"])
+def test_a_loop_ends_with_the_reason_where_steps_are_too_long_for_friction_that_sticks(kind: str) -> None:
+    """Expected: 2 ms are refused, and the longest are named."""
+    friction = {"leg_friction_model": "lugre", "leg_coulomb_friction": 100.0}
+    settings = {"platform.parameters": friction, "plant.kind": kind, "plant.fixed_step_size": "2 ms"}
+    record = gs.run("heave_step", {**settings, "loop.duration": 0.3, "loop.sample_time": "2 ms"})
+    assert len(record["position"]) == 1
+    cause = record.metadata["outcome"]["cause"]
+    assert re.search(r"0\.002 .*too large for legs with stiction.*at most 0\.001 s", cause)
 
 
 def test_states_have_nominals_of_their_size(whole: dict[str, Fmu]) -> None:

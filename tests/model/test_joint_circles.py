@@ -60,7 +60,7 @@ def test_a_platform_file_may_state_circles_instead_of_joints() -> None:
 
 def test_an_experiment_may_state_circles_with_units() -> None:
     """Expected: the first joint by hand, legs of the stated length."""
-    stated = {"base_radius": "2100 mm", "platform_radius": "0.9 m", "home_leg_length": "3.1 m"}
+    stated: dict[str, Any] = {"base_radius": "2100 mm", "platform_radius": "0.9 m", "home_leg_length": "3.1 m"}
     stated |= {"base_angle": "24deg", "platform_angle": "33deg", "parameters.home_orientation": [0, 0, 0.1]}
     settings = {f"platform.{name}": value for name, value in stated.items()}
     platform = gs.run("paper_open_loop", settings | {"loop.duration": 0.01}).metadata["platform"]
