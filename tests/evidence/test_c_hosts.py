@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -62,6 +63,13 @@ def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path:
     print(f"\n{sum(sum(n.values()) for n in calls.values())} calls of {len(calls)} functions, no violation")
     assert set(calls) == functions_of_the_standards()
     assert {f for f, n in calls.items() if n["ok"] == 0} == NEVER_OK | (set() if kind == "plant" else OF_STATES)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured by glibc's mallinfo2")
+def test_instances_in_threads_have_the_bits_of_instances_in_turn(tmp_path: Path) -> None:
+    """Expected: the same unit, stepped in another order. At most 16 KiB for an instance."""
+    program = compile_host(INSTANCES, tmp_path / "instances", (*ZIG, "-O1"))
+    assert run_instances(program, 100, 8)["bytes_per_instance"] <= 16 * 1024
 
 
 def test_threads_do_not_race(tmp_path: Path) -> None:

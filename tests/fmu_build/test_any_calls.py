@@ -119,6 +119,15 @@ class AnyCalls(RuleBasedStateMachine):
         assert (self.model.save_state(), self.plants[0].serialized()) == (moment.model, moment.unit)
         self.k = moment.k
 
+    @rule(first=st.sampled_from(["leg_length", "acceleration", "potential_energy"]))
+    def read(self, first: str) -> None:
+        """What is kept of earlier computations never shows; legs alone come from another function of the kernel."""
+        fresh = gs.SteppingModel(self.platform, self.tolerance, self.fixed)
+        fresh.restore_state(self.model.save_state())
+        results = fresh.results()
+        for name in (first, *results):
+            assert self.plants[0].get(name) == pytest.approx(results[name], rel=1e-13, abs=1e-12), name
+
     @rule(kind=st.sampled_from([copy, deepcopy, lambda model: pickle.loads(pickle.dumps(model))]))
     def go_on_with_a_copy(self, kind: Any) -> None:
         older, self.model = self.model, kind(self.model)

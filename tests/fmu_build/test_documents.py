@@ -54,9 +54,6 @@ def xml(fmu: Fmu, place: str = "modelDescription.xml") -> ET.Element:
     return ET.parse(fmu.folder / place).getroot()
 
 
-# --- the description -------------------------------------------------------------------------------------------------
-
-
 def test_every_document_follows_the_standard(any_fmu: Fmu) -> None:
     """Expected: the schemas of the standard, and FMPy's validation beyond them."""
     assert validate_fmu(str(any_fmu.path)) == []
@@ -196,7 +193,7 @@ def test_dependencies_are_those_that_differences_show(fmu: Fmu, shown: Shown) ->
 
 
 def test_terminals_join_the_actuators_the_pose_and_the_load(fmus: dict[str, Fmu]) -> None:
-    """Expected: by name, in the order of use; test_controller.py has those of scalars."""
+    """Expected: by name, in the order of use."""
     root = xml(fmus["3.0"], "terminalsAndIcons/terminalsAndIcons.xml")
     found = {(t.get("name"), t.get("description")): [m.get("variableName") for m in t] for t in root.iter("Terminal")}
     assert found == {
@@ -208,9 +205,6 @@ def test_terminals_join_the_actuators_the_pose_and_the_load(fmus: dict[str, Fmu]
     assert {m.get("variableKind") for m in root.iter("TerminalMemberVariable")} == {"signal"}
     (box,) = root.iter("Icon")
     assert dict(box.attrib) == {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
-
-
-# --- the archive -----------------------------------------------------------------------------------------------------
 
 
 def test_the_archive_is_complete_portable_and_of_no_day(fmu: Fmu) -> None:
@@ -293,15 +287,6 @@ def test_reference_results_are_those_of_the_lagrangian_under_the_documented_inpu
         ]
         rows.append(k + 1)
         assert found[k + 1] == pytest.approx(x, abs=2e-10)
-    with plant(fmu) as p:
-        for row in (0, 20, 100):
-            p.start({name: results[name][row] for name in STATES} | {name: inputs[name][row] for name in INPUTS})
-            for name in set(results) - {"time"}:
-                assert np.ravel(p.get(name)) == pytest.approx(results[name][row], rel=1e-9, abs=1e-9), name
-            p.fmu.reset()
-
-
-# --- the page --------------------------------------------------------------------------------------------------------
 
 
 def page_of(fmu: Fmu) -> str:
@@ -356,8 +341,6 @@ def test_the_example_of_the_page_runs_as_it_stands(
     assert last["time"] == pytest.approx(0.5)
     assert (last["leg_length[1]"] if fmu.is_fmi2 else last["leg_length"][0]) == pytest.approx(length, rel=1e-6)
 
-
-# --- pictures --------------------------------------------------------------------------------------------------------
 
 SVG = "{http://www.w3.org/2000/svg}"
 # A view from 24° above the ground at an azimuth of −55°, by SciPy's rotations.

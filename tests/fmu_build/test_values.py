@@ -1,7 +1,6 @@
 """Values of a unit, and what it refuses, by FMPy. Every message names quantity, value and expectation."""
 
 import re
-from collections.abc import Callable
 from ctypes import POINTER, byref, c_double, c_uint32
 from typing import Any
 
@@ -13,7 +12,6 @@ from tests.support.fmu_plants import (
     DISCARD,
     ERROR,
     OK,
-    STATES,
     Fmu,
     NotInstantiatedError,
     Plant,
@@ -21,6 +19,7 @@ from tests.support.fmu_plants import (
     refused,
 )
 from tests.support.lagrangian import FloatArray
+from tests.support.steppers import CLOCKS
 from tests.support.uneven import MOVING, STATE, UNEVEN
 
 HOME = {"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation}
@@ -31,73 +30,6 @@ COMPUTED = ("leg_length", "acceleration", "kinetic_energy", "joint_force", "der(
 def names_of(fmu: Fmu, *causalities: str) -> list[str]:
     return [name for name, whole in fmu.variables.items() if whole.declared[0].causality in causalities]
 
-
-def computed_names(fmu: Fmu) -> list[str]:
-    """What is no input, parameter, state or time."""
-    return [name for name in names_of(fmu, "output", "local") if name not in STATES]
-
-
-# --- values ----------------------------------------------------------------------------------------------------------
-
-
-# What is computed first decides what is kept for the next.
-ORDERS: dict[str, Callable[[list[str]], list[str]]] = {
-    "as listed": lambda names: names,
-    "legs first": lambda names: ["leg_length", "leg_velocity", *names],
-    "derivatives first": lambda names: ["der(velocity)", "der(orientation)", *names],
-    "legs last": lambda names: sorted(names, key=lambda name: name.startswith("leg")),
-}
-SET: dict[str, Any] = {
-    "actuator_force": [31.0, 58.0, 44.0, 52.0, 37.0, 49.0],
-    "external_torque": [3.0, -2.0, 1.0],
-    "gravity": [0.3, 0.4, -9.0],
-    "leg_coulomb_friction": 3.0,
-    "platform_mass": 17.0,
-    "platform_inertia": [[6.0, 0.4, -0.3], [0.4, 7.0, 0.2], [-0.3, 0.2, 8.0]],
-}
-CHANGES: list[Callable[[Plant, bytes], object]] = [
-    *((lambda p, _, name=name: p.set(name, SET[name])) for name in SET),
-    lambda p, _: p.do_step(0.1, 0.05),
-    lambda p, blob: p.restore(blob),
-    lambda p, _: p.fmu.reset(),
-]
-
-
-def assert_fresh(p: Plant, order: str) -> None:
-    """Expected: a new instance that was given the same settings, and asked in another order."""
-    names = computed_names(p.file)
-    settings = {name: p.get(name) for name in (*names_of(p.file, "input", "parameter"), *STATES)}
-    with plant(p.file) as fresh:
-        for name, value in settings.items():
-            fresh.set(name, value)
-        expected = {name: fresh.get(name) for name in names[::-1]}
-    for name in ORDERS[order](names):
-        # lengths and rates come from another function of the kernel when they are asked for alone
-        assert p.get(name) == pytest.approx(expected[name], rel=1e-13, abs=1e-12), name
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_what_is_kept_of_earlier_computations_never_shows(fmu: Fmu, order: str) -> None:
-    with plant(fmu) as p:  # before initialisation, setting by setting
-        for name in (*names_of(fmu, "input", "parameter"), *STATES):
-            value = p.get(name)
-            by = 0.1 * np.ones((3, 3)) if name == "platform_inertia" else 0.01 * (1 + np.arange(value.size))
-            for read in ORDERS[order](computed_names(fmu)):
-                p.get(read)
-            p.set(name, value + np.reshape(by, value.shape))
-            assert_fresh(p, order)
-    for change in CHANGES:  # in a run
-        with plant(fmu) as p:
-            p.start(MOVING)
-            blob = p.serialized()
-            p.do_step(0.0, 0.1)
-            for read in ORDERS[order](computed_names(fmu)):
-                p.get(read)
-            change(p, blob)
-            assert_fresh(p, order)
-
-
-# --- values that are refused -----------------------------------------------------------------------------------------
 
 BAD_VALUES = [
     ("actuator_force", [1, 2, np.nan, 4, 5, 6], "actuator_force[3] = nan N", "finite"),
@@ -141,9 +73,6 @@ def test_what_is_fixed_or_computed_cannot_be_set(fmu: Fmu) -> None:
         for name in FIXED:
             p.refuses(name, ERROR, p.set, name, p.get(name))
             assert "step mode" in p.messages[-1].text
-
-
-# --- platforms and poses that cannot be -------------------------------------------------------------------------------
 
 
 def inertia(moments: list[float], seed: int, size: float) -> FloatArray:
@@ -210,8 +139,6 @@ def test_results_that_are_not_finite_are_discarded_only_where_fmi_2_knows_that(f
         assert refused(p.get, "position") == OK
 
 
-# --- steps that cannot be completed ----------------------------------------------------------------------------------
-
 NEAR = np.pi / 2 - 1e-3 - 1e-6
 FAILURES: list[tuple[dict[str, Any], dict[str, Any], float, str]] = [
     # start, inputs after a millisecond, step, message
@@ -263,9 +190,6 @@ def test_a_step_that_cannot_be_completed_is_discarded_with_the_state_as_before(
         assert np.array_equal(p.pose, q.pose)
 
 
-# --- calls out of order, and wrong arguments -------------------------------------------------------------------------
-
-
 NONSENSE = (
     *((0.0, step, "step > 0") for step in (0.0, -0.1, np.nan, np.inf)),
     *((time, 0.1, "current time") for time in (0.5, np.nan)),
@@ -285,16 +209,6 @@ def test_a_step_that_makes_no_sense_is_an_error(fmu: Fmu) -> None:
         assert refused(p.do_step, 0.0, 2.0 + 0.5e-9) == OK
         p.fmu.terminate()
         assert refused(p.do_step, p.time, 0.1) == ERROR
-
-
-# Present time, step, and the largest accepted difference: 1e-9 of the time or of 1 s, but no more than a thousandth of
-# the step, nor less than a few units of rounding, 2⁻⁴⁵ s at 200 s.
-CLOCKS = [
-    (0.5, 1e-3, 0.97e-9, 1.03e-9),
-    (0.5, 1e-7, 0.97e-10, 1.03e-10),
-    (200.0, 1e-3, 1.94e-7, 2.06e-7),
-    (200.0, 1e-11, 4 * 2.0**-45, 8 * 2.0**-45),
-]
 
 
 def test_an_importers_clock_may_round_a_little(fmu: Fmu) -> None:
@@ -343,9 +257,6 @@ def test_an_importer_with_another_description_gets_no_instance_and_a_reason(fmu:
     for options, expected in cases:
         with pytest.raises(NotInstantiatedError, match=expected):
             Plant(fmu, **options)
-
-
-# --- messages --------------------------------------------------------------------------------------------------------
 
 
 def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:

@@ -19,10 +19,6 @@ def others() -> dict[str, Any]:
     return {name: value for name, value in gs.load_preset("liu2000").as_dict().items() if name not in _JOINTS}
 
 
-def on_circles(base: float, platform: float, *angles: float, length: float, pairing: Any = "near") -> gs.Platform:
-    return gs.Platform.from_radii(base, platform, *angles, home_leg_length=length, pairing=pairing, **others())
-
-
 def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> None:
     """Expected: all that have no default, in the order of the file; for an unknown name the nearest one."""
     left = others()
@@ -34,6 +30,8 @@ def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> 
     )
     with pytest.raises(gs.GoughStewartError, match="platform_mas: no such parameter; did you mean 'platform_mass'"):
         gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, platform_mas=10.0)
+    with pytest.raises(gs.GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
+        gs.load_preset("liu2000").with_parameters({"platform_mas": 3.0})
 
 
 def test_a_platform_file_may_state_circles_instead_of_joints() -> None:
@@ -61,24 +59,18 @@ def test_a_platform_file_may_state_circles_instead_of_joints() -> None:
 
 
 def test_an_experiment_may_state_circles_with_units() -> None:
-    """Geometry in millimetres and degrees: the record's platform has legs of the stated length."""
-    keys = {
-        "platform.base_radius": "2100 mm",
-        "platform.platform_radius": "0.9 m",
-        "platform.base_angle": "24deg",
-        "platform.platform_angle": "33deg",
-        "platform.home_leg_length": "3.1 m",
-        "platform.parameters.home_orientation": [0, 0, 0.1],
-        "loop.duration": 0.01,
-    }
-    record = gs.run("paper_open_loop", keys)
+    """Expected: the first joint by hand, legs of the stated length."""
+    stated: dict[str, Any] = {"base_radius": "2100 mm", "platform_radius": "0.9 m", "home_leg_length": "3.1 m"}
+    stated |= {"base_angle": "24deg", "platform_angle": "33deg", "parameters.home_orientation": [0, 0, 0.1]}
+    settings = {f"platform.{name}": value for name, value in stated.items()}
+    platform = gs.run("paper_open_loop", settings | {"loop.duration": 0.01}).metadata["platform"]
     # parameters are changed last
-    assert record.metadata["platform"]["home_orientation"] == [0, 0, 0.1]
-    points = np.array(record.metadata["platform"]["base_points"])
-    np.testing.assert_allclose(np.linalg.norm(points, axis=-1), 2.1, rtol=1e-12)
-    np.testing.assert_allclose(points[0], 2.1 * np.array([math.cos(math.radians(12)), math.sin(math.radians(12)), 0]))
-    home, tips = (np.array(record.metadata["platform"][name]) for name in ("home_position", "platform_points"))
-    np.testing.assert_allclose(np.linalg.norm(home + tips - points, axis=-1), 3.1, rtol=1e-12)
+    assert platform["home_orientation"] == [0, 0, 0.1]
+    points = np.array(platform["base_points"])
+    azimuth = math.radians(12)
+    np.testing.assert_allclose(points[0], 2.1 * np.array([math.cos(azimuth), math.sin(azimuth), 0]))
+    tips = np.array(platform["home_position"]) + platform["platform_points"]
+    np.testing.assert_allclose(np.linalg.norm(tips - points, axis=-1), 3.1, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +116,8 @@ def test_each_joint_of_circles_is_where_the_documentation_puts_it(
     pairing: str, azimuths: list[float], turn: float
 ) -> None:
     """Expected: by hand, in degrees: base a = 20°, platform b = 50°, pairs at 60° ± 25°; legs in order of the base."""
-    platform = on_circles(2.0, 1.5, math.radians(20), math.radians(50), length=3.0, pairing=pairing)
+    angles: Any = {"base_angle": math.radians(20), "platform_angle": math.radians(50), "pairing": pairing}
+    platform = gs.Platform.from_radii(**{**CIRCLES, **angles}, **others())
     for points, radius, degrees in (
         (platform.base_points, 2.0, [10, 110, 130, 230, 250, 350]),
         (platform.platform_points, 1.5, azimuths),

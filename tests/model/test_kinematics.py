@@ -1,6 +1,7 @@
-"""Leg kinematics against closed forms, finite differences and known singular poses."""
+"""Leg kinematics against closed forms, also where a leg has no length."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ import gough_stewart as gs
 from tests.support.uneven import STATE, UNEVEN
 
 
-def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: gs.Platform) -> None:
-    """Expected: written out with SciPy's rotation; of the paper's platform the cosine rule; Fichter's singularity."""
+def test_the_legs_of_a_pose_are_those_of_elementary_geometry() -> None:
+    """Expected: written out with SciPy's rotation."""
     arm = Rotation.from_euler("xyz", STATE.orientation).apply(UNEVEN.platform_points.copy())
     l = STATE.position + arm - UNEVEN.base_points
     L = np.linalg.norm(l, axis=1)
@@ -26,12 +27,6 @@ def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: gs.Platform)
     assert model.get("leg_velocity") == pytest.approx(J @ np.concatenate(STATE[2:]), rel=1e-12)
     rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
     assert UNEVEN.characteristic_length == pytest.approx(rho, rel=1e-12)
-    length = gs.leg_geometry(paper, paper.home_position, paper.home_orientation).length
-    assert length == pytest.approx(np.full(6, np.sqrt(14 - 2 * np.sqrt(3))), rel=1e-15)
-    for yaw in (np.pi / 2, -np.pi / 2):
-        singular = gs.evaluate_poses(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
-        assert abs(singular.singular_margin) < 1e-15
-        assert singular.condition_number > 1e15
 
 
 def test_a_leg_of_length_zero_is_a_singular_pose_that_its_neighbours_do_not_feel(paper: gs.Platform) -> None:
@@ -47,8 +42,12 @@ def test_a_leg_of_length_zero_is_a_singular_pose_that_its_neighbours_do_not_feel
     with pytest.raises(gs.GoughStewartError, match="condition number inf"):
         gs.inverse_dynamics(met, gs.State(o, o, o, o), gs.Acceleration(o, o))
     position = np.stack([met.home_position + 0.1, o, met.home_position - 0.1])
-    many = gs.evaluate_poses(met, position, o)
+    strong = replace(met, actuator_force_max=1e4, leg_velocity_max=1.0, leg_stiffness=1e6, leg_armature=1.0)
+    many: Any = gs.evaluate_poses(strong, position, o)
     assert many.condition_number[1] == np.inf
+    # nothing is held there
+    assert many.payload[0] > 0
+    assert {many.payload[1], many.force_margin[1], many.largest_speed[1], *(values[1] for values in many[8:])} == {0}
     for k in (0, 2):
         one = gs.evaluate_poses(met, position[k], o)
         assert (many.limit[k], many.condition_number[k]) == (0, pytest.approx(one.condition_number, rel=1e-12))

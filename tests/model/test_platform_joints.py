@@ -1,4 +1,4 @@
-"""Platform files as data sheets state them: units, cylindrical coordinates, joints listed once with their legs."""
+"""Platform files as data sheets state them: units, cylindrical coordinates, joints that legs share."""
 
 import re
 from typing import Any
@@ -9,7 +9,7 @@ import tomlkit
 
 import gough_stewart as gs
 from tests.support.platform_files import loaded, written
-from tests.support.shared_joints import THREE_THREE
+from tests.support.shared_joints import SHARED, THREE_THREE
 from tests.support.uneven import UNEVEN
 
 _JOINTS = ("base_points", "platform_points")
@@ -83,7 +83,6 @@ ONE_TO_ONE = [[k, k] for k in range(1, 7)]
 # Changes of the file, and the text of the error.
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"platform_mass": "12 m"}, "platform_mass is '12 m'; expected a number of kg, or a string with one of the units"),
-    ({"name": 3}, "name: is 3; expected a text"),
     ({"base_points_cylindrical": ROWS}, "base_points: is also determined by base_points_cylindrical; expected only"),
     (
         {"base_radius": 1, "platform_radius": 1, "base_angle": 1, "platform_angle": 1, "home_leg_length": 3}
@@ -117,3 +116,16 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 def test_what_is_no_list_of_joints_says_what_is_one(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=f"^.*mine.toml: {re.escape(says)}"):
         loaded(file_with(changes))
+
+
+def test_files_and_circles_have_shared_joints() -> None:
+    """Expected: the same platform; circles with an angle of 0 have a joint for each pair, the distances by hand."""
+    for platform in SHARED:
+        assert loaded(written(platform)) == platform
+    left_out = (*_JOINTS, "home_position", "home_orientation", "leg_length_max")
+    rest = {name: value for name, value in UNEVEN.as_dict().items() if name not in left_out}
+    octahedron = gs.Platform.from_radii(2.0, 1.2, 0.0, 0.0, home_leg_length=2.8, **rest)
+    assert octahedron.base_points[[0, 1, 3]] == pytest.approx(octahedron.base_points[[5, 2, 4]], abs=1e-15)
+    assert octahedron.platform_points[::2] == pytest.approx(octahedron.platform_points[1::2], abs=1e-15)
+    # corners 60° apart: R² + r² − R r in the plane
+    assert octahedron.home_position[2] == pytest.approx(np.sqrt(2.8**2 - (2.0**2 + 1.2**2 - 2.0 * 1.2)))

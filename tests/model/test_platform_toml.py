@@ -37,8 +37,12 @@ def test_presets_are_named_are_those_of_their_files_and_errors_name_them() -> No
     assert gs.preset_names() == PRESETS
     for name in PRESETS:
         text = (Path(gs.__file__).parent / "model/presets" / f"{name}.toml").read_text(encoding="utf-8")
-        assert gs.load_preset(name).name == name
-        assert tomllib.loads(written(gs.load_preset(name))) == tomllib.loads(text)
+        platform = gs.load_preset(name)
+        assert platform.name == name
+        assert platform.source
+        home = platform.home_position, platform.home_orientation
+        assert gs.evaluate_poses(platform, *home).condition_number < 10
+        assert tomllib.loads(written(platform)) == tomllib.loads(text)
     for name, says in (("motion_bas", "did you mean 'motion_base'?"), ("qq", f"expected one of {', '.join(PRESETS)}")):
         with pytest.raises(gs.GoughStewartError, match=f"^preset '{name}': no such preset.* {re.escape(says)}$"):
             gs.load_preset(name)
@@ -93,7 +97,6 @@ WRONG_LINES = [
         "leg_velocity_max is '2'; expected a number of m/s, or a string with one of the units m/s, mm/s",
     ),
     ("leg_velocity_max = 1979-05-27", "leg_velocity_max is datetime.date(1979, 5, 27); expected numbers"),
-    ("leg_velocity_max = -1.0", "leg_velocity_max: is -1 m/s; expected > 0"),
     ("leg_velocity_max = " + "[" * 3000, "is not TOML"),
     ("leg_velocity_max = " + "9" * 5000, "is not TOML"),
 ]

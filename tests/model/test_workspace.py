@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +16,9 @@ from gough_stewart import (
     leg_jacobian,
     load_preset,
     mass_matrix,
+    static_leg_forces,
 )
 from tests.support.lagrangian import FloatArray
-from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
@@ -37,22 +36,6 @@ class Limit(IntEnum):
     LEG_TOO_LONG = 4
     BASE_JOINT = 5
     PLATFORM_JOINT = 6
-
-
-def test_at_a_singular_pose_nothing_is_held() -> None:
-    """Expected: liu2000 turned by 90° about z is Fichter's singular pose; where P₁ is at B₁, leg 1 has no direction."""
-    base, top = (np.round(64 * points) / 64 for points in (PAPER.base_points, PAPER.platform_points))
-    platform = replace(PAPER, base_points=base, platform_points=top, actuator_force_max=1e4)
-    q = evaluate_poses(platform, np.stack([platform.home_position, base[0] - top[0]]), LEVEL)
-    assert q.payload is not None
-    assert q.force_margin is not None
-    assert q.condition_number[1] == np.inf
-    assert q.payload[1] == q.force_margin[1] == 0 < q.payload[0]
-    soft = replace(platform, leg_velocity_max=1.0, leg_stiffness=1e6, leg_armature=1.0)
-    met = evaluate_poses(soft, base[0] - top[0], LEVEL)
-    assert [met.largest_speed, *met[8:]] == [0] * 6
-    fichter = evaluate_poses(replace(PAPER, actuator_force_max=1e4), PAPER.home_position, np.array([0, 0, np.pi / 2]))
-    assert fichter.condition_number > 1e10
 
 
 def test_limits_that_are_not_stated_keep_from_nothing() -> None:
@@ -81,34 +64,33 @@ POSES = np.array(
 
 
 def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None:
-    """Expected: NumPy and SciPy's rotations, pose by pose; static forces by balances of bodies; a batch of a batch."""
+    """Expected: NumPy and SciPy, pose by pose, from legs, statics and masses that have tests; a batch of a batch."""
     platform = replace(UNEVEN, leg_velocity_max=0.8, actuator_force_max=75.0, leg_stiffness=2.7e6)
+    rigid = replace(platform, leg_stiffness=0.0, leg_armature=0.0)  # motors hold
     found = evaluate_poses(platform, POSES[:, :3].reshape(2, 3, 3), POSES[:, 3:].reshape(2, 3, 3))
     home = Rotation.from_euler("xyz", UNEVEN.home_orientation)
     rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
 
-    def legs(t: FloatArray, R: Rotation) -> tuple[FloatArray, FloatArray, FloatArray]:
-        arm = R.apply(UNEVEN.platform_points.copy())
-        l = t + arm - UNEVEN.base_points
-        return arm, np.linalg.norm(l, axis=1), l / np.linalg.norm(l, axis=1)[:, None]
-
     def angle(a: FloatArray, b: FloatArray) -> float:
         return float(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)).max())
 
-    u0 = legs(UNEVEN.home_position, home)[2]
+    u0 = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).direction
     for k, pose in enumerate(POSES):
         R = Rotation.from_euler("xyz", pose[3:])
-        arm, L, u = legs(pose[:3], R)
-        scaled = np.hstack([u, np.cross(arm, u) / rho])
+        _, _, L, u = leg_geometry(UNEVEN, pose[:3], pose[3:])
+        J = leg_jacobian(UNEVEN, pose[:3], pose[3:])
+        scaled = J / np.repeat([1.0, rho], 3)
         sigma = np.linalg.svd(scaled, compute_uv=False)
         of_base = 0.7 - angle(u, u0)
         of_platform = 0.7 - angle(R.inv().apply(u), home.inv().apply(u0))
-        f0 = _static_forces(pose[:3], R)
+        f0 = static_leg_forces(UNEVEN, pose[:3], pose[3:])
         # a mass of 1 kg, and a force of 1 N in any direction, at Op
-        J = np.hstack([u, np.cross(arm, u)])
         f1 = np.linalg.solve(J.T, np.concatenate([-UNEVEN.gravity, np.zeros(3)]))
         A = np.linalg.inv(J.T)[:, :3]
-        C = np.linalg.inv(2.7e6 * J.T @ J)
+        K = 2.7e6 * J.T @ J
+        C = np.linalg.inv(K)
+        M = mass_matrix(rigid, pose[:3], pose[3:])
+        assert compliance(platform, pose[:3], pose[3:]) == pytest.approx(C, rel=1e-9, abs=1e-12 * np.abs(C).max())
         holds = bool((np.abs(f0) <= 75.0).all())
         expected = {
             "leg_length_margin": min(L.min() - 2.3, 3.9 - L.max()),
@@ -122,6 +104,7 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
             "translational_stiffness_max": 1 / np.linalg.eigvalsh(C[:3, :3]).min(),
             "rotational_stiffness": 1 / np.linalg.eigvalsh(C[3:, 3:]).max(),
             "rotational_stiffness_max": 1 / np.linalg.eigvalsh(C[3:, 3:]).min(),
+            "first_mode": np.sqrt(eigh(K, M, eigvals_only=True)[0]) / (2 * np.pi),
         }
         for name, value in expected.items():
             own = getattr(found, name)
@@ -141,23 +124,6 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
     )
     assert hanging.payload == pytest.approx(found.payload, rel=1e-8, abs=1e-8)
     assert hanging.force_margin == pytest.approx(found.force_margin, rel=1e-8, abs=1e-8)
-
-
-def _static_forces(position: FloatArray, R: Rotation) -> FloatArray:
-    """Leg forces at rest: weight of platform, of upper parts along the legs, of all leg parts by moments about B."""
-    g = UNEVEN.gravity
-    arm = R.apply(UNEVEN.platform_points.copy())
-    l = position + arm - UNEVEN.base_points
-    L = np.linalg.norm(l, axis=1)
-    u = l / L[:, None]
-    # what each leg takes at its platform joint: along u the upper part, across it the moment of both about B
-    first = 2.3 * 0.47 + 1.2 * (L - 0.58)
-    across = (first / L)[:, None] * (g - (u @ g)[:, None] * u)
-    onto = 1.2 * (u @ g)[:, None] * u + across
-    force = 11.5 * g + onto.sum(axis=0)
-    torque = np.cross(R.apply(UNEVEN.platform_com.copy()), 11.5 * g) + np.cross(arm, onto).sum(axis=0)
-    J = np.hstack([u, np.cross(arm, u)])
-    return np.asarray(np.linalg.solve(J.T, -np.concatenate([force, torque])))
 
 
 def test_a_pose_beyond_several_limits_is_out_of_reach_by_the_first() -> None:
@@ -181,26 +147,6 @@ def test_a_pose_beyond_several_limits_is_out_of_reach_by_the_first() -> None:
     turned = replace(narrow, joint_angle_max=0.02)
     tilted = evaluate_poses(turned, home, level + np.array([0.05, 0.0, 0.0]))
     assert tilted.limit == Limit.PLATFORM_JOINT
-
-
-SOFT = real_platform("smooth", True)
-RIGID_LEGS = {"leg_armature": 0.0, "leg_stiffness": 0.0, "leg_damping": 0.0}
-SOFT_POSES = np.array([[0.10, -0.05, 2.92, 0.07, -0.09, 0.14], [0.31, -0.22, 3.05, -0.10, 0.08, 0.25]])
-
-
-def test_stiffness_and_modes_at_poses_are_those_of_the_springs() -> None:
-    """Expected: K = k JᵀJ; softest and stiffest by eigenvalues of blocks of K⁻¹; modes by K x = ω² M x."""
-    found: Any = evaluate_poses(SOFT, SOFT_POSES[:, :3], SOFT_POSES[:, 3:])[8:]
-    rigid_motor = SOFT.with_parameters(RIGID_LEGS)
-    for k, pose in enumerate(SOFT_POSES):
-        J = leg_jacobian(SOFT, pose[:3], pose[3:])
-        K = SOFT.leg_stiffness * J.T @ J
-        C = np.linalg.inv(K)
-        assert compliance(SOFT, pose[:3], pose[3:]) == pytest.approx(C, rel=1e-9, abs=1e-12 * np.abs(C).max())
-        linear, angular = (1 / np.linalg.eigvalsh(block) for block in (C[:3, :3], C[3:, 3:]))
-        omega = np.sqrt(eigh(K, mass_matrix(rigid_motor, pose[:3], pose[3:]), eigvals_only=True))
-        expected = [linear[-1], linear[0], angular[-1], angular[0], omega[0] / (2 * np.pi)]
-        assert [float(part[k]) for part in found] == pytest.approx(expected, rel=1e-7)
 
 
 def test_rigid_legs_have_no_compliance() -> None:

@@ -1,11 +1,9 @@
 """C programs that link the unit or load its library (tests/support/hosts): sources, compilation."""
 
 import json
-import os
 import re
 import subprocess
 import sys
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -56,28 +54,10 @@ def compile_host(
     # zig's cache knows a file by its place: what has not changed is not compiled again
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     with compiling():
-        return _linked([*compiler, "-I", str(place_of(headers)), *files], host, program, compiler_environment())
-
-
-def compile_built(host: Sequence[Path], program: Path, compiler: Sequence[str], archives: Sequence[Path]) -> Path:
-    """A host linked with the sources in the archives of both FMI versions as one unit, compiled once for all hosts."""
-    folder, general = program.parent / "sources", (*compiler, "-std=c11", "-I", str(program.parent / "sources"))
-    if not folder.exists():
-        folder.mkdir()
-        tokens = re.compile(r'\{"[^"\n]*", "[^"\n]*"\}(?=,\n    \{)')
-        for archive in map(zipfile.ZipFile, archives):
-            for name in archive.namelist():
-                if re.match(r"sources/.*[.][ch]$", name):
-                    text = tokens.sub(f'{{"{TOKEN}", "{TOKEN}"}}', archive.read(name).decode())
-                    (folder / Path(name).name).write_text(text)
-        for file in folder.glob("*.c"):
-            subprocess.run([*general, "-c", str(file), "-o", str(file.with_suffix(".o"))], check=True)
-    return _linked([*general, *map(str, sorted(folder.glob("*.o")))], host, program, dict(os.environ))
-
-
-def _linked(command: Sequence[str], host: Sequence[Path], program: Path, variables: dict[str, str]) -> Path:
-    command = [*command, "-std=c11", *map(str, host), "-lm", "-lpthread", "-o", str(program)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=program.parent, env=variables)
+        command = [*compiler, "-I", str(place_of(headers)), *files, "-std=c11", *map(str, host), "-lm", "-lpthread"]
+        command += ["-o", str(program)]
+        variables = compiler_environment()
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=program.parent, env=variables)
     assert done.returncode == 0, done.stderr
     return program
 

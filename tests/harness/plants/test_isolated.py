@@ -22,9 +22,6 @@ import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.fmu_plants import Fmu
 
-# ---- an FMU with our description and somebody else's binary, which fails in a way that can be chosen ----
-
-
 # From this time on a step fails [s].
 FAILS_AT = 0.0095
 # The environment variable with the name of a file that the unit makes when it is freed.

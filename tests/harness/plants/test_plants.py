@@ -4,6 +4,7 @@ import re
 import tempfile
 import zipfile
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -80,17 +81,19 @@ def test_an_ensemble_of_machines_names_members_of_another_kind() -> None:
 @pytest.mark.usefixtures("units_in_process")
 def test_tolerance_step_and_file_reach_the_plant(fmus: dict[str, Fmu]) -> None:
     """Expected: with each other tolerance or step other bits, with the file in a process of its own the same."""
-    experiment, ends = loop({}, {}), set[bytes]()
-    for settings in ({"plant.tolerance": 1e-3}, {"plant.tolerance": 1e-9}, {"plant.fixed_step_size": "0.5 ms"}):
-        record = gs.run(experiment, {**settings, "plant.kind": "fmu2"})
-        ends.add(record["position"].tobytes())
-        if settings == {"plant.tolerance": 1e-9}:
+    experiment, ends = loop({}, {}), set[tuple[str, bytes]]()
+    all_settings: list[dict[str, Any]] = [
+        {"plant.tolerance": 1e-3},
+        {"plant.tolerance": 1e-9},
+        {"plant.fixed_step_size": "0.5 ms"},
+    ]
+    for kind, settings in product(("model", "fmu2"), all_settings):
+        record = gs.run(experiment, {**settings, "plant.kind": kind})
+        ends.add((kind, record["position"].tobytes()))
+        if (kind, settings) == ("fmu2", {"plant.tolerance": 1e-9}):
             other = gs.run(experiment, {**settings, "plant.kind": "fmu2"}, fmu=fmus["2.0"].path)
             assert other["position"].tobytes() == record["position"].tobytes()
-    assert len(ends) == 3
-
-
-# --- files that are refused before anything is unpacked, or after ----------------------------------------------------
+    assert len(ends) == 6
 
 
 def archive(path: Path, files: dict[str, bytes]) -> Path:
