@@ -8,8 +8,6 @@ from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
-import casadi
-import control
 import fmpy
 import numpy as np
 import pytest
@@ -20,18 +18,11 @@ from fmpy.ssp.simulation import simulate_ssp
 import gough_stewart as gs
 from gough_stewart import Experiment
 from tests.harness.export.documented_controller import (
-    COUNT,
-    DAMPING,
-    DERIVATIVE,
-    INTEGRAL,
-    RAMP,
-    SMOOTHING,
-    STIFFNESS,
-    TILT,
-    TRACKING,
     DocumentedController,
     Sample,
     closed,
+    function_law,
+    linear_law,
     range_of_lengths,
     reference_rows,
     start_of,
@@ -137,9 +128,9 @@ def _controller(row: dict[str, Any]) -> tuple[dict[str, Any], Any]:
     if kind == "open_loop":
         return {"type": kind, "force": CONSTANT.tolist(), **known}, None
     if kind == "system":
-        return {"type": "open_loop", **known}, _system(row["space"])
+        return {"type": "open_loop", **known}, linear_law(SAMPLE_TIME, row["space"])
     if kind == "function":
-        return {"type": "open_loop", **known}, _function()
+        return {"type": "open_loop", **known}, function_law()
     gains = TASK_GAINS if row["space"] == "task" else LEG_GAINS
     table = known | {name: row[name] for name in ("type", "space", "derivative_on", "discretisation")}
     table |= {"proportional_gain": gains["kp"], "derivative_gain": gains["kd"]}
@@ -152,30 +143,6 @@ def _controller(row: dict[str, Any]) -> tuple[dict[str, Any], Any]:
         if row["anti_windup_time"]:
             table["anti_windup_time"] = row["anti_windup_time"]
     return table, None
-
-
-def _system(space: Any) -> gs.LinearController:
-    """The law of `SystemLaw` as matrices: of references, measurements and excess of legs; of errors in task space."""
-    one, none = np.eye(6), np.zeros((6, 6))
-    A = np.block([[np.diag(SMOOTHING), none], [none, one]])
-    filtered, summed = one - np.diag(SMOOTHING), SAMPLE_TIME * np.diag(INTEGRAL)
-    C, D = np.hstack([-np.diag(DERIVATIVE), one]), STIFFNESS + np.diag(DERIVATIVE)
-    if space == "task":
-        return gs.LinearController(control.ss(A, np.vstack([filtered, summed]), C, D, SAMPLE_TIME), space="task")
-    B = np.block([[filtered, -filtered, none], [summed, -summed, one * SAMPLE_TIME / TRACKING]])
-    return gs.LinearController(control.ss(A, B, C, np.hstack([D, -D, none]), SAMPLE_TIME))
-
-
-def _function() -> casadi.Function:
-    """The law of `FunctionLaw`."""
-    sizes = {"leg_length": 6, "orientation": 3, "reference_leg_length": 6, "reference_leg_velocity": 6}
-    s = {name: casadi.SX.sym(name, size) for name, size in {**sizes, "time": 1, "memory": 1}.items()}
-    force = casadi.DM(STIFFNESS) @ (s["reference_leg_length"] - s["leg_length"]) + casadi.DM(TILT) @ s["orientation"]
-    force += casadi.DM(DAMPING) @ s["reference_leg_velocity"] + casadi.DM(RAMP) * s["time"]
-    force += casadi.DM(COUNT) * s["memory"]
-    return casadi.Function(
-        "law", list(s.values()), [force, s["memory"] + 1], list(s), ["actuator_force", "memory_next"]
-    )
 
 
 def _experiment(row: dict[str, Any], folder: Path) -> tuple[Experiment, Any]:
@@ -315,13 +282,20 @@ def _name(row: dict[str, Any]) -> str:
     return "-".join(str(value).replace(" ", "_") for value in row.values())
 
 
+def _at_faults(row: dict[str, Any]) -> dict[str, Any]:
+    """What a row has for faults together: a law that rests in each space, and a force that is safe."""
+    law, safe = (row["type"], row["space"]), (row["safe_force"], row["feedforward"] == "none")
+    is_system = row["type"] == "system"
+    return {"law": is_system and law, "law at faults": row["faults"] and law, "force": row["faults"] and safe}
+
+
 def _of(*forms: str, often: int | None = None) -> pytest.MarkDecorator:
     """The rows of some forms: those that hold every value, or the first ones, and the others with the evidence.
 
     A program in C takes a second to compile and run, a unit two.
     """
     rows = [row for row in ROWS if row["form"] in forms]
-    always = covering(rows) if often is None else range(often)
+    always = covering([{**row, **_at_faults(row)} for row in rows]) if often is None else range(often)
     marked = [
         pytest.param(row, id=_name(row), marks=() if k in always else pytest.mark.evidence)
         for k, row in enumerate(rows)
