@@ -14,23 +14,12 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.exported import (
-    TOLERANCE,
-    Exported,
-    commanded,
-    largest_difference,
-    measured_by,
-    samples_of,
-    source_of,
-    uneven_experiment,
-)
+from tests.support import exported
+from tests.support.exported import KD, KI, KP, TOLERANCE, Exported, commanded, measured_by
 from tests.support.motions import experiment
 from tests.support.uneven import UNEVEN
 
 T = 0.0015
-KP = [800.0, 650.0, 900.0, 720.0, 1000.0, 850.0]
-KD = [60.0, 45.0, 71.0, 52.0, 83.0, 66.0]
-KI = [900.0, 0.0, 1100.0, 700.0, 1300.0, 0.0]
 SINE = {"type": "sine", "position_amplitude": [0.03, -0.02, 0.04], "frequency": 4.0, "fade_in": 0.05}
 LIMITED = {"force_limit": 47.0, "rate_limit": 900.0}
 LOOP: dict[str, Any] = {"reference": SINE, "controller": {"type": "open_loop", "feedforward": "gravity"}}
@@ -94,13 +83,13 @@ def test_its_c_commands_what_it_commands_at_its_limits(law: Any) -> None:
     if law == "CasADi":
         law = in_casadi()
         table["controller"] = {"type": "python", "feedforward": "gravity", "parameters": {"tracking": 0.02}}
-    experiment = uneven_experiment(**table)
-    record, exported = gs.run(experiment, controller=law), Exported(source_of(experiment, law))
+    experiment = exported.uneven_experiment(**table)
+    record, code = gs.run(experiment, controller=law), Exported(exported.source_of(experiment, law))
     assert record.metadata["outcome"]["status"] == "completed"
-    assert 0.1 < samples_of(record, "flag.force_limited").mean() < 0.9
-    names = ("leg_length", "leg_velocity")[: exported.sizes["N_MEASURED"] // 6]
-    forces, _ = exported.steps(measured_by(record, *names))
-    assert largest_difference(forces, commanded(record)) < TOLERANCE["double"]
+    assert 0.1 < exported.samples_of(record, "flag.force_limited").mean() < 0.9
+    names = ("leg_length", "leg_velocity")[: code.sizes["N_MEASURED"] // 6]
+    forces, _ = code.steps(measured_by(record, *names))
+    assert exported.largest_difference(forces, commanded(record)) < TOLERANCE["double"]
 
 
 class Counted:

@@ -92,12 +92,8 @@ def test_the_nonlinear_system_has_the_states_of_its_platform() -> None:
     """Expected: at rest, the rates are 0; a stretched spring pushes platform and motor apart."""
     platform = real_platform("elasto_plastic", True)
     system = plant_system(platform, outputs=("leg_force", "leg_bristle"))
-    x = np.concatenate(
-        [
-            *(platform.home_position, platform.home_orientation, np.zeros(6), np.zeros(6)),
-            *(platform.home_motor_position, np.zeros(6)),
-        ]
-    )
+    home, still = [platform.home_position, platform.home_orientation], np.zeros(6)
+    x = np.concatenate([*home, still, still, platform.home_motor_position, still])
     u = np.concatenate([platform.home_actuator_force, np.zeros(6)])
     assert np.abs(system.dynamics(0, x, u)).max() < 1e-6
     stretched = x + np.concatenate([np.zeros(18), 1e-6 * np.eye(6)[2], np.zeros(6)])
@@ -158,10 +154,7 @@ def found() -> LoopMargins:
     return gs.margins("heave_step", SOFT)
 
 
-@pytest.mark.parametrize(
-    ("changes", "bandwidth"),
-    [({}, 1.9), ({"sensors.side": "motor"}, 5.3)],
-)
+@pytest.mark.parametrize(("changes", "bandwidth"), [({}, 1.9), ({"sensors.side": "motor"}, 5.3)])
 def test_what_the_page_says_that_the_allowed_bandwidth_rests_on(
     changes: dict[str, Any], bandwidth: float, found: LoopMargins
 ) -> None:

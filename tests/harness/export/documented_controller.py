@@ -199,7 +199,7 @@ def _home(believed: Platform) -> FloatArray:
 
 def _may_be(now: Pose) -> bool:
     """References here are poses of the platform, or far away, or zeros."""
-    return bool(np.abs(now.q[0, :3]).max() < 8 and now.q.any())
+    return bool(np.isfinite(now.rate).all() and np.abs(now.q[0, :3]).max() < 8 and now.q.any())
 
 
 def reference_rows(pose: Pose) -> FloatArray:

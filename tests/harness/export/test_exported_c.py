@@ -15,32 +15,15 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from tests.support import exported
 from tests.support.arrays import FloatArray
-from tests.support.exported import (
-    CIRCLE,
-    HOLD,
-    KP,
-    PD,
-    PID,
-    REALS,
-    SINE,
-    TOLERANCE,
-    ZIG,
-    Exported,
-    commanded,
-    compiled,
-    largest_difference,
-    measured_by,
-    samples_of,
-    source_of,
-    uneven_experiment,
-)
+from tests.support.exported import HOLD, KP, PD, PID, SINE, Exported, compiled, source_of, uneven_experiment
 from tests.support.uneven import PARAMETERS, UNEVEN
 
 T = 0.0015
 GOOD, OUT_OF_RANGE, FROZEN, NOT_FINITE, NOT_PREPARED = range(5)
 TABLES: dict[str, dict[str, Any]] = {
-    "PD": {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}},
+    "PD": {"reference": exported.CIRCLE, "controller": {**PD, "feedforward": "gravity"}},
     "PID": {"reference": SINE, "controller": {**PID, "feedforward": "computed_torque"}},
     "PID in task space": {"reference": SINE, "controller": {**PID, "space": "task", "feedforward": "gravity"}},
     "PID at rest": {"reference": HOLD, "controller": {**PID, "feedforward": "gravity"}},
@@ -87,7 +70,7 @@ def test_a_controller_of_velocities_takes_zeros_as_measurements() -> None:
     damper = gs.LinearController(control.ss([], [], [], 200 * np.eye(6), T), signals=("leg_velocity",))
     experiment = uneven_experiment(reference={**SINE, "fade_in": 0}, controller={"type": "open_loop"})
     force, _ = Exported(source_of(experiment, damper)).steps(np.zeros((3, 6)))
-    wanted = samples_of(gs.run(experiment, controller=damper), "reference.leg_velocity")
+    wanted = exported.samples_of(gs.run(experiment, controller=damper), "reference.leg_velocity")
     np.testing.assert_allclose(force, 200 * wanted[:3], rtol=1e-9)
 
 
@@ -121,7 +104,7 @@ def test_a_bad_sample_gives_the_feedforward_and_leaves_the_law_as_it_was() -> No
     """
     experiment = uneven_experiment(**TABLES["PID"])
     record, source = gs.run(experiment), source_of(experiment)
-    measured, known = measured_by(record), samples_of(record, "controller.feedforward")[40]
+    measured, known = exported.measured_by(record), exported.samples_of(record, "controller.feedforward")[40]
     usual, _ = Exported(source).steps(measured[:42])
     for bad in BAD:
         code = Exported(source)
@@ -150,22 +133,6 @@ def test_after_a_gap_the_law_begins_at_rest_with_its_integrals() -> None:
     np.testing.assert_allclose(force, np.array(KP) * AFTER + integral + held_forces(), rtol=1e-9)
 
 
-def test_a_bad_reference_gives_the_feedforward_of_the_last_good_one() -> None:
-    """Expected: the same forces again; for zeros, NaN and a position out of reach; before any, the start forces."""
-    code = code_of(None, "gravity", CIRCLE, reference="inputs")
-    first = np.concatenate([HOLD["position"], HOLD["orientation"], 0.1 * np.ones(12)])
-    bad, far = first.copy(), first.copy()
-    bad[7], far[2] = np.nan, 9.0
-    assert np.array_equal(code.step(at_hold(), bad)[0], code.parameters["start_force"][0])
-    known, _ = code.step(at_hold(), first)  # exactly on the reference
-    for reference in (bad, np.zeros(18), far):
-        np.testing.assert_allclose(code.step(at_hold(), reference)[0], known, rtol=1e-12)
-        assert code.status[0] == OUT_OF_RANGE
-    np.testing.assert_allclose(code.step(np.zeros(6), first)[0], known, rtol=1e-9)
-    code.step(at_hold(), first)
-    assert code.status[0] == GOOD
-
-
 def test_a_force_or_a_memory_that_is_no_number_is_told_from_a_bad_input() -> None:
     """Expected: √z of a law at z = −0.1 m, within the range: the feedforward; an infinite memory is not kept."""
     code = code_of(function_of("position", 3, lambda p: casadi.repmat(casadi.sqrt(p[2]), 6)), "gravity")
@@ -188,7 +155,7 @@ def test_a_measurement_that_stands_still_while_its_reference_moves_is_frozen() -
     motion = {**SINE, "frequency": 6.0}
     code = code_of(law, "gravity", motion, frozen=(samples, movement))
     run = gs.run(uneven_experiment(reference=motion, controller=PD, loop={"duration": 0.48, "sample_time": T}))
-    wanted = samples_of(run, "reference.position")
+    wanted = exported.samples_of(run, "reference.position")
     stuck = wanted[59, 1]
     moved = np.maximum.accumulate(np.abs(wanted[59:, 1] - stuck))
     first = 59 + int(((np.arange(len(moved)) >= samples) & (moved > movement)).argmax())
@@ -250,47 +217,36 @@ def test_coefficients_count_once_they_are_prepared_and_a_refused_parameter_leave
         assert code.status == (GOOD, 0)
 
 
-REFUSED_VALUES: dict[str, list[Any]] = {
-    "sample_time": [0.0, np.nan, np.inf, -5.0, 1e-9],
-    "delay": [-1.0, 0.5, 1001.0, 1e9, np.nan],
-    "force_limit": [np.nan, -5.0, 1e-300, 9e-4],
-    "force_rate_limit": [-1.0, np.nan, 1e-300],
-    "start_force": [[0, 0, 0, 0, 0, value] for value in (np.inf, np.nan, 1e12, -1e12)],
-    "proportional_gain": [[1, 1, 1, 0, 1, 1]],
-    "derivative_gain": [[1, 1, -1, 1, 1, 1]],
-    "derivative_filter": [0.0, 7e-4],
-    "integral_gain": [[1, 1, 1, 1, 1, 1]],
-    "anti_windup_time": [[1, 1, 1e-3, 1, 1, 1]],
-    "platform_mass": [0.0, 1e31, np.inf],
-    "leg_coulomb_friction": [-1.0],
-    "gravity": [[0, np.nan, 0]],
-}
-ACCEPTED_VALUES: dict[str, list[Any]] = {
-    "sample_time": [1e-6, 1e3],
-    "delay": [0.0, 1000.0],
-    "force_limit": [0.0, 1e-3, np.inf],
-    "force_rate_limit": [0.0, 1e-3, np.inf],
-    "start_force": [[0, 0, 0, 0, 0, value] for value in (1e9, -1e9)],
-    "platform_mass": [1e30],
-    "gravity": [[0, -1e30, 0]],
+# Of each parameter what is refused, and what is accepted at a bound.
+BOUNDS: dict[str, tuple[list[Any], list[Any]]] = {
+    "sample_time": ([0.0, np.nan, np.inf, -5.0, 1e-9], [1e-6, 1e3]),
+    "delay": ([-1.0, 0.5, 1001.0, 1e9, np.nan], [0.0, 1000.0]),
+    "force_limit": ([np.nan, -5.0, 1e-300, 9e-4], [0.0, 1e-3, np.inf]),
+    "force_rate_limit": ([-1.0, np.nan, 1e-300], [0.0, 1e-3, np.inf]),
+    "start_force": ([[0, 0, 0, 0, 0, x] for x in (np.inf, np.nan, 1e12, -1e12)], [[0, 0, 0, 0, 0, -1e9], [1e9] * 6]),
+    "proportional_gain": ([[1, 1, 1, 0, 1, 1]], []),
+    "derivative_gain": ([[1, 1, -1, 1, 1, 1]], []),
+    "derivative_filter": ([0.0, 7e-4], [1e3]),
+    "integral_gain": ([[1, 1, 1, 1, 1, 1]], []),
+    "anti_windup_time": ([[1, 1, 1e-3, 1, 1, 1]], []),
+    "platform_mass": ([0.0, 1e31, np.inf], [1e30]),
+    "leg_coulomb_friction": ([-1.0], []),
+    "gravity": ([[0, np.nan, 0]], [[0, -1e30, 0]]),
 }
 
 
 def test_a_parameter_that_cannot_be_is_refused_by_its_number_and_one_at_its_bound_is_accepted() -> None:
-    """Expected: the bounds of docs/export.md."""
-    for case, values in (("PID at rest", REFUSED_VALUES), ("PD", ACCEPTED_VALUES)):
-        code = Exported(source_of(uneven_experiment(**TABLES[case])))
-        assert code.prepare() == 0
-        if case == "PD":
-            code.parameters["derivative_filter"] = 1e3
-        for name, of_name in values.items():
-            good = code.parameters[name].copy()
-            for value in of_name:
-                code.parameters[name] = value
-                assert code.prepare() == (1 + code.names.index(name) if case != "PD" else 0), (name, value)
-            code.parameters[name] = good
+    """Expected: the bounds of docs/export.md; of the accepted ones a PD with a slow filter, beside which any may be."""
+    code, pd = (Exported(source_of(uneven_experiment(**TABLES[case]))).start() for case in ("PID at rest", "PD"))
+    pd.parameters["derivative_filter"] = 1e3
+    for name, (refused, accepted) in BOUNDS.items():
+        for one, values, status in ((code, refused, 1 + code.names.index(name)), (pd, accepted, 0)):
+            for value in values:
+                good = one.parameters[name].copy()
+                one.parameters[name] = value
+                assert one.prepare() == status, (name, value)
+                one.parameters[name] = good
     # a sample time can be too long for the filter or the anti-windup
-    code = Exported(source_of(uneven_experiment(**TABLES["PID at rest"])))
     code.parameters["sample_time"] = 0.1
     assert code.names[code.prepare() - 1] in ("derivative_filter", "anti_windup_time")
 
@@ -406,12 +362,12 @@ def test_a_controller_follows_while_it_is_off_and_begins_there(kind: str, space:
         reference=SINE, controller=controller, actuators={"force_limit": 53.0}, change=changes
     )
     record = gs.run(experiment)
-    for real in REALS:
+    for real in exported.REALS:
         code, forces = switched(experiment, real), []
-        for k, lengths in enumerate(measured_by(record)):
+        for k, lengths in enumerate(exported.measured_by(record)):
             off(code).set("enabled", not 20 <= k < 60)
             forces.append(code.step(lengths)[0])
-        assert largest_difference(np.array(forces), commanded(record)) < TOLERANCE[real]
+        assert exported.largest_difference(np.array(forces), exported.commanded(record)) < exported.TOLERANCE[real]
     assert np.abs(forces[30]).tolist() == pytest.approx(np.minimum(np.abs(MANUAL), 53))
 
 
@@ -437,7 +393,7 @@ COMPILERS: dict[str, tuple[str, ...]] = {
     "clang": ("clang",),
     "Cortex-M4F": ("arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"),
     "Cortex-M7": ("arm-none-eabi-gcc", "-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16"),
-    "zig": ZIG,
+    "zig": exported.ZIG,
 }
 # Together they have every part of the template: a law in leg and in task space, integrals and limits, a table, both
 # kinds of feedforward, a reference that comes in, and measurements that are watched. The last one is quick to make.

@@ -331,10 +331,11 @@ def test_what_is_not_judged_is_said(tmp_path: Path) -> None:
     for counted in (casadi.floor(length * 1e6) * 1e-6, length):
         force = -1e3 * counted - 200 * velocity
         law = casadi.Function("soft", [length, velocity], [force], ["leg_length", "leg_velocity"], ["actuator_force"])
-        gs.export(law, forms="c", out=tmp_path / str(len(said)), warn=said.append)
+        gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path / str(len(said)), warn=said.append)
     reason = "the controller's gains depend on the size or the sign of a small change"
     assert said == [f"the stability of the loop of the C is not judged: {reason}"]
     assert f"Stability: not judged, since {reason}." in words_of(tmp_path / "0" / "soft_controller.h")
+    assert "R(0.0025), /* sample_time */" in words_of(tmp_path / "1" / "soft_controller.c")
 
     feedforward = {"controller": {"type": "open_loop", "feedforward": "gravity"}, "sensors.quantisation": {}}
     experiment = gs.load_experiment("pitch_sine", feedforward)
