@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart import LinearController, Platform
+from tests.support.arrays import FloatArray
 from tests.support.documented_loop import (
     LegLaw,
     TaskLaw,
@@ -25,9 +26,6 @@ from tests.support.documented_loop import (
     twist_of_rates,
 )
 from tests.support.lagrangian import Pose, legs_along
-
-FloatArray = NDArray[np.float64]
-
 
 GOOD, OUT_OF_RANGE, FROZEN = range(3)
 Measured = Mapping[str, FloatArray]

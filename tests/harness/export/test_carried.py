@@ -13,7 +13,6 @@ from fmpy.ssp.simulation import simulate_ssp
 
 import gough_stewart as gs
 from tests.harness.export.sampled_unit import run_unit
-from tests.support.arrays import FloatArray
 from tests.support.exported import PD, Exported, source_of, uneven_experiment, words_of
 from tests.support.exported import PID as UNFED
 from tests.support.exported import SINE as UNFADED
@@ -61,11 +60,6 @@ def made(tables: Mapping[str, Any]) -> gs.Experiment:
     return uneven_experiment(**tables)
 
 
-def true_lengths(record: gs.Record) -> FloatArray:
-    """What the legs are at every row, with which exported code is fed."""
-    return np.asarray(record["leg_length"][:-1])
-
-
 @pytest.mark.parametrize("name", ROWS)
 def test_c_gives_the_forces_that_act_in_a_run(name: str) -> None:
     """Expected: the run's own rows, whose true signals the code is fed with, the delay later; 1e-9 of the largest.
@@ -79,7 +73,7 @@ def test_c_gives_the_forces_that_act_in_a_run(name: str) -> None:
     in_sample = round(loop.sample_time / (loop.plant_step or loop.sample_time))
     every = 1 if "drives" in parts or experiment.sensors.sample_time is not None else in_sample
     n = in_sample * loop.delay // every
-    true = true_lengths(record)[::every]
+    true = record["leg_length"][:-1][::every]
     force, limited = code.steps(true if code.sizes["N_MEASURED"] else true[:, :0])
     expected = record["actuator_force"][:-1:every][n:]
     assert np.ptp(expected, axis=0).min() > 1.5
@@ -100,7 +94,7 @@ def test_settings_of_drives_and_sensors_are_live_and_bounded() -> None:
             code.parameters[name] = value
         code.parameters["leg_length_quantisation"] = step
         # an open force limit changes the excess alone, and starts from the same forces
-        force, _ = code.steps(true_lengths(record))
+        force, _ = code.steps(record["leg_length"][:-1])
         expected = record["actuator_force"][6:-1]
         assert np.abs(force[:-6] - expected).max() < 1e-9 * np.abs(expected).max()
     for name, bad in (
@@ -155,7 +149,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
 def test_units_give_the_forces_that_act_in_a_run(written: Written, version: int, parts_of_step: int) -> None:
     """Expected: the run's rows; all of the delay is the unit's. By FMPy, in steps of the plant and in half of them."""
     record, files, _ = written
-    inputs, acting = [{"leg_length": row} for row in true_lengths(record)], record["actuator_force"]
+    inputs, acting = [{"leg_length": row} for row in record["leg_length"][:-1]], record["actuator_force"]
     outputs, begun = run_unit(files[version - 2], inputs, 0.0005, 0.0, parts_of_step, ["rate_limited"])
     assert begun["output_delay"] == 2
     # outputs are those of the next row

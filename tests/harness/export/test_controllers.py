@@ -94,13 +94,10 @@ def system(n_states: int, n_inputs: int, size: float) -> Any:
 
 def test_a_discrete_system_gives_the_forces_of_the_harness() -> None:
     """Of references and measurements of lengths, velocities and the pose, in an order of one's own."""
-    experiment = uneven_experiment(
-        reference=SINE,
-        controller={**PD, "feedforward": "gravity"},
-        actuators={"force_limit": 90.0},
-        limits={"position_error": 1e3},
-        loop={"duration": 0.06, "sample_time": 0.0015, "plant_step": 0.0005},
-    )
+    limits: dict[str, Any] = {"actuators": {"force_limit": 90.0}, "limits": {"position_error": 1e3}}
+    clocks = {"duration": 0.06, "sample_time": 0.0015, "plant_step": 0.0005}
+    controller = {**PD, "feedforward": "gravity"}
+    experiment = uneven_experiment(reference=SINE, controller=controller, loop=clocks, **limits)
     law = gs.LinearController(system(5, 36, 5.0), ("leg_velocity", "leg_length", "position", "orientation"))
     record, source = gs.run(experiment, controller=law), source_of(experiment, law)
     measured = exported.measured_by(record, "position", "orientation", "leg_length", "leg_velocity")

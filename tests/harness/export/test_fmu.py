@@ -15,7 +15,6 @@ import casadi
 import control
 import numpy as np
 import pytest
-from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 from numpy.typing import ArrayLike, NDArray
 
@@ -523,17 +522,6 @@ def test_the_page_lists_the_variables(files: Units) -> None:
         assert len(rows) == len(file.variables)
         assert "uneven &lt;loop&gt;" in page
         assert "<code>start_force</code>" in page
-
-
-def test_a_controller_that_is_told_nothing_gives_its_start_forces(files: Units) -> None:
-    """Expected: as with importers that do not hand on start values."""
-    for file in files.files.values():
-        names = [v.name for v in file.description.modelVariables if v.name.startswith("actuator_force")]
-        result = simulate_fmu(str(file.path), output=names)
-        forces = np.concatenate([np.asarray(result[name]).reshape(len(result), -1) for name in names], axis=1)
-        assert result["time"][-1] == 0.4
-        with Plant(file) as unit:
-            np.testing.assert_array_equal(forces, np.tile(unit.get("start_force"), (len(result), 1)))
 
 
 def test_the_sources_compile_without_a_warning(files: Units) -> None:

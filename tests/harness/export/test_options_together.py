@@ -270,10 +270,6 @@ def _assert_samples(row: dict[str, Any], found: Outputs, expected: list[Sample])
 # --- the tests -------------------------------------------------------------------------------------------------------
 
 
-def _name(row: dict[str, Any]) -> str:
-    return "-".join(str(value).replace(" ", "_") for value in row.values())
-
-
 def _at_faults(row: dict[str, Any]) -> dict[str, Any]:
     """What a row has for faults together: a law that rests in each space, and a force that is safe."""
     law, safe = (row["type"], row["space"]), (row["safe_force"], row["feedforward"] == "none")
@@ -289,7 +285,7 @@ def _of(*forms: str, often: int | None = None) -> pytest.MarkDecorator:
     rows = [row for row in ROWS if row["form"] in forms]
     always = covering([{**row, **_at_faults(row)} for row in rows]) if often is None else range(often)
     marked = [
-        pytest.param(row, id=_name(row), marks=() if k in always else pytest.mark.evidence)
+        pytest.param(row, id="-".join(map(str, row.values())), marks=() if k in always else pytest.mark.evidence)
         for k, row in enumerate(rows)
     ]
     return pytest.mark.parametrize("row", marked)
