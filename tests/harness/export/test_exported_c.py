@@ -348,7 +348,7 @@ def off(code: Exported, force: FloatArray = MANUAL) -> Exported:
 
 @pytest.mark.parametrize(("kind", "space"), [("pd", "leg"), ("pid", "leg"), ("pid", "task")])
 def test_a_controller_follows_while_it_is_off_and_begins_there(kind: str, space: str) -> None:
-    """Expected: the run that is switched at the same samples; what it takes over fades (tests/harness/loop, faults)."""
+    """Expected: the run that is switched at the same samples, which `loop/test_faults.py` has by hand."""
     changes = [{"at": 0.03, "enabled": False, "manual_force": MANUAL.tolist()}, {"at": 0.09, "enabled": True}]
     controller = {**(PD if kind == "pd" else PID), "space": space, "feedforward": "gravity"}
     experiment = uneven_experiment(

@@ -181,14 +181,13 @@ def _experiment(row: dict[str, Any], folder: Path) -> tuple[Experiment, Any]:
 def _written(row: dict[str, Any], folder: Path) -> list[Path]:
     """The files of a row's export."""
     experiment, instead = _experiment(row, folder)
-    names = ("safe_force", "frozen")
     options: dict[str, Any] = {
-        "fmi": [row["fmi"]],
         "reference": row["reference_from"],
-        **{name: row[name] for name in names},
+        "safe_force": row["safe_force"],
+        "controller": instead,
     }
-    form: Any = row["form"].split()[0]
-    return gs.export(experiment, forms=form, out=folder, controller=instead, allow_unstable=True, **options)
+    options |= {"forms": row["form"].split()[0], "fmi": [row["fmi"]], "frozen": row["frozen"], "allow_unstable": True}
+    return gs.export(experiment, out=folder, **options)
 
 
 # --- what is expected ------------------------------------------------------------------------------------------------
