@@ -32,7 +32,7 @@ from tests.support.c_hosts import (
     fuzz,
     run_instances,
 )
-from tests.support.controllers import uneven_experiment
+from tests.support.exported import PID, SINE, uneven_experiment
 
 pytestmark = pytest.mark.evidence
 
@@ -56,7 +56,9 @@ def gcc_with(flags: Sequence[str], folder: Path) -> str:
 def test_100_000_sequences_of_calls_break_no_contract_and_no_rule_of_c(tmp_path: Path, kind: str) -> None:
     """Expected: what tests/support/hosts/fuzz_contract.c checks after every call; no word from the sanitizers."""
     gcc = gcc_with(SANITIZERS, tmp_path)
-    law = designed(uneven_experiment(tmp_path), reference="inputs")
+    controller = {**PID, "feedforward": "computed_torque"}
+    experiment = uneven_experiment(reference=SINE, controller=controller, actuators={"force_limit": 75.0})
+    law = designed(experiment, reference="inputs")
     component = None if kind == "plant" else component_of(law, traced(law))
     program = compile_host(FUZZ, tmp_path / "fuzz", (gcc, "-O1", "-g", *SANITIZERS), component)
     calls = fuzz(program, 100_000, seeds=(1, 2))

@@ -8,10 +8,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi
+import control
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart import Platform
+from gough_stewart import LinearController, Platform
+from tests.support.arrays import FloatArray
 from tests.support.documented_loop import (
     LegLaw,
     TaskLaw,
@@ -23,9 +26,6 @@ from tests.support.documented_loop import (
     twist_of_rates,
 )
 from tests.support.lagrangian import Pose, legs_along
-
-FloatArray = NDArray[np.float64]
-
 
 GOOD, OUT_OF_RANGE, FROZEN = range(3)
 Measured = Mapping[str, FloatArray]
@@ -197,7 +197,7 @@ def _home(believed: Platform) -> FloatArray:
 
 def _may_be(now: Pose) -> bool:
     """References here are poses of the platform, or far away, or zeros."""
-    return bool(np.abs(now.q[0, :3]).max() < 8 and now.q.any())
+    return bool(np.isfinite(now.rate).all() and np.abs(now.q[0, :3]).max() < 8 and now.q.any())
 
 
 def reference_rows(pose: Pose) -> FloatArray:
@@ -273,3 +273,27 @@ class SystemLaw:
         self.s = self.s + self.T * (INTEGRAL * e + (0.0 if self.is_task else excess / TRACKING))
         self.f = SMOOTHING * self.f + (1 - SMOOTHING) * e
         return np.asarray(np.linalg.solve(J.T, w) if self.is_task else w)
+
+
+def linear_law(sample_time: float, space: str) -> LinearController:
+    """The law of `SystemLaw` as matrices: of references, measurements and excess of legs; of errors in task space."""
+    one, none = np.eye(6), np.zeros((6, 6))
+    A = np.block([[np.diag(SMOOTHING), none], [none, one]])
+    filtered, summed = one - np.diag(SMOOTHING), sample_time * np.diag(INTEGRAL)
+    C, D = np.hstack([-np.diag(DERIVATIVE), one]), STIFFNESS + np.diag(DERIVATIVE)
+    if space == "task":
+        return LinearController(control.ss(A, np.vstack([filtered, summed]), C, D, sample_time), space="task")
+    B = np.block([[filtered, -filtered, none], [summed, -summed, one * sample_time / TRACKING]])
+    return LinearController(control.ss(A, B, C, np.hstack([D, -D, none]), sample_time))
+
+
+def function_law() -> casadi.Function:
+    """The law of `FunctionLaw`."""
+    sizes = {"leg_length": 6, "orientation": 3, "reference_leg_length": 6, "reference_leg_velocity": 6}
+    s = {name: casadi.SX.sym(name, size) for name, size in {**sizes, "time": 1, "memory": 1}.items()}
+    force = casadi.DM(STIFFNESS) @ (s["reference_leg_length"] - s["leg_length"]) + casadi.DM(TILT) @ s["orientation"]
+    force += casadi.DM(DAMPING) @ s["reference_leg_velocity"] + casadi.DM(RAMP) * s["time"]
+    force += casadi.DM(COUNT) * s["memory"]
+    return casadi.Function(
+        "law", list(s.values()), [force, s["memory"] + 1], list(s), ["actuator_force", "memory_next"]
+    )

@@ -14,25 +14,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.exported import (
-    CIRCLE,
-    HOLD,
-    KD,
-    KI,
-    PD,
-    PID,
-    REALS,
-    SINE,
-    TOLERANCE,
-    Exported,
-    commanded,
-    largest_difference,
-    measured_by,
-    samples_of,
-    source_of,
-    uneven_experiment,
-    words_of,
-)
+from tests.support import exported
+from tests.support.exported import PD, PID, REALS, SINE, TOLERANCE, Exported, source_of, uneven_experiment
 from tests.support.uneven import UNEVEN
 
 CHIRP = {**SINE, "type": "chirp", "from_frequency": 2.0, "to_frequency": 7.0, "duration": 0.1}
@@ -42,7 +25,7 @@ PATH: dict[str, Any] = {"reference.poses": [[0.0] * 6, [0.06, 0.02, 0.05, 0.0, 0
 CASES: dict[str, Any] = {
     "PD along a scaled motion": {
         "reference": {**CHIRP, "time_scale": 1.3, "amplitude_scale": -0.7},
-        "controller": {**PD, "feedforward": "computed_torque", "derivative_gain": [0, *KD[1:5], 0]},
+        "controller": {**PD, "feedforward": "computed_torque", "derivative_gain": [0, *exported.KD[1:5], 0]},
     },
     "PID held, with every limit": {
         "reference": SINE,
@@ -67,13 +50,13 @@ def experiment_of(case: str) -> gs.Experiment:
 def test_an_exported_controller_gives_the_forces_of_the_harness(case: str) -> None:
     experiment = experiment_of(case)
     record, source = gs.run(experiment), source_of(experiment)
-    expected, limited = commanded(record), samples_of(record, "flag.force_limited")
+    expected, limited = exported.commanded(record), exported.samples_of(record, "flag.force_limited")
     assert record.metadata["outcome"]["status"] == "completed"
     assert limited.any() == ("limit" in case)
     for real in REALS:
-        force, flags = Exported(source, real).steps(measured_by(record))
+        force, flags = Exported(source, real).steps(exported.measured_by(record))
         assert np.array_equal(flags, limited)
-        assert largest_difference(force, expected) < TOLERANCE[real], real
+        assert exported.largest_difference(force, expected) < TOLERANCE[real], real
 
 
 @pytest.mark.parametrize("motion", PATHS)
@@ -84,12 +67,12 @@ def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
     """
     settings = {**PATH, **PATHS[motion]}
     alone = {**settings, "controller": {"type": "open_loop", "feedforward": "computed_torque"}}
-    expected = samples_of(gs.run("fastest_path", settings), "controller.feedforward")
+    expected = exported.samples_of(gs.run("fastest_path", settings), "controller.feedforward")
     source = source_of("fastest_path", settings=alone)
     for real in REALS:
         force, _ = Exported(source, real).steps(np.zeros((len(expected), 0)))
         assert np.abs(force - expected).max() < max(1e-6, TOLERANCE[real]) * np.abs(expected).max(), real
-    said = words_of(source.with_suffix(".h"))
+    said = exported.words_of(source.with_suffix(".h"))
     rounding = re.search(r"in double precision, forces differ from those of a run by (\S+) of these", said)
     flash = re.search(r"Constants in flash: (\d+) bytes", said)
     assert rounding is not None
@@ -109,25 +92,18 @@ def system(n_states: int, n_inputs: int, size: float) -> Any:
     return control.ss(A, B, C, rng.normal(size=(6, n_inputs)) * size, 0.0015)
 
 
-@pytest.mark.parametrize(
-    ("signals", "n_states", "size"),
-    [(("leg_velocity", "leg_length"), 5, 20.0), (("position", "orientation"), 4, 5.0)],
-    ids=["errors of two signals, in an order of one's own", "references and measurements of the pose"],
-)
-def test_a_discrete_system_gives_the_forces_of_the_harness(signals: Any, n_states: int, size: float) -> None:
-    experiment = uneven_experiment(
-        reference=SINE,
-        controller={**PD, "feedforward": "gravity"},
-        actuators={"force_limit": 90.0},
-        limits={"position_error": 1e3},
-        loop={"duration": 0.06, "sample_time": 0.0015, "plant_step": 0.0005},
-    )
-    law = gs.LinearController(system(n_states, 12, size), signals)
+def test_a_discrete_system_gives_the_forces_of_the_harness() -> None:
+    """Of references and measurements of lengths, velocities and the pose, in an order of one's own."""
+    limits: dict[str, Any] = {"actuators": {"force_limit": 90.0}, "limits": {"position_error": 1e3}}
+    clocks = {"duration": 0.06, "sample_time": 0.0015, "plant_step": 0.0005}
+    controller = {**PD, "feedforward": "gravity"}
+    experiment = uneven_experiment(reference=SINE, controller=controller, loop=clocks, **limits)
+    law = gs.LinearController(system(5, 36, 5.0), ("leg_velocity", "leg_length", "position", "orientation"))
     record, source = gs.run(experiment, controller=law), source_of(experiment, law)
-    names = [name for name in ("position", "orientation", "leg_length", "leg_velocity") if name in signals]
+    measured = exported.measured_by(record, "position", "orientation", "leg_length", "leg_velocity")
     for real in REALS:
-        force, _ = Exported(source, real).steps(measured_by(record, *names))
-        assert largest_difference(force, commanded(record)) < TOLERANCE[real], real
+        force, _ = Exported(source, real).steps(measured)
+        assert exported.largest_difference(force, exported.commanded(record)) < TOLERANCE[real], real
 
 
 OTHER_GAINS = {
@@ -152,14 +128,14 @@ def test_what_is_tuned_in_c_is_that_of_another_design(space: str) -> None:
     record, code = gs.run(uneven_experiment(**{**tables, **changed})), Exported(source_of(experiment))
     for name, value in (OTHER_BELIEF if is_belief else OTHER_GAINS).items():
         code.parameters[name] = value
-    (forces, _), expected = code.steps(measured_by(record)), commanded(record)
-    limited = samples_of(record, "flag.force_limited").any(axis=1)
+    (forces, _), expected = code.steps(exported.measured_by(record)), exported.commanded(record)
+    limited = exported.samples_of(record, "flag.force_limited").any(axis=1)
     assert limited.any()
     if space == "leg":  # without an integral gain a leg's integral gives way to limits all the same
         forces, expected = (np.delete(values, 2, axis=1) for values in (forces, expected))
     elif space == "task":
         forces, expected = (values[: int(limited.argmax()) + 1] for values in (forces, expected))
-    assert largest_difference(forces, expected) < TOLERANCE["double"]
+    assert exported.largest_difference(forces, expected) < TOLERANCE["double"]
 
 
 def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> None:
@@ -176,19 +152,19 @@ def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> No
     )
     record, source = gs.run(experiment), source_of(experiment)
     for real in REALS:
-        forces, _ = Exported(source, real).steps(measured_by(record))
-        assert largest_difference(forces, commanded(record)) < TOLERANCE[real], real
+        forces, _ = Exported(source, real).steps(exported.measured_by(record))
+        assert exported.largest_difference(forces, exported.commanded(record)) < TOLERANCE[real], real
     hold = {"type": "hold", "position": pose[-1, :3].tolist(), "orientation": pose[-1, 3:].tolist()}
     at_rest = source_of(uneven_experiment(reference=hold, controller={**PD, "feedforward": "gravity"}))
     lengths = gs.leg_geometry(UNEVEN, pose[-1, :3], pose[-1, 3:]).length
     after, expected = (Exported(code).steps(np.tile(lengths + 0.01, (400, 1)))[0][-1:] for code in (source, at_rest))
-    assert largest_difference(after, expected) < 1e-9
+    assert exported.largest_difference(after, expected) < 1e-9
 
 
 # ---- single precision ----
 
 
-@pytest.mark.parametrize("reference", [SINE, CIRCLE, CHIRP], ids=lambda reference: reference["type"])
+@pytest.mark.parametrize("reference", [SINE, exported.CIRCLE, CHIRP], ids=lambda reference: reference["type"])
 def test_phases_stay_right_for_months(reference: dict[str, Any]) -> None:
     """Expected: double precision at that sample; a float alone has no digit of the phase after a million samples."""
     source, T = source_of(uneven_experiment(reference=reference, controller={**PD, "feedforward": "gravity"})), 0.0015
@@ -207,7 +183,7 @@ def test_phases_stay_right_for_months(reference: dict[str, Any]) -> None:
 @pytest.mark.parametrize("change", [-1e-5, 1e-5])
 def test_another_sample_time_than_the_designed_one_has_no_part_of_it(change: float) -> None:
     """Expected: double precision after a hundred million samples; what a float leaves out would be 5 ms by then."""
-    source = source_of(uneven_experiment(reference=CIRCLE, controller={**PD, "feedforward": "gravity"}))
+    source = source_of(uneven_experiment(reference=exported.CIRCLE, controller={**PD, "feedforward": "gravity"}))
     forces = []
     for real in REALS:
         code = Exported(source, real)
@@ -220,13 +196,14 @@ def test_another_sample_time_than_the_designed_one_has_no_part_of_it(change: flo
 
 def test_small_steps_of_an_integral_add_up() -> None:
     """Expected: double precision; steps are less than half of what a float of the sum resolves."""
-    source, rest = source_of(uneven_experiment(reference=HOLD, controller=PID)), np.array(HOLD["position"])
-    lengths = gs.leg_geometry(UNEVEN, rest, np.array(HOLD["orientation"])).length
+    source = source_of(uneven_experiment(reference=exported.HOLD, controller=PID))
+    place = np.array(exported.HOLD["position"]), np.array(exported.HOLD["orientation"])
+    lengths = gs.leg_geometry(UNEVEN, *place).length
     both = [Exported(source, real).start() for real in REALS]
     for error, samples in ((0.1, 2000), (1e-6, 4000)):
         for _ in range(samples):
             expected, force = (code.step(lengths - error)[0] for code in both)
-    step = np.array(KI) * 1e-6 * 0.0015
+    step = np.array(exported.KI) * 1e-6 * 0.0015
     legs = step > 0
     assert (step < np.spacing(expected.astype(np.float32)) / 2)[legs].all()
     assert (np.abs(force - expected) < 0.2 * 4000 * step)[legs].all()
@@ -236,14 +213,14 @@ def test_the_header_states_what_single_precision_costs() -> None:
     """Expected: the forces in a float less those in double precision, measured again with another compiler."""
     experiment = experiment_of("PID held, with every limit")
     source, record = source_of(experiment), gs.run(experiment)
-    said = words_of(source.with_suffix(".h"))
+    said = exported.words_of(source.with_suffix(".h"))
     stated = re.search(
         r"With EXPERIMENT_CONTROLLER_REAL=float, forces deviate from those in double precision, in (\S+) s of the "
         r"designed loop, by at most (\S+) N, (\S+) of the largest force; in root mean square by (\S+) N",
         said,
     )
     assert stated is not None
-    double, single = (Exported(source, real).steps(measured_by(record))[0] for real in REALS)
+    double, single = (Exported(source, real).steps(exported.measured_by(record))[0] for real in REALS)
     deviation = single - double
     most, mean_square = np.abs(deviation).max(), (deviation**2).mean()
     duration, said_most, share, said_mean = map(float, stated.groups())

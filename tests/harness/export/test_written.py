@@ -370,15 +370,6 @@ def test_names_of_files_become_identifiers(tmp_path: Path) -> None:
     assert gs.export(made, forms="page", out=tmp_path)[0].name == "some_loop_live.html"
 
 
-def test_a_casadi_function_leaves_by_itself(tmp_path: Path) -> None:
-    """Expected: files by its name, at the sample time of the settings."""
-    length = casadi.SX.sym("leg_length", 6)
-    law = casadi.Function("Soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
-    files = gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path, allow_unstable=True)
-    assert [file.name for file in files] == ["soft_controller.c", "soft_controller.h", "example_main.c"]
-    assert "R(0.0025), /* sample_time */" in files[0].read_text()
-
-
 def test_forms_come_once_and_in_order(tmp_path: Path) -> None:
     """Expected: by the documentation; another form is refused, and nothing is written."""
     files = gs.export(uneven_experiment(reference=HOLD, controller=PD), forms=["c", "fmu", "c"], fmi=["2.0"],

@@ -299,57 +299,49 @@ def session_of(rng: np.random.Generator, data: dict[str, Any]) -> list[dict[str,
     turn, reach, home = data["turn"], np.array(data["reach"]), np.array(data["home"])
     wanted = list(turn["wanted"])
 
+    def send(kind: str, **values: Any) -> None:
+        messages.append({"type": kind, **values})
+
     def tuned(**values: Any) -> None:
         for name, value in values.items():
             wanted[turn["names"].index(name)] = value
-        messages.append({"type": "tune", "values": list(wanted)})
+        send("tune", values=list(wanted))
 
     def target() -> None:
-        values = home + 0.4 * rng.uniform(-1, 1, 6) * reach
-        messages.append({"type": "target", "values": values.tolist()})
+        send("target", values=(home + 0.4 * rng.uniform(-1, 1, 6) * reach).tolist())
 
     def jump() -> None:
         target()
         axis = int(rng.integers(6))
-        messages.append({"type": "jump", "axis": axis, "by": float(0.05 * reach[axis])})
+        send("jump", axis=axis, by=float(0.05 * reach[axis]))
 
-    def payload() -> None:
-        load = float(rng.uniform(0, 0.5) * data["platformMass"])
-        messages.append({"type": "add", "name": "parameters", "from": data["mass"], "values": [load]})
-
-    def tilt() -> None:
-        messages.append({"type": "add", "name": "parameters", "from": data["gravity"], "values": [1.0, 0.0, 0.2]})
+    def add(name: str, place: int, *values: Any) -> None:
+        send("add", name=name, **{"from": place}, values=list(values))
 
     def push() -> None:
-        force = (rng.integers(-1, 2, 3) * 0.1 * 9.81 * data["platformMass"]).tolist()
-        messages.append({"type": "add", "name": "inputs", "from": 6, "values": force})
-
-    def fault() -> None:
-        place, on = int(rng.choice([0, 3, 18 + 4, 24])), int(rng.integers(2))
-        messages.append({"type": "add", "name": "faults", "from": place, "values": [on]})
+        add("inputs", 6, *(rng.integers(-1, 2, 3) * 0.1 * 9.81 * data["platformMass"]).tolist())
 
     closed: list[Callable[[], None]] = [
-        target, target, jump, fault,
+        target, target, jump, lambda: add("faults", int(rng.choice([0, 3, 18 + 4, 24])), int(rng.integers(2))),
         lambda: tuned(bandwidth=float(rng.uniform(1.5, 3.5)), damping_ratio=float(rng.uniform(0.6, 1.2))),
         lambda: tuned(proportional=float(rng.uniform(0.8, 1.3)), derivative=float(rng.uniform(0.9, 1.4))),
         lambda: tuned(filter_time=float(rng.choice([0.0, 0.006]))),
         lambda: tuned(noise=float(rng.choice([0.0, 2e-6]))),
     ]  # fmt: skip
     shared: list[Callable[[], None]] = [
-        payload, tilt, push, push,
+        lambda: add("parameters", data["mass"], float(rng.uniform(0, 0.5) * data["platformMass"])),
+        lambda: add("parameters", data["gravity"], 1.0, 0.0, 0.2), push, push,
         lambda: tuned(delay=int(rng.integers(4))),
         lambda: tuned(force_limit=[None, 1.2 * data["largestForce"], 5 * data["largestForce"]][rng.integers(3)]),
-        lambda: messages.append({"type": "again"}),
+        lambda: send("again"),
     ]  # fmt: skip
-    forces: list[Callable[[], None]] = [
-        lambda: messages.append({"type": "forces", "values": rng.uniform(45, 60, 6).tolist()})
-    ] * 4
+    forces: list[Callable[[], None]] = [lambda: send("forces", values=rng.uniform(45, 60, 6).tolist())] * 4
     acts = shared + (forces if data["isOpen"] else closed)
     for _ in range(int(rng.integers(6, 16))):
         acts[rng.integers(len(acts))]()
         if rng.random() < 0.8:
-            messages.append({"type": "some", "rows": int(rng.integers(1, 120))})
-    return [*messages, {"type": "some", "rows": 100}]
+            send("some", rows=int(rng.integers(1, 120)))
+    return [*messages, some(100)]
 
 
 def test_sessions_run_again_as_they_are(tmp_path: Path) -> None:
