@@ -22,16 +22,8 @@ def motion_by_radau(
 ) -> FloatArray:
     """State at a time [s]: pose, its rates, bristles, and of elastic legs positions and velocities of motors.
 
-    Parameters
-    ----------
-    platform
-        UNEVEN with stiction; elastic legs have a stiffness and a damping.
-    start
-        The same at time 0.
-    force
-        Of the actuators (6,) [N], constant.
-    tolerance
-        Relative; of bristles it is absolute in units of 10 µm, of others in SI units.
+    The start (n,) is the same at time 0; elastic legs have a stiffness and a damping, and forces (6,) [N] are constant.
+    The tolerance is relative; of bristles it is absolute in units of 10 µm, of others in SI units.
     """
     springs = len(start) == 30
     bare = UNEVEN.with_parameters({"leg_armature": 0.0 if springs else platform.leg_armature})

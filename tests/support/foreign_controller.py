@@ -65,11 +65,10 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
     for word, number in (("FAILS_AT", FAILS_AT), ("REFUSES", REFUSES), ("MOST", MOST)):
         source = source.replace(word, str(number))
     # what FMPy looks for and does not call here
-    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - set(
-        re.findall(r"fmi2\w+", source)
-    )
+    called = set(re.findall(r"fmi2\w+", source))
+    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - called
     source += "\n".join(f"API int {name}(void) {{ return 0; }}" for name in sorted(others))
-    names = [f"y_{k}" for k in range(1, 7)] + [f"r[{k}]" for k in range(1, 7)] + [f"u[{k}]" for k in range(1, 7)]
+    names = [name.format(k) for name in ("y_{}", "r[{}]", "u[{}]") for k in range(1, 7)]
     variables = "".join(
         f'<ScalarVariable name="{name}" valueReference="{k}" causality="{"input" if k < 12 else "output"}">'
         + (f'<Real unit="{unit}" start="0"/>' if k < 12 else '<Real unit="N"/>')
