@@ -89,14 +89,8 @@ def trajectory(target: Target, folder: Path, runner: Sequence[str] = (), **varia
         command.append("-ldl")
     made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
-    done = subprocess.run(
-        [*runner, f"./{program}", f"./unit{target.suffix}", TOKEN],
-        cwd=folder,
-        env={**os.environ, **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command, env = [*runner, f"./{program}", f"./unit{target.suffix}", TOKEN], {**os.environ, **variables}
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
 

@@ -101,20 +101,6 @@ def install(tmp_path_factory: pytest.TempPathFactory) -> Install:
     return Install(sdist, wheel, environment)
 
 
-def test_the_wheel_has_every_file_of_the_package(install: Install) -> None:
-    """Expected: the files of the folders themselves, however the wheel's list is made."""
-    expected = {
-        f"gough_stewart/{path.relative_to(ROOT).as_posix()}"
-        for folder in FOLDERS
-        for path in (ROOT / folder).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
-    }
-    with zipfile.ZipFile(install.wheel) as wheel:
-        names = {name for name in wheel.namelist() if ".dist-info/" not in name and not name.startswith(PREBUILT)}
-    face = ("__init__.py", "__init__.pyi", "__main__.py", "py.typed")
-    assert names == expected | {f"gough_stewart/{name}" for name in face}
-
-
 def test_the_sdist_has_no_tests_that_cannot_run_and_what_a_reader_looks_for(install: Install) -> None:
     with tarfile.open(install.sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
@@ -122,16 +108,19 @@ def test_the_sdist_has_no_tests_that_cannot_run_and_what_a_reader_looks_for(inst
     assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"} <= names
 
 
-def test_the_wheel_has_compiled_code_in_its_record(install: Install) -> None:
-    """Expected: by the names of the standard's platform tuple; digests and sizes as PEP 376 has them."""
+def test_the_wheel_has_every_file_of_the_package_and_compiled_code_in_its_record(install: Install) -> None:
+    """Expected: files of the folders, names of the standard's platform tuple, digests and sizes as PEP 376 has them."""
+    sources = {path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if "__pycache__" not in path.parts}
+    expected = {f"gough_stewart/{path.relative_to(ROOT).as_posix()}" for path in sources if path.is_file()}
+    expected |= {f"gough_stewart/{name}" for name in ("__init__.py", "__init__.pyi", "__main__.py", "py.typed")}
     own = native()
+    compiled = (f"{own.name}/{name}{own.suffix}.xz" for name in ("gough_stewart", "loop", "folds"))
+    others = ("kernel.c.xz", "dependencies.json.xz", "machine.wasm.xz", "manifest.json")
+    expected |= {PREBUILT + name for name in (f"{own.name}/kernel{own.suffix}", *compiled, *others)}
     with zipfile.ZipFile(install.wheel) as wheel:
         contents = {name: wheel.read(name) for name in wheel.namelist()}
     assert install.wheel.name.endswith("-py3-none-any.whl")
-    expected = {f"{own.name}/kernel{own.suffix}"}
-    expected |= {f"{own.name}/{name}{own.suffix}.xz" for name in ("gough_stewart", "loop", "folds")}
-    found = {name.removeprefix(PREBUILT) for name in contents if name.startswith(PREBUILT)}
-    assert found == expected | {"kernel.c.xz", "dependencies.json.xz", "machine.wasm.xz", "manifest.json"}
+    assert {name for name in contents if ".dist-info/" not in name} == expected
     (record,) = (name for name in contents if name.endswith("/RECORD"))
     rows = [line.rsplit(",", 2) for line in contents[record].decode().splitlines()]
     assert {row[0] for row in rows} == set(contents)

@@ -128,10 +128,7 @@ def run(arguments: Sequence[str], folder: Path, name: str = "SIGINT", after: flo
 
 
 def faults(ended: Ended, folder: Path, undisturbed: int) -> list[str]:
-    """What is wrong: a traceback, an orphan, a code that says nothing, a file that is not whole.
-
-    `undisturbed` is the exit code without a signal.
-    """
+    """A traceback, an orphan, a code that is neither the undisturbed one nor says why, a file that is not whole."""
     marks = ("Traceback", "Exception ignored", "Fatal Python error", "panicked")
     found = [f"{mark}: {ended.errors[-600:]}" for mark in marks if mark in ended.errors]
     if ended.left or ended.hung:

@@ -82,13 +82,7 @@ def open_report(
 
 
 def until(page: Page, expression: str, seconds: float = 60) -> None:
-    """Wait until an expression is true; asked from outside, since the policy of our pages admits no eval.
-
-    Raises
-    ------
-    TimeoutError
-        It was not true in time.
-    """
+    """Wait until an expression is true; asked from outside, since the policy of our pages admits no eval."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         if time.monotonic() > end:

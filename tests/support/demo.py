@@ -12,23 +12,20 @@ _PRINTED = "printed.txt"
 
 
 class Demo(NamedTuple):
-    """Its folder."""
+    """Its folder, those of `reproduce` and of `run heave_step --plant fmu3`, and what both printed."""
 
     folder: Path
 
     @property
     def paper(self) -> Path:
-        """Files of `gough-stewart reproduce --report`."""
         return self.folder / "paper"
 
     @property
     def heave(self) -> Path:
-        """Files of `gough-stewart run heave_step --plant fmu3 --report`."""
         return self.folder / "heave"
 
     @property
     def text(self) -> str:
-        """What was printed."""
         return (self.folder / _PRINTED).read_text()
 
 

@@ -190,9 +190,12 @@ class PidLaw:
         self.d, self.z = np.zeros(6), self.Tf * self.v
         self.notch = _Notch(self.options["notch"], self.T) if self.options.get("notch") else None
 
+    def _of_channels(self, J: FloatArray) -> FloatArray:
+        return J if self.options["space"] == "task" else np.eye(6)
+
     def _inputs(self, J: FloatArray, wanted: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The errors, and what is differentiated."""
-        of_channels = J if self.options["space"] == "task" else np.eye(6)
+        of_channels = self._of_channels(J)
         self.moved = self.moved + _solved(of_channels, measured - self.last)
         self.last = measured.copy()
         e = _solved(of_channels, wanted - measured)
@@ -202,7 +205,7 @@ class PidLaw:
         """Forces (6,)."""
         T, Tf, kd, method = self.T, self.Tf, self.kd, self.options["discretisation"]
         e, v = self._inputs(J, wanted, measured)
-        of_channels = J if self.options["space"] == "task" else np.eye(6)
+        of_channels = self._of_channels(J)
         back = np.where(self.ki > 0, of_channels.T @ excess / np.where(self.ki > 0, self.Tt, 1.0), 0.0)
         w = self.ki * e + back
         if method == "tustin":
