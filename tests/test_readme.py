@@ -1,7 +1,4 @@
-"""README: its two commands and the examples run, pictures are as drawn, links between the files lead somewhere.
-
-Commands and snippets of the README are run by `tests/docs/test_pages.py`.
-"""
+"""README: the examples run, pictures are as drawn, links lead somewhere; tests/docs/test_pages.py runs its blocks."""
 
 import re
 import shutil

@@ -66,10 +66,6 @@ WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
         r"log is \{'a': 1\}; expected a Log, a Record, a file or folder of one, or a list of them",
     ),
     (lambda: gs_any.view(["a", 3]), r"records\[1\] is 3; expected a Record, or the folder"),
-    (
-        lambda: gs_any.inverse_dynamics(MOTION_BASE, gs.State(*HOME, *np.zeros((2, 3))), None),
-        r"acceleration is None; expected an Acceleration\(linear, angular\)",
-    ),
     (lambda: gs_any.export("heave_step", out=3), "out is 3; expected a path"),
     (lambda: gs_any.stack("motion_base"), "expected a list of platforms, names of presets or platform"),
     (

@@ -19,7 +19,6 @@ import subprocess
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -50,19 +49,12 @@ EXPORT = "gough-stewart export heave_step --as c,fmu,ssp --out exported"
 RUNNING = sorted({b.page for b in BLOCKS if b.language in {"sh", "python"}} - {"docs/tutorial.md", "CONTRIBUTING.md"})
 
 
-class Task(NamedTuple):
-    """What somebody comes for, the page that says how, the beginnings of its blocks, and the file that is wanted."""
-
-    page: str
-    blocks: str
-    file: str
-
-
+# What somebody comes for: the page that says how, the beginnings of its blocks, and the file that is wanted.
 TASKS = (
-    Task("docs/motion.md", r"gough-stewart (check pitch_sine|run pitch_sine)", "results/check/needs.csv"),
-    Task("docs/ensembles.md", r"gough-stewart (ensemble|tune) heave_tolerances", "results/tuned/tuned.toml"),
-    Task("docs/control.md", r".*(pid\.toml|results/pid|pid\.o)", "pid.o"),
-    Task(
+    ("docs/motion.md", r"gough-stewart (check pitch_sine|run pitch_sine)", "results/check/needs.csv"),
+    ("docs/ensembles.md", r"gough-stewart (ensemble|tune) heave_tolerances", "results/tuned/tuned.toml"),
+    ("docs/control.md", r".*(pid\.toml|results/pid|pid\.o)", "pid.o"),
+    (
         "docs/export.md",
         r"gough-stewart export heave_step --as c,ssp|import gough_stewart as gs\nfrom fmpy",
         "exported/heave_step.ssp",
@@ -110,11 +102,6 @@ def test_every_language_is_dealt_with_and_what_pages_say_is_checked_once() -> No
     assert {word: sum(word in b.text for b in of_language("python")) for word in CLAIMS} == dict.fromkeys(CLAIMS, 1)
 
 
-def check_of(block: Block) -> str:
-    """The check of what a page says of a snippet."""
-    return "".join(f"\n{line}\n" for word, line in CLAIMS.items() if word in block.text)
-
-
 @pytest.mark.parametrize(
     "page", ["README.md", *(pytest.param(p, marks=pytest.mark.evidence) for p in RUNNING if p != "README.md")]
 )
@@ -135,6 +122,9 @@ def test_the_blocks_of_a_page_run_in_order(page: str, fmus: dict[str, Fmu], demo
             return page != "README.md"
         return bool(BY_DEMO.match(command) or ONES_OWN.match(command))
 
+    def check_of(block: Block) -> str:
+        return "".join(f"\n{line}\n" for word, line in CLAIMS.items() if word in block.text)
+
     run_page(page, tmp_path, run_command, left_out=left_out, after=check_of)
     assert (tmp_path / LEFT_BY.get(page, ".")).exists()
     if page == "docs/control.md":  # the gain that its search found leaves in the C that is traced from its class
@@ -144,13 +134,15 @@ def test_the_blocks_of_a_page_run_in_order(page: str, fmus: dict[str, Fmu], demo
 
 
 @pytest.mark.evidence
-@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.file)
-def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(task: Task, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("page", "blocks", "file"), TASKS)
+def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(
+    page: str, blocks: str, file: str, tmp_path: Path
+) -> None:
     """Expected: the page's blocks, as they stand, leave the file that the task is for."""
-    printed = run_page(task.page, tmp_path, run_command, left_out=lambda text: not re.match(task.blocks, text))
-    commands = [c for block in printed for c in commands_in(block) if re.match(task.blocks, c)]
+    printed = run_page(page, tmp_path, run_command, left_out=lambda text: not re.match(blocks, text))
+    commands = [c for block in printed for c in commands_in(block) if re.match(blocks, c)]
     assert 1 <= len(commands) <= 4
-    assert (tmp_path / task.file).stat().st_size > 0
+    assert (tmp_path / file).stat().st_size > 0
 
 
 def test_the_targets_of_make_and_the_options_of_the_long_build_are_there() -> None:

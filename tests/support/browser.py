@@ -27,12 +27,8 @@ class Watched:
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """A headless browser."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS)
-        try:
-            yield browser
-        finally:
-            browser.close()
+    with sync_playwright() as play, play.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS) as browser:
+        yield browser
 
 
 def watched(browser: Browser, width: int = 1000, height: int = 640, **options: Any) -> Watched:

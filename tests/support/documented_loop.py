@@ -18,7 +18,6 @@ from gough_stewart import Platform
 from tests.support.lagrangian import Pose, equations_at, forces_along, legs_along
 
 FloatArray = NDArray[np.float64]
-_SMALLEST_STEP = 5e-4  # of the plant [s]
 
 
 class Documented(SimpleNamespace):
@@ -335,8 +334,8 @@ def accelerations(
 def stepped(
     machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Pose and rates after a plant step, forces held."""
-    parts = max(1, round(h / _SMALLEST_STEP))
+    """Pose and rates after a plant step, forces held, in parts of about 0.5 ms."""
+    parts = max(1, round(h / 5e-4))
     dt = h / parts
     x = np.concatenate([q, rate])
 

@@ -22,7 +22,6 @@ _SOURCE = """
 enum { Y, R = 6, U = 12, GAIN = 18, READY, N };
 #define API __attribute__((visibility("default")))
 API void* fmi2Instantiate(const char* a, int b, const char* c, const char* d, const void* e, int f, int g) {
-  (void)a; (void)b; (void)c; (void)d; (void)e; (void)f; (void)g;
   double* v = calloc(N, sizeof *v);
   v[GAIN] = 1000;
   return v;
@@ -39,13 +38,11 @@ API int fmi2GetReal(void* c, const unsigned* references, size_t n, double* value
   return 0;
 }
 API int fmi2SetupExperiment(void* c, int d, double t, double s, int e, double u) {
-  (void)c; (void)d; (void)t; (void)s; (void)e; (void)u;
   return 0;
 }
-API int fmi2EnterInitializationMode(void* c) { (void)c; return 0; }
+API int fmi2EnterInitializationMode(void* c) { return 0; }
 API int fmi2ExitInitializationMode(void* c) { ((double*)c)[READY] = 1; return 0; }
 API int fmi2DoStep(void* c, double time, double step, int n) {
-  (void)step; (void)n;
   double* v = c;
   if (!v[READY]) return 3;
   if (v[GAIN] < 0 && time >= FAILS_AT) {

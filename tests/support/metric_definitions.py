@@ -27,8 +27,7 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_who
     duration = time[-1] - time[0]
     work = [[_work(a, b, leg) for a, b in pairwise(rows)] for leg in LEGS]
     net, absolute = list(map(sum, work)), [sum(map(abs, of_leg)) for of_leg in work]
-    lengths = {leg: _column(rows, f"leg_length[{leg}]") for leg in LEGS}
-    forces = {leg: _column(rows, f"actuator_force[{leg}]") for leg in LEGS}
+    lengths = [_column(rows, f"leg_length[{leg}]") for leg in LEGS]
     return {
         "rows": len(rows),
         "duration": duration,
@@ -38,7 +37,7 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_who
         },
         "step_response": [step for axis in AXES if (step := _step(rows, axis)) is not None],
         "force": {
-            "peak": [_largest(forces[leg]) for leg in LEGS],
+            "peak": [_largest(_column(rows, f"actuator_force[{leg}]")) for leg in LEGS],
             "rms": [_rms(_column(held, f"actuator_force[{leg}]")) for leg in LEGS],
         },
         "power": {
@@ -48,8 +47,8 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_who
         "energy": {"net": net, "absolute": absolute, "net_total": sum(net), "absolute_total": sum(absolute)},
         "saturation": {name: _shares(held, name) for name in ("force_limited", "rate_limited")},
         "stroke": {
-            "shortest": [min(lengths[leg]) for leg in LEGS],
-            "longest": [max(lengths[leg]) for leg in LEGS],
+            "shortest": list(map(min, lengths)),
+            "longest": list(map(max, lengths)),
             "margin": _margin(lengths, platform.get("leg_length_min"), platform.get("leg_length_max")),
             "exceeded": _shares(rows, "stroke_exceeded"),
         },
@@ -142,9 +141,9 @@ def _shares(rows: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
     return {"legs": of_legs, "any": sum(any(flag) for flag in flags) / len(flags)}
 
 
-def _margin(lengths: Mapping[int, Sequence[float]], least: float | None, most: float | None) -> float | None:
-    room = [] if least is None else [min(map(min, lengths.values())) - least]
-    room += [] if most is None else [most - max(map(max, lengths.values()))]
+def _margin(lengths: Sequence[Sequence[float]], least: float | None, most: float | None) -> float | None:
+    room = [] if least is None else [min(map(min, lengths)) - least]
+    room += [] if most is None else [most - max(map(max, lengths))]
     return min(room) if room else None
 
 

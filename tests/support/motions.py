@@ -40,7 +40,7 @@ def motion_of(platform: gs.Platform, folder: Path = Path(), **reference: Any) ->
 def write_table(path: Path, columns: Mapping[str, Any]) -> Path:
     """A CSV or Parquet file with these columns."""
     table = polars.DataFrame({name: np.asarray(values).tolist() for name, values in columns.items()}, strict=False)
-    (table.write_parquet if path.suffix == ".parquet" else table.write_csv)(path)
+    getattr(table, "write_parquet" if path.suffix == ".parquet" else "write_csv")(path)
     return path
 
 

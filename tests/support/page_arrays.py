@@ -37,8 +37,7 @@ def rows_below(page: bytes, heading: str) -> dict[str, tuple[str, ...]]:
 def data_of(page: bytes) -> dict[str, Any]:
     """What the page's scripts are given."""
     (element,) = elements(page, "//script[@id='data']")
-    found: dict[str, Any] = json.loads(element.text)
-    return found
+    return dict(json.loads(element.text))
 
 
 def charts_of(page: bytes) -> dict[str, dict[str, Any]]:

@@ -12,7 +12,6 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.support.reports import page_of, report
-from tools.release.__main__ import pythons
 from tools.release.licences import Licence, of_install, of_page, of_wheel
 
 ROOT = Path(__file__).parents[2]
@@ -89,10 +88,3 @@ def test_libraries_of_a_page_are_known_by_their_notices() -> None:
         Licence("page: /** @license theirs 1.0 */", ""),
     ]
     assert [each.is_known for each in of_page(b"<!-- theirs\nCopyright 2020\nSomebody -->")] == [False]
-
-
-def test_only_supported_interpreters_are_found_and_this_one_is() -> None:
-    found = pythons()
-    assert f"{sys.version_info.major}.{sys.version_info.minor}" in found
-    assert all(tuple(map(int, version.split("."))) >= (3, 11) for version in found)
-    assert list(found) == sorted(found, key=lambda version: int(version.split(".")[1]))
