@@ -62,4 +62,5 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
     """What `make demo` makes, run once for all tests and workers."""
-    return Demo(shared_folder(tmp_path_factory, "demo", run_demo))
+    folder = shared_folder(tmp_path_factory, "demo", run_demo)
+    return Demo(folder / "paper", folder / "heave", (folder / "printed.txt").read_text())

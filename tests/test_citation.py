@@ -1,7 +1,4 @@
-"""CITATION.cff: the version of pyproject.toml, and of the changelog once that has it; all that the format requires.
-
-Expected: the Citation File Format 1.2.0; `cffconvert --validate` accepts the file.
-"""
+"""CITATION.cff: versions as in pyproject.toml and the changelog; all that the Citation File Format 1.2.0 requires."""
 
 import re
 import tomllib

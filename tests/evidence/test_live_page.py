@@ -1,15 +1,13 @@
 """A live page for minutes, in Chromium: what takes too long for every day."""
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
-from tests.support.browser import CHROMIUM, Watched, until, watched
+from tests.support.browser import CHROMIUM, until, watched
 
 pytestmark = pytest.mark.evidence
 
@@ -21,37 +19,19 @@ EVERYTHING = {
 STATE = "GoughStewart.engine.ask('state', 'state')"
 
 
-@pytest.fixture(scope="module")
-def browser(request: pytest.FixtureRequest) -> Browser:
-    """That of all tests, on which the evidence insists."""
-    assert CHROMIUM is not None, "expected Chromium; install the package chromium"
-    started: Browser = request.getfixturevalue("browser")
-    return started
-
-
-@pytest.fixture
-def heave(browser: Browser, tmp_path: Path) -> Iterator[Watched]:
-    """The page, moving; it must complain of nothing."""
-    (file,) = gs.export("heave_step", EVERYTHING, forms="page", out=tmp_path)
-    found = watched(browser, 1440, 900)
-    found.page.goto(file.as_uri())
-    until(found.page, "GoughStewart.live && GoughStewart.live.last !== null")
-    yield found
-    assert found.errors == []
-    found.page.close()
-
-
-def lost(page: Page) -> float:
-    """Real time that could not be kept [s]."""
-    return float(page.evaluate(f"{STATE}.then((state) => state.lost)"))
-
-
-def test_ten_minutes_in_real_time_lose_nothing_and_need_no_memory(heave: Watched) -> None:
+def test_ten_minutes_in_real_time_lose_nothing_and_need_no_memory(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     """Expected: after the first minute, whose rows fill what is kept, the memory of script and machine stays.
 
     Time that is lost is printed, not asserted: another program may have the processors.
     """
+    (file,) = gs.export("heave_step", EVERYTHING, forms="page", out=tmp_path)
+    assert CHROMIUM is not None, "expected Chromium; install the package chromium"
+    heave = watched(request.getfixturevalue("browser"), 1440, 900)
     page, session = heave.page, heave.page.context.new_cdp_session(heave.page)
+    page.goto(file.as_uri())
+    until(page, "GoughStewart.live && GoughStewart.live.last !== null")
     session.send("HeapProfiler.enable")
 
     def memory() -> tuple[float, int]:
@@ -61,7 +41,7 @@ def test_ten_minutes_in_real_time_lose_nothing_and_need_no_memory(heave: Watched
 
     def now() -> tuple[float, float, float]:
         rows, pictures = page.evaluate("[GoughStewart.live.last[0], GoughStewart.live.frames]")
-        return float(rows), float(pictures), lost(page)
+        return float(rows), float(pictures), float(page.evaluate(f"{STATE}.then((state) => state.lost)"))
 
     page.wait_for_timeout(60_000)
     before, first, start = memory(), now(), time.monotonic()
@@ -74,3 +54,5 @@ def test_ten_minutes_in_real_time_lose_nothing_and_need_no_memory(heave: Watched
     assert after[1] == before[1]
     assert after[0] < 1.05 * before[0]
     assert passed == pytest.approx(wall - missed, abs=2)
+    assert heave.errors == []
+    page.close()

@@ -1,12 +1,12 @@
-"""Slow evidence: many more random platforms, a soak of the stepping model, shipped experiments on model and unit."""
+"""Slow evidence: many more random platforms, a soak of the stepping model, shipped experiments, sound loops."""
 
 import resource
+from typing import Any
 
 import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart import SteppingModel, load_preset
 from tests.support.fmu_plants import Fmu
 from tests.support.formulations import largest_difference
 from tests.support.random_platforms import random_platform
@@ -24,9 +24,9 @@ def test_formulations_agree_on_20_000_random_platforms() -> None:
 
 def test_soak_of_the_stepping_model_leaks_nothing_and_stays_deterministic() -> None:
     """Expected: memory of the process does not grow over 30,000 steps and 300 resets; every round is the same."""
-    model = SteppingModel(load_preset("liu2000"))
+    model = gs.SteppingModel(gs.load_preset("liu2000"))
     grown, end = [], set()
-    for round_ in range(300):
+    for _ in range(300):
         model.reset()
         model.set("actuator_force", [30.0] * 6)
         for k in range(100):
@@ -36,29 +36,53 @@ def test_soak_of_the_stepping_model_leaks_nothing_and_stays_deterministic() -> N
                 model.restore_state(snapshot)
                 model.do_step(k * 1e-3, 1e-3)
         end.add(model.state.tobytes())
-        if round_ % 100 == 99:
-            grown.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-    print(f"\npeak memory after 100, 200, 300 rounds: {grown} KiB")
+        grown.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    print(f"\npeak memory after 100, 200, 300 rounds: {grown[99::100]} KiB")
     assert len(end) == 1
-    assert grown[-1] - grown[0] <= 1024
+    assert grown[-1] - grown[99] <= 1024
 
 
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_shipped_experiments_end_alike_on_model_and_unit(version: str, fmus: dict[str, Fmu]) -> None:
+@pytest.mark.parametrize("name", gs.experiment_names())
+def test_a_shipped_experiment_ends_alike_on_model_and_unit_and_without_alarm(name: str, fmus: dict[str, Fmu]) -> None:
     """Expected: whole, with the same steps, so within 1e-11 m, rad; the largest difference is printed.
 
-    All but `too_slow`, which diverges: there any difference grows to the size of the motion. Encoders do not quantise:
+    But for `too_slow`, which diverges: there any difference grows to the size of the motion. Encoders do not quantise:
     rounding would decide which of two steps a reading has.
     """
-    worst = 0.0
-    for name in sorted(set(gs.experiment_names()) - {"too_slow"}):
-        quantises = "quantisation" in gs.load_experiment(name).model_dump(exclude_unset=True).get("sensors", {})
-        settings = {"sensors.quantisation.leg_length": 0} if quantises else {}
-        model, unit = (
-            gs.run(name, settings, plant=kind, fmu=fmu)  # type: ignore[arg-type]
-            for kind, fmu in (("model", None), (f"fmu{version[0]}", fmus[version].path))
-        )
+    assert gs.metrics(gs.run(name))["outcome"]["oscillation"] is None
+    quantises = "quantisation" in gs.load_experiment(name).model_dump(exclude_unset=True).get("sensors", {})
+    settings = {"sensors.quantisation.leg_length": 0} if quantises else {}
+    model = gs.run(name, settings)
+    for version in ("2.0", "3.0") if name != "too_slow" else ():
+        unit = gs.run(name, settings, plant=f"fmu{version[0]}", fmu=fmus[version].path)  # type: ignore[arg-type]
         assert len(model.table) == len(unit.table)
-        worst = max(worst, *(float(np.abs(model[each] - unit[each]).max()) for each in ("position", "orientation")))
-    print(f"FMI {version}: {worst:.2g} m, rad")
-    assert worst < 1e-11
+        worst = max(float(np.abs(model[each] - unit[each]).max()) for each in ("position", "orientation"))
+        print(f"{name}, FMI {version}: {worst:.2g} m, rad")
+        assert worst < 1e-11
+
+
+def test_sound_loops_give_no_alarm_of_oscillation() -> None:
+    """Expected: none in 140 runs; all loops have a disk margin above 0.3. A rate of 3.3 % would give one with 99 %."""
+    random, alarms = np.random.default_rng(25), []
+    for k in range(140):
+        frequency = float(np.exp(random.uniform(np.log(0.2), np.log(4))))
+        size = min(0.05, 0.02 / frequency**2)
+        move, sine = {"position_change": [0, 0, size], "at": 0.1}, {"position_amplitude": [0, 0, size]}
+        sweep = {"position_amplitude": [0, 0, 0.003], "from_frequency": 0.2, "to_frequency": 3, "duration": 2}
+        references = (
+            *({"type": "hold"}, {"type": "sine", "frequency": frequency, **sine}),
+            *({"type": "circle", "radius": size, "frequency": frequency}, {"type": "chirp", **sweep}),
+            *({"type": "point_to_point", "duration": random.uniform(0.5, 4), **move}, {"type": "step", **move}),
+        )
+        settings: dict[str, Any] = {
+            "reference": references[k % len(references)],
+            "loop.duration": round(float(random.uniform(1, 3)), 2),
+            "loop.delay": int(random.integers(0, 4)),
+            "controller.bandwidth": float(random.uniform(1, 6)),
+            "controller.damping_ratio": float(random.uniform(0.5, 1.2)),
+        }
+        if k % 12 in (0, 1, 6):  # every hold, every second sine
+            settings["sensors.noise"] = {"leg_length": float(np.exp(random.uniform(np.log(1e-6), np.log(1e-3))))}
+        if gs.metrics(gs.run("heave_step", settings))["outcome"]["oscillation"] is not None:
+            alarms.append(settings)
+    assert not alarms, alarms

@@ -1,71 +1,83 @@
-"""Importers besides FMPy: libcosim (over Modelon's FMI Library) and Ecos run plant and controller as SSP."""
+"""Importers besides FMPy: libcosim (over Modelon's FMI Library) and Ecos run an SSP, CasADi a plant."""
 
 from pathlib import Path
+from typing import Any
 
+import casadi
 import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.arrays import FloatArray
 from tests.support.exported_loop import MISTAKEN, exported_loop
+from tests.support.fmu_plants import Fmu
+from tests.support.plain_motion import trajectory
 
 pytestmark = pytest.mark.evidence
-libcosimpy = pytest.importorskip("libcosimpy", reason="libcosimpy has no wheel for this machine")
 
 
-@pytest.fixture(scope="module", params=[1, 3])
-def delay(request: pytest.FixtureRequest) -> int:
-    """Of the loop [samples]."""
-    return int(request.param)
+@pytest.fixture(params=[1, 3])
+def delayed(request: pytest.FixtureRequest) -> dict[str, Any]:
+    """Settings of the exported loop with a delay [samples]."""
+    return {**MISTAKEN, "loop.delay": request.param}
 
 
-@pytest.fixture(scope="module")
-def ssp(delay: int, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return exported_loop(tmp_path_factory.mktemp("ssp"), {**MISTAKEN, "loop.delay": delay})
-
-
-def lengths_expected(delay: int) -> FloatArray:
-    """Of the harness, on its own model of the plant."""
-    found: FloatArray = gs.run("heave_step", {**MISTAKEN, "loop.delay": delay})["leg_length"]
-    return found
-
-
-def test_the_exported_loop_in_libcosim(ssp: Path, delay: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_exported_loop_in_libcosim(
+    delayed: dict[str, Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: the harness, on its own model of the plant; the step is that of the archive."""
+    pytest.importorskip("libcosimpy", reason="libcosimpy has no wheel for this machine")
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimObserver import CosimObserver
 
-    # the step is that of the archive
-    execution = CosimExecution.from_ssp_file(ssp_path=str(ssp))
+    execution = CosimExecution.from_ssp_file(ssp_path=str(exported_loop(tmp_path, delayed)))
     index = {info.name.decode(): info.index for info in execution.slave_infos()}["plant"]
     references = {v.name.decode(): v.reference for v in execution.slave_variables(index)}
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    expected, rows = lengths_expected(delay), []
+    expected, rows = gs.run("heave_step", delayed)["leg_length"], []
     for _ in range(len(expected) - 1):
         execution.step(1)
         rows.append(observer.last_real_values(index, [references[f"leg_length[{k}]"] for k in range(1, 7)]))
     error = np.abs(np.array(rows) - expected[1:]).max()
     log = capfd.readouterr()
-    print(f"the exported loop with a delay of {delay}, libcosim against the harness: {error:.1e} m")
+    print(f"the exported loop with a delay of {delayed['loop.delay']}, libcosim against the harness: {error:.1e} m")
     assert error <= 1e-9
     assert "[error]" not in log.out + log.err
     assert "[warning]" not in log.out + log.err
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_the_exported_loop_in_ecos(version: str, delay: int, tmp_path: Path) -> None:
+def test_the_exported_loop_in_ecos(version: str, delayed: dict[str, Any], tmp_path: Path) -> None:
+    """Expected: the harness, on its own model of the plant."""
     try:
         from ecospy.EcosSimulation import EcosSimulation
     except (ImportError, OSError) as missing:
         pytest.skip(f"Ecos does not load here: {missing}")
-    (ssp,) = gs.export("heave_step", {**MISTAKEN, "loop.delay": delay}, forms="ssp", ssp_fmi=version, out=tmp_path)
-    expected = lengths_expected(delay)
+    (ssp,) = gs.export("heave_step", delayed, forms="ssp", ssp_fmi=version, out=tmp_path)
     simulation = EcosSimulation(MISTAKEN["loop.sample_time"], ssp_path=str(ssp))
     simulation.init()
-    rows = []
-    for _ in range(len(expected)):
-        rows.append([simulation.get_real(f"plant::leg_length[{k}]") for k in range(1, 7)])
+    for expected in gs.run("heave_step", delayed)["leg_length"]:
+        found = [simulation.get_real(f"plant::leg_length[{k}]") for k in range(1, 7)]
+        assert np.abs(found - expected).max() <= 1e-9
         simulation.step()
-    error = np.abs(np.array(rows) - expected).max()
-    print(f"the exported loop with a delay of {delay}, FMI {version}, Ecos against the harness: {error:.1e} m")
-    assert error <= 1e-9
+
+
+def test_the_plant_in_casadi(fmus: dict[str, Fmu]) -> None:
+    """Expected: a Lagrangian under DOP853; Model Exchange by `DaeBuilder` and classical Runge and Kutta's steps."""
+    platform = gs.load_preset("liu2000")
+    wrench = np.append(platform.home_actuator_force * (1 + 0.01 * np.arange(1, 7)), np.zeros(6))
+    start = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(6)])
+    expected = trajectory(platform, start, lambda _: wrench, np.array([0.0, 0.1]))[-1, :3]
+    dae = casadi.DaeBuilder("plant", str(fmus["2.0"].folder))
+    f = dae.create("f", ["x", "u"], ["ode"])
+    x, u = (np.array(dae.start(names)).ravel() for names in (dae.x(), dae.u()))
+    u[[dae.u().index(f"actuator_force[{k}]") for k in range(1, 7)]] = wrench[:6]
+    h = 1e-3
+    for _ in range(100):
+        k1 = f(x, u)
+        k2 = f(x + h / 2 * k1, u)
+        k3 = f(x + h / 2 * k2, u)
+        k4 = f(x + h * k3, u)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    found = np.array(x).ravel()[[dae.x().index(f"position[{k}]") for k in range(1, 4)]]
+    assert np.abs(found - expected).max() <= 1e-9

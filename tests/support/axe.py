@@ -7,10 +7,7 @@ from playwright.sync_api import Page
 
 
 def violations(page: Page) -> list[str]:
-    """Each rule that the page breaks: its name, what it asks for, and the elements that break it.
-
-    The script is evaluated from outside, as the policy of our pages admits no script but their own.
-    """
+    """Each rule that the page breaks, and an element that does; asked from outside, as the policy admits no script."""
     page.evaluate((files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8") + "; 0")
     found: dict[str, Any] = page.evaluate("axe.run(document, { resultTypes: ['violations'], preload: false })")
     return [

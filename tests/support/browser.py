@@ -27,12 +27,8 @@ class Watched:
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """A headless browser."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS)
-        try:
-            yield browser
-        finally:
-            browser.close()
+    with sync_playwright() as play, play.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS) as browser:
+        yield browser
 
 
 def watched(browser: Browser, width: int = 1000, height: int = 640, **options: Any) -> Watched:
@@ -82,13 +78,7 @@ def open_report(
 
 
 def until(page: Page, expression: str, seconds: float = 60) -> None:
-    """Wait until an expression is true; asked from outside, since the policy of our pages admits no eval.
-
-    Raises
-    ------
-    TimeoutError
-        It was not true in time.
-    """
+    """Wait until an expression is true; asked from outside, since the policy of our pages admits no eval."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         if time.monotonic() > end:

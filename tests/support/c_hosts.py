@@ -79,17 +79,13 @@ def fuzz(program: Path, sequences: int, seeds: Sequence[int] = (1,)) -> dict[str
 
 def functions_of_the_standards() -> set[str]:
     """As the headers declare them, which FMPy's wheel carries."""
-    headers = (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}Functions.h" for version in "23")
-    return {
-        name
-        for header in headers
-        for name in re.findall(r"^\s*FMI[23]_Export\s+\w+\s+(\w+);", header.read_text(), re.M)
-    }
+    folder = Path(fmpy.__file__).parent / "c-code"
+    text = "".join((folder / f"fmi{version}Functions.h").read_text() for version in "23")
+    return set(re.findall(r"^\s*FMI[23]_Export\s+\w+\s+(\w+);", text, re.M))
 
 
 def run_instances(program: Path, number: int, threads: int) -> dict[str, Any]:
     """What the program prints; fails if it finds a difference."""
     done = subprocess.run([str(program), str(number), str(threads)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    result: dict[str, Any] = json.loads(done.stdout)
-    return result
+    return dict(json.loads(done.stdout))

@@ -8,32 +8,17 @@ from tests.support.snippets import run_command
 from tools.pages.blocks import ROOT
 from tools.pages.story import run_in_shell
 
-_PRINTED = "printed.txt"
-
 
 class Demo(NamedTuple):
-    """Its folder."""
+    """The folders of `reproduce --report` and of `run heave_step --plant fmu3 --report`, and what both printed."""
 
-    folder: Path
-
-    @property
-    def paper(self) -> Path:
-        """Files of `gough-stewart reproduce --report`."""
-        return self.folder / "paper"
-
-    @property
-    def heave(self) -> Path:
-        """Files of `gough-stewart run heave_step --plant fmu3 --report`."""
-        return self.folder / "heave"
-
-    @property
-    def text(self) -> str:
-        """What was printed."""
-        return (self.folder / _PRINTED).read_text()
+    paper: Path
+    heave: Path
+    text: str
 
 
 def run_demo(folder: Path) -> None:
     """The commands of its recipe, one by one."""
     recipe = run_in_shell(f"make -n demo OUT={folder / 'paper'} HEAVE={folder / 'heave'}", ROOT).stdout
     commands = re.findall(r"^\S*(gough-stewart .*)$", recipe, re.MULTILINE)
-    (folder / _PRINTED).write_text("".join(run_command(command, folder) for command in commands))
+    (folder / "printed.txt").write_text("".join(run_command(command, folder) for command in commands))

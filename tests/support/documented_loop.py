@@ -6,6 +6,7 @@ small steps; motions, controllers and drives are stated here as formulas of one 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,33 +20,14 @@ from tests.support.lagrangian import Pose, equations_at, forces_along, legs_alon
 FloatArray = NDArray[np.float64]
 
 
-_SMALLEST_STEP = 5e-4  # of the plant [s]
+class Documented(SimpleNamespace):
+    """What a run should record, (n, 6) with a row per plant step.
 
-
-@dataclass
-class Documented:
-    """What a run should record, one row per plant step."""
-
-    pose: FloatArray  # position and orientation (n, 6)
-    twist: FloatArray  # velocity and angular velocity (n, 6)
-    acceleration: FloatArray  # the rate of the twist under the force that acts from the row on (n, 6)
-    leg_length: FloatArray  # (n, 6)
-    leg_velocity: FloatArray  # (n, 6)
-    actuator_force: FloatArray  # that acts from the row on (n, 6)
-    wrench: FloatArray  # likewise (n, 6)
-    target: FloatArray  # of the drives, and what their rate limit has reached after the row's step (n, 6)
-    reached: FloatArray
-    # of the latest sample
-    command: FloatArray  # before the limits (n, 6)
-    feedforward: FloatArray  # (n, 6)
-    injection: FloatArray  # (n, 6)
-    reading: FloatArray  # leg lengths (n, 6)
-    # of the motion, by the nominal platform
-    wanted: FloatArray  # pose (n, 6)
-    wanted_twist: FloatArray  # (n, 6)
-    wanted_acceleration: FloatArray  # (n, 6)
-    wanted_length: FloatArray  # (n, 6)
-    wanted_velocity: FloatArray  # of the legs (n, 6)
+    `pose`, `twist`, `leg_length`, `leg_velocity`; `acceleration` (the rate of the twist), `actuator_force`, `wrench`
+    act from the row on; `target` of the drives, and what their rate limit has `reached` after the row's step. Of the
+    latest sample `command` (before the limits), `feedforward`, `injection`, `reading` (of leg lengths). Of the motion,
+    by the nominal platform, `wanted`, `wanted_twist`, `wanted_acceleration`, `wanted_length`, `wanted_velocity`.
+    """
 
 
 def simulate(
@@ -56,20 +38,11 @@ def simulate(
     readings: FloatArray | None = None,
     samples: Sequence[int] | None = None,
 ) -> Documented:
-    """Run the loop of some options.
+    """Run the loop of some options: numbers in SI units under the names of the experiment file, without their tables.
 
-    Parameters
-    ----------
-    options
-        Numbers in SI units under the names of the experiment file, without their tables.
-    believed, machine
-        The nominal platform, and the simulated one at each time.
-    start
-        The pose (6,) at which the machine starts at rest; None for the reference's.
-    readings
-        What noisy sensors measured of the leg lengths at each row (n, 6); None for sensors without noise.
-    samples
-        The rows of the controller's samples, which jitter delays; None for even ones.
+    `believed` is the nominal platform, `machine` the simulated one at each time, which starts at rest in a pose (6,),
+    or in the reference's. Noisy sensors have `readings` of the leg lengths at each row (n, 6); jitter delays the rows
+    `samples` of the controller's samples.
     """
     options = with_gains(options, believed)
     T, h, duration = options["sample_time"], options["plant_step"], options["duration"]
@@ -82,20 +55,17 @@ def simulate(
     if start is not None:
         q, rate = start.copy(), np.zeros(6)
     held = static_forces(machine(0.0), q)
-    limit = options["force_limit"]
+    limit, change = options["force_limit"], options["rate_limit"] * T
     drive = _Drive(np.clip(held, -limit, limit), h, options["rate_limit"], options["lag"])
-    line = [drive.force.copy()] * options["delay"]
-    law: TaskLaw | LegLaw | None = None
-    excess, planned = np.zeros(6), drive.force.copy()
+    line = [drive.force] * options["delay"]
+    law: PidLaw | None = None
+    excess, planned = np.zeros(6), drive.force
     command, reading, used, planned_force, injected = (np.zeros(6) for _ in range(5))
-    rows: list[list[FloatArray]] = []
+    rows: list[dict[str, FloatArray]] = []
     force = drive.force
     for k in range(steps + 1):
-        time = k * h
-        machine_now = machine(time)
+        machine_now, wrench = machine(k * h), options["disturbance"](k * h)
         length, velocity = (each[0] for each in legs_along(machine_now, Pose(q[None], rate[None], rate[None])))
-        wanted = motion(np.array([time]))
-        wanted_length, wanted_velocity = (each[0] for each in legs_along(believed, wanted))
         if k in sample_of if options["sensor_time"] is None else k % round(options["sensor_time"] / h) == 0:
             step = options["quantisation"]
             reading = np.round(length / step) * step if step else length
@@ -107,39 +77,38 @@ def simulate(
             nominal = sample_of[k] * T
             at, ahead = (motion(np.array([nominal + later])) for later in (0.0, (options["delay"] + 0.5) * T))
             J, aim = jacobian(believed, at.q[0]), legs_along(believed, at)[0][0]
-            if law is None:
-                law = (TaskLaw if options["space"] == "task" else LegLaw)(options, J, aim, reading)
+            law = law or PidLaw(options, J, aim, reading)
             planned_force, injected = feedforward(options, believed, ahead), options["injection"](nominal, J_first)
             command = law.force(J, aim, reading, excess) + planned_force + injected
             clipped = np.clip(command, -limit, limit)
             # the anti-windup hears what force and rate limits leave of this command after one sample
-            planned = planned + np.clip(clipped - planned, -options["rate_limit"] * T, options["rate_limit"] * T)
+            planned = planned + np.clip(clipped - planned, -change, change)
             excess = planned - command
             line.append(clipped)
             target = line.pop(0)
         if k < steps:
             force = drive.step(target)
-        q_dd = accelerations(machine_now, q, rate, force, wrench := options["disturbance"](time))
+        acceleration = _rate_of_twist(q, rate, accelerations(machine_now, q, rate, force, wrench))
         rows.append(
-            [
-                *(q.copy(), twist_of_rates(q) @ rate, _rate_of_twist(q, rate, q_dd), length, velocity),
-                *(force.copy(), wrench, target, drive.r.copy()),
-                *(command.copy(), planned_force, injected, used),
-                *(
-                    wanted.q[0],
-                    twist_of_rates(wanted.q[0]) @ wanted.rate[0],
-                    _rate_of_twist(*(each[0] for each in wanted)),
-                    wanted_length,
-                    wanted_velocity,
-                ),
-            ]
+            {
+                **{"pose": q, "twist": twist_of_rates(q) @ rate, "acceleration": acceleration},
+                **{"leg_length": length, "leg_velocity": velocity, "actuator_force": force, "wrench": wrench},
+                **{"target": target, "reached": drive.r, "command": command, "feedforward": planned_force},
+                **{"injection": injected, "reading": used},
+            }
         )
         if k < steps:
-            q, rate = stepped(machine_now, q, rate, force, options["disturbance"](time), h)
-    return Documented(*(np.array(each) for each in zip(*rows, strict=True)))
-
-
-# --- motions ---------------------------------------------------------------------------------------------------------
+            q, rate = stepped(machine_now, q, rate, force, wrench, h)
+    wanted = motion(h * np.arange(steps + 1))
+    wanted_length, wanted_velocity = legs_along(believed, wanted)
+    return Documented(
+        **{name: np.array([row[name] for row in rows]) for name in rows[0]},
+        wanted=wanted.q,
+        wanted_twist=np.array([twist_of_rates(q) @ rate for q, rate in zip(*wanted[:2], strict=True)]),
+        wanted_acceleration=np.array([_rate_of_twist(*each) for each in zip(*wanted, strict=True)]),
+        wanted_length=wanted_length,
+        wanted_velocity=wanted_velocity,
+    )
 
 
 def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatArray], Pose]:
@@ -173,9 +142,6 @@ def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatAr
     return at
 
 
-# --- controllers -----------------------------------------------------------------------------------------------------
-
-
 def with_gains(options: Mapping[str, Any], believed: Platform) -> dict[str, Any]:
     """The options with kp, kd and ki from bandwidth, damping ratio and integral time, where they have these.
 
@@ -199,44 +165,62 @@ def with_gains(options: Mapping[str, Any], believed: Platform) -> dict[str, Any]
     return {**options, "kp": kp, "kd": 2 * options["damping_ratio"] * m * w, "ki": ki}
 
 
-class Channels:
-    """Six PID channels: kp e + kd s/(Tf s + 1) v + x, ẋ = ki e + excess/Tt; v = e, or −y."""
+class PidLaw:
+    """Six PID channels, of axes or legs: w = kp e + kd s/(Tf s + 1) v + x, ẋ = ki e + excess/Tt; v = e, or −y.
 
-    def __init__(self, options: Mapping[str, Any], first: FloatArray) -> None:
+    Of axes e = J⁻¹ (L_r − L), y = Σ J⁻¹ ΔL, F = J⁻ᵀ w, and the excess of forces is Jᵀ times that; of legs J is 1.
+    """
+
+    def __init__(self, options: Mapping[str, Any], J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
+        self.options, self.T = options, options["sample_time"]
         self.kp, self.kd, self.ki = (np.array(options[name]) for name in ("kp", "kd", "ki"))
         # of the fastest channel: the shortest kd / (20 kp)
         self.Tf = options["derivative_filter"] or float((self.kd / self.kp).min() / 20)
         with np.errstate(divide="ignore", invalid="ignore"):
             own = np.sqrt((self.kp / self.ki) * (self.kd / self.kp))
         self.Tt = np.full(6, options["anti_windup_time"]) if options["anti_windup_time"] else own
-        self.method, self.T, self.of_notch = options["discretisation"], options["sample_time"], options.get("notch")
-        # steady state: the filter has settled on the first input, the integrator is empty
-        self.settle(first)
-        self.x, self.w = np.zeros(6), np.zeros(6)
+        self.moved, self.x, self.w = np.zeros((3, 6))
+        self.settle(J, wanted, measured)
 
-    def settle(self, v: FloatArray) -> None:
-        """Let filters and notch settle on an input; the integral stays."""
-        self.v, self.d, self.z = v.copy(), np.zeros(6), self.Tf * v
-        self.notch = _Notch(self.of_notch, self.T) if self.of_notch else None
+    def settle(self, J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
+        """Let derivative and notch rest in a measurement, as at first and after a gap; the integral stays."""
+        self.last = measured.copy()
+        self.v = self._inputs(J, wanted, measured)[1]
+        self.d, self.z = np.zeros(6), self.Tf * self.v
+        self.notch = _Notch(self.options["notch"], self.T) if self.options.get("notch") else None
 
-    def __call__(self, e: FloatArray, v: FloatArray, excess: FloatArray) -> FloatArray:
-        T, Tf, kd = self.T, self.Tf, self.kd
-        back = np.where(self.ki > 0, excess / np.where(self.ki > 0, self.Tt, 1.0), 0.0)
+    def _of_channels(self, J: FloatArray) -> FloatArray:
+        return J if self.options["space"] == "task" else np.eye(6)
+
+    def _inputs(self, J: FloatArray, wanted: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The errors, and what is differentiated."""
+        of_channels = self._of_channels(J)
+        self.moved = self.moved + _solved(of_channels, measured - self.last)
+        self.last = measured.copy()
+        e = _solved(of_channels, wanted - measured)
+        return e, e if self.options["derivative_on"] == "error" else -self.moved
+
+    def force(self, J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        """Forces (6,)."""
+        T, Tf, kd, method = self.T, self.Tf, self.kd, self.options["discretisation"]
+        e, v = self._inputs(J, wanted, measured)
+        of_channels = self._of_channels(J)
+        back = np.where(self.ki > 0, of_channels.T @ excess / np.where(self.ki > 0, self.Tt, 1.0), 0.0)
         w = self.ki * e + back
-        if self.method == "tustin":
+        if method == "tustin":
             self.d = ((2 * Tf - T) * self.d + 2 * kd * (v - self.v)) / (2 * Tf + T)
             self.x = self.x + T / 2 * (w + self.w)
-        elif self.method == "backward_diff":
+        elif method == "backward_diff":
             self.d = (Tf * self.d + kd * (v - self.v)) / (Tf + T)
             self.x = self.x + T * w
         else:  # inputs held over the sample: the states move after they were used
             self.d = kd / Tf * (v - self.z / Tf)
             self.z = np.exp(-T / Tf) * self.z + Tf * (1 - np.exp(-T / Tf)) * v
             self.x = self.x + T * self.w
-        self.v, self.w = v.copy(), w
-        force = np.asarray(self.kp * e + self.d + self.x)
-        at_once = {"tustin": T / 2, "backward_diff": T, "zoh": 0.0}[self.method] * back
-        return force if self.notch is None else self.notch(force, force - at_once)
+        self.v, self.w = v, w
+        u = self.kp * e + self.d + self.x
+        at_once = {"tustin": T / 2, "backward_diff": T, "zoh": 0.0}[method] * back
+        return _solved(of_channels.T, u if self.notch is None else self.notch(u, u - at_once))
 
 
 class _Notch:
@@ -260,48 +244,9 @@ class _Notch:
         if self.past is None:  # its gain at rest is 1
             self.past = np.array([[unlimited] * 2] * 2)
         (u1, u2), (y1, y2) = self.past
-        y = (b[0] * u + b[1] * u1 + b[2] * u2 - a[1] * y1 - a[2] * y2) / a[0]
+        y = np.asarray((b[0] * u + b[1] * u1 + b[2] * u2 - a[1] * y1 - a[2] * y2) / a[0])
         self.past = np.array([[u, u1], [y, y1]])
-        return np.asarray(y)
-
-
-class LegLaw:
-    """Channels are legs."""
-
-    def __init__(self, options: Mapping[str, Any], _J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
-        self.on_error = options["derivative_on"] == "error"
-        self.channels = Channels(options, wanted - measured if self.on_error else -measured)
-
-    def settle(self, _J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
-        """Let the derivatives rest in a measurement, as after a gap."""
-        self.channels.settle(wanted - measured if self.on_error else -measured)
-
-    def force(self, _J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """Forces (6,)."""
-        return self.channels(wanted - measured, wanted - measured if self.on_error else -measured, excess)
-
-
-class TaskLaw:
-    """Channels are axes: e = J⁻¹ (L_r − L), y = Σ J⁻¹ ΔL, F = J⁻ᵀ w."""
-
-    def __init__(self, options: Mapping[str, Any], J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
-        self.on_error = options["derivative_on"] == "error"
-        error = _solved(J, wanted - measured)
-        self.moved, self.last = np.zeros(6), measured.copy()
-        self.channels = Channels(options, error if self.on_error else np.zeros(6))
-
-    def settle(self, J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
-        """Let the derivatives rest in a measurement, as after a gap."""
-        self.last = measured.copy()
-        self.channels.settle(_solved(J, wanted - measured) if self.on_error else -self.moved)
-
-    def force(self, J: FloatArray, wanted: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """Forces (6,)."""
-        self.moved = self.moved + _solved(J, measured - self.last)
-        self.last = measured.copy()
-        error = _solved(J, wanted - measured)
-        w = self.channels(error, error if self.on_error else -self.moved, J.T @ excess)
-        return _solved(J.T, w)
+        return y
 
 
 def feedforward(options: Mapping[str, Any], believed: Platform, ahead: Pose) -> FloatArray:
@@ -311,9 +256,6 @@ def feedforward(options: Mapping[str, Any], believed: Platform, ahead: Pose) -> 
     if options["feedforward"] == "gravity":
         return static_forces(believed, ahead.q[0])
     return np.asarray(forces_along(believed, ahead)[0] + _friction(believed, legs_along(believed, ahead)[1][0]))
-
-
-# --- drives ----------------------------------------------------------------------------------------------------------
 
 
 class _Drive:
@@ -344,9 +286,6 @@ class _Drive:
         f = np.vstack([self.f, later])
         self.f = f[-1].copy()
         return np.asarray(((f[1:] + f[:-1]) / 2).mean(axis=0))
-
-
-# --- plant -----------------------------------------------------------------------------------------------------------
 
 
 def _friction(machine: Platform, velocity: FloatArray) -> FloatArray:
@@ -395,8 +334,8 @@ def accelerations(
 def stepped(
     machine: Platform, q: FloatArray, rate: FloatArray, force: FloatArray, wrench: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Pose and rates after a plant step, forces held."""
-    parts = max(1, round(h / _SMALLEST_STEP))
+    """Pose and rates after a plant step, forces held, in parts of about 0.5 ms."""
+    parts = max(1, round(h / 5e-4))
     dt = h / parts
     x = np.concatenate([q, rate])
 
@@ -414,9 +353,6 @@ def stepped(
 
 def _solved(A: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(A, b), dtype=float)
-
-
-# --- the loop as a linear system -------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -493,10 +429,8 @@ def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> Doc
     C[:, :6] = slope(lambda x: legs_along(machine, Pose((q + x)[None], *np.zeros((2, 1, 6))))[0][0], h, 6)
     T, tau = options["sample_time"], options["lag"]
     if tau > 0:
-        A, B = (
-            np.block([[A, B], [np.zeros((6, 12)), -np.eye(6) / tau]]),
-            np.vstack([np.zeros((12, 6)), np.eye(6) / tau]),
-        )
+        A = np.block([[A, B], [np.zeros((6, 12)), -np.eye(6) / tau]])
+        B = np.vstack([np.zeros((12, 6)), np.eye(6) / tau])
         C = np.hstack([C, np.zeros((6, 6))])
     n = len(A)
     held_over = expm(np.block([[A, B], [np.zeros((6, n + 6))]]) * T)

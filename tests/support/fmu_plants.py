@@ -18,12 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 OK, WARNING, DISCARD, ERROR = range(4)
 POSE = ("position", "orientation")
 STATES = (*POSE, "velocity", "angular_velocity")
-_CLASSES: dict[tuple[bool, bool], Any] = {
-    (True, True): FMU2Slave,
-    (True, False): FMU2Model,
-    (False, True): FMU3Slave,
-    (False, False): FMU3Model,
-}
 _SCALAR = re.compile(r"(der\()?(\w+)(?:\[([\d,]+)\])?(\)?)")
 
 
@@ -61,11 +55,6 @@ class Fmu:
         self.token = str(self.description.guid or self.description.instantiationToken)
         self.variables = variables_of(self.description)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
 
 def variables_of(description: Any) -> dict[str, Whole]:
     """Whole variables by name, from the names and dimensions of the description."""
@@ -98,7 +87,8 @@ class Plant:
         self.file, self.is_fmi2, self.co_simulation = fmu, fmu.is_fmi2, co_simulation
         self.variables = variables_of(fmu.description)
         self.messages: list[Message] = []
-        self.fmu: Any = _CLASSES[self.is_fmi2, co_simulation](
+        kinds: Any = (FMU2Slave, FMU2Model) if self.is_fmi2 else (FMU3Slave, FMU3Model)
+        self.fmu: Any = kinds[not co_simulation](
             guid=fmu.description.guid or fmu.description.instantiationToken if token is None else token,
             unzipDirectory=str(fmu.folder),
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
@@ -133,14 +123,10 @@ class Plant:
         assert refused(call, *arguments) == status
         assert words in self.messages[-1].text
 
-    # --- values ------------------------------------------------------------------------------------------------
-
     def references(self, name: str) -> list[int]:
-        """Value references of a whole variable."""
         return self.variables[name].references
 
     def size(self, *names: str) -> int:
-        """Number of elements."""
         return sum(int(np.prod(self.variables[name].shape, dtype=int)) for name in names)
 
     def set(self, name: str, value: ArrayLike) -> None:
@@ -149,7 +135,6 @@ class Plant:
         (self.fmu.setReal if self.is_fmi2 else self.fmu.setFloat64)(self.references(name), flat)
 
     def get(self, name: str) -> NDArray[np.float64]:
-        """Value of a whole variable."""
         if self.is_fmi2:
             flat = self.fmu.getReal(self.references(name))
         else:
@@ -161,20 +146,16 @@ class Plant:
         return np.concatenate([np.ravel(self.get(name)) for name in names])
 
     def everything(self) -> dict[str, NDArray[np.float64]]:
-        """Every variable."""
         return {name: self.get(name) for name in self.variables}
 
     @property
     def pose(self) -> NDArray[np.float64]:
-        """Position and orientation."""
         return self.get_all(POSE)
 
     @property
     def time(self) -> float:
         """The present time; in FMI 2.0 only of Co-Simulation, after the start."""
         return float(self.fmu.getRealStatus(2) if self.is_fmi2 else self.get("time"))  # 2: fmi2LastSuccessfulTime
-
-    # --- life --------------------------------------------------------------------------------------------------
 
     def start(
         self,
@@ -184,7 +165,7 @@ class Plant:
         stop: float | None = None,
         platform: Any = None,
     ) -> Self:
-        """Set parameters and values, and go through initialisation; of Model Exchange on to continuous time."""
+        """Set parameters and values, and initialise."""
         for name, whole in self.variables.items() if platform is not None else ():
             if whole.declared[0].causality == "parameter" and hasattr(platform, name):
                 self.set(name, getattr(platform, name))
@@ -204,13 +185,11 @@ class Plant:
             self.leave_event_mode()
 
     def leave_event_mode(self) -> None:
-        """From event mode to continuous time."""
         news = self.fmu.newDiscreteStates() if self.is_fmi2 else self.fmu.updateDiscreteStates()
         assert not any(news[:5])  # there are no events
         self.fmu.enterContinuousTimeMode()
 
     def do_step(self, time: float, step: float) -> Any:
-        """One communication step."""
         return self.fmu.doStep(time, step)
 
     def free(self) -> None:
@@ -225,22 +204,16 @@ class Plant:
     def __exit__(self, *_: object) -> None:
         self.free()
 
-    # --- saved states ------------------------------------------------------------------------------------------
-
     def serialized(self) -> bytes:
-        """The present state as bytes."""
         state = self.fmu.getFMUState()
         blob: bytes = self.fmu.serializeFMUState(state)
         self.fmu.freeFMUState(state)
         return blob
 
     def restore(self, blob: bytes) -> None:
-        """Back to a state from bytes."""
         state = self.fmu.deserializeFMUState(blob)
         self.fmu.setFMUState(state)
         self.fmu.freeFMUState(state)
-
-    # --- sensitivities and rates -------------------------------------------------------------------------------
 
     def directional(self, unknown: str, known: str, seed: ArrayLike) -> NDArray[np.float64]:
         """Change of a whole unknown along a change of a whole known."""
@@ -254,7 +227,6 @@ class Plant:
         self.fmu.setRealInputDerivatives(references, [1] * len(references), np.ravel(rates).astype(float).tolist())
 
     def output_rates(self, name: str) -> NDArray[np.float64]:
-        """First time derivatives of an output."""
         references, size = self.references(name), self.size(name)
         if self.is_fmi2:
             return np.array(self.fmu.getRealOutputDerivatives(references, [1] * size))
@@ -264,23 +236,17 @@ class Plant:
         )
         return np.array(values)
 
-    # --- Model Exchange ----------------------------------------------------------------------------------------
-
     def get_states(self, n: int = 12) -> NDArray[np.float64]:
-        """Continuous states."""
         return self._filled(self.fmu.getContinuousStates, n)
 
     def set_states(self, x: ArrayLike) -> None:
-        """Continuous states."""
         flat = np.ravel(x).astype(float)
         self.fmu.setContinuousStates(flat.ctypes.data_as(POINTER(c_double)), len(flat))
 
     def state_rates(self, n: int = 12) -> NDArray[np.float64]:
-        """Derivatives of the continuous states."""
         return self._filled(self.fmu.getDerivatives if self.is_fmi2 else self.fmu.getContinuousStateDerivatives, n)
 
     def nominals(self, n: int = 12) -> NDArray[np.float64]:
-        """Nominals of the continuous states."""
         return self._filled(self.fmu.getNominalsOfContinuousStates, n)
 
     def _filled(self, call: Any, n: int) -> NDArray[np.float64]:
@@ -301,7 +267,6 @@ def by_element(fmu: Fmu, values: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def plant(fmu: Any, co_simulation: bool = True, **options: Any) -> Iterator[Plant]:
-    """An instance that is freed."""
     with Plant(fmu, co_simulation, **options) as instance:
         yield instance
 

@@ -22,7 +22,6 @@ _SOURCE = """
 enum { Y, R = 6, U = 12, GAIN = 18, READY, N };
 #define API __attribute__((visibility("default")))
 API void* fmi2Instantiate(const char* a, int b, const char* c, const char* d, const void* e, int f, int g) {
-  (void)a; (void)b; (void)c; (void)d; (void)e; (void)f; (void)g;
   double* v = calloc(N, sizeof *v);
   v[GAIN] = 1000;
   return v;
@@ -39,13 +38,11 @@ API int fmi2GetReal(void* c, const unsigned* references, size_t n, double* value
   return 0;
 }
 API int fmi2SetupExperiment(void* c, int d, double t, double s, int e, double u) {
-  (void)c; (void)d; (void)t; (void)s; (void)e; (void)u;
   return 0;
 }
-API int fmi2EnterInitializationMode(void* c) { (void)c; return 0; }
+API int fmi2EnterInitializationMode(void* c) { return 0; }
 API int fmi2ExitInitializationMode(void* c) { ((double*)c)[READY] = 1; return 0; }
 API int fmi2DoStep(void* c, double time, double step, int n) {
-  (void)step; (void)n;
   double* v = c;
   if (!v[READY]) return 3;
   if (v[GAIN] < 0 && time >= FAILS_AT) {
@@ -65,11 +62,10 @@ def foreign_controller(target: Path, *, unit: str = "m", outputs: int = 6) -> Pa
     for word, number in (("FAILS_AT", FAILS_AT), ("REFUSES", REFUSES), ("MOST", MOST)):
         source = source.replace(word, str(number))
     # what FMPy looks for and does not call here
-    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - set(
-        re.findall(r"fmi2\w+", source)
-    )
+    called = set(re.findall(r"fmi2\w+", source))
+    others = set(re.findall(r"def (fmi2[A-Z]\w+)\(", inspect.getsource(fmpy.fmi2))) - called
     source += "\n".join(f"API int {name}(void) {{ return 0; }}" for name in sorted(others))
-    names = [f"y_{k}" for k in range(1, 7)] + [f"r[{k}]" for k in range(1, 7)] + [f"u[{k}]" for k in range(1, 7)]
+    names = [name.format(k) for name in ("y_{}", "r[{}]", "u[{}]") for k in range(1, 7)]
     variables = "".join(
         f'<ScalarVariable name="{name}" valueReference="{k}" causality="{"input" if k < 12 else "output"}">'
         + (f'<Real unit="{unit}" start="0"/>' if k < 12 else '<Real unit="N"/>')

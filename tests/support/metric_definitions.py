@@ -14,14 +14,8 @@ import pytest
 
 from tests.support.orientations import rotation_vectors
 
-AXES = {
-    "x": "position[1]",
-    "y": "position[2]",
-    "z": "position[3]",
-    "roll": "orientation[1]",
-    "pitch": "orientation[2]",
-    "yaw": "orientation[3]",
-}
+AXES = {axis: f"position[{k}]" for k, axis in enumerate(("x", "y", "z"), 1)}
+AXES |= {axis: f"orientation[{k}]" for k, axis in enumerate(("roll", "pitch", "yaw"), 1)}
 LEGS = range(1, 7)
 
 
@@ -31,11 +25,9 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_who
     held = rows[:-1] or rows  # the last row lasts for no time
     time = [row["time"] for row in rows]
     duration = time[-1] - time[0]
-    work = {leg: [_work(a, b, leg) for a, b in pairwise(rows)] for leg in LEGS}
-    net = [sum(work[leg]) for leg in LEGS]
-    absolute = [sum(map(abs, work[leg])) for leg in LEGS]
-    lengths = {leg: _column(rows, f"leg_length[{leg}]") for leg in LEGS}
-    forces = {leg: _column(rows, f"actuator_force[{leg}]") for leg in LEGS}
+    work = [[_work(a, b, leg) for a, b in pairwise(rows)] for leg in LEGS]
+    net, absolute = list(map(sum, work)), [sum(map(abs, of_leg)) for of_leg in work]
+    lengths = [_column(rows, f"leg_length[{leg}]") for leg in LEGS]
     return {
         "rows": len(rows),
         "duration": duration,
@@ -45,7 +37,7 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_who
         },
         "step_response": [step for axis in AXES if (step := _step(rows, axis)) is not None],
         "force": {
-            "peak": [_largest(forces[leg]) for leg in LEGS],
+            "peak": [_largest(_column(rows, f"actuator_force[{leg}]")) for leg in LEGS],
             "rms": [_rms(_column(held, f"actuator_force[{leg}]")) for leg in LEGS],
         },
         "power": {
@@ -55,8 +47,8 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_who
         "energy": {"net": net, "absolute": absolute, "net_total": sum(net), "absolute_total": sum(absolute)},
         "saturation": {name: _shares(held, name) for name in ("force_limited", "rate_limited")},
         "stroke": {
-            "shortest": [min(lengths[leg]) for leg in LEGS],
-            "longest": [max(lengths[leg]) for leg in LEGS],
+            "shortest": list(map(min, lengths)),
+            "longest": list(map(max, lengths)),
             "margin": _margin(lengths, platform.get("leg_length_min"), platform.get("leg_length_max")),
             "exceeded": _shares(rows, "stroke_exceeded"),
         },
@@ -149,32 +141,27 @@ def _shares(rows: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
     return {"legs": of_legs, "any": sum(any(flag) for flag in flags) / len(flags)}
 
 
-def _margin(lengths: Mapping[int, Sequence[float]], least: float | None, most: float | None) -> float | None:
-    room = [] if least is None else [min(map(min, lengths.values())) - least]
-    room += [] if most is None else [most - max(map(max, lengths.values()))]
+def _margin(lengths: Sequence[Sequence[float]], least: float | None, most: float | None) -> float | None:
+    room = [] if least is None else [min(map(min, lengths)) - least]
+    room += [] if most is None else [most - max(map(max, lengths))]
     return min(room) if room else None
 
 
 def _limits(rows: Sequence[Mapping[str, Any]], platform: Mapping[str, Any]) -> dict[str, Any]:
     found = {}
-    for name in ("leg_velocity_max", "actuator_force_max", "actuator_power_max"):
+    values: dict[str, Any] = {
+        "leg_velocity_max": lambda k, leg: abs(rows[k][f"leg_velocity[{leg}]"]),
+        "actuator_force_max": lambda k, leg: abs(rows[k][f"actuator_force[{leg}]"]),
+        "actuator_power_max": lambda k, leg: max(_powers(rows, k, leg)),
+    }
+    for name, value in values.items():
         limit = platform.get(name)
         if limit is None:
             continue
-        used: list[list[float]] = []
-        for leg in LEGS:
-            if name == "actuator_power_max":
-                values = [max(_powers(rows, k, leg)) for k in range(len(rows))]
-            else:
-                column = "leg_velocity" if name == "leg_velocity_max" else "actuator_force"
-                values = [abs(row[f"{column}[{leg}]"]) for row in rows]
-            used.append([value / limit for value in values])
+        used = [[value(k, leg) / limit for k in range(len(rows))] for leg in LEGS]
         beyond = [[row["time"] for row, share in zip(rows, of, strict=True) if share > 1] for of in used]
-        found[name] = {
-            "limit": limit,
-            "used": [max(of) for of in used],
-            "first_exceeded": [times[0] if times else None for times in beyond],
-        }
+        first = [times[0] if times else None for times in beyond]
+        found[name] = {"limit": limit, "used": [max(of) for of in used], "first_exceeded": first}
     return found
 
 
@@ -195,10 +182,7 @@ def _step(rows: Sequence[Mapping[str, Any]], axis: str) -> dict[str, Any] | None
     outside = [k for k, value in enumerate(y) if abs(value - 1) >= 0.02]
     settled = outside[-1] + 1 if outside else 0
     return {
-        "axis": axis,
-        "from": first,
-        "to": last,
-        "at": time[start],
+        **{"axis": axis, "from": first, "to": last, "at": time[start]},
         "overshoot_percent": max(0.0, 100 * (max(y) - 1)) if rose else 0.0,
         "rise_time": _first(t, y, 0.9) - _first(t, y, 0.1) if rose else None,
         "settling_time": t[settled] if rose and settled < len(y) else None,

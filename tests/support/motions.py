@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
+from tests.support.records import plain
 
 # This project's names of a log's columns, in SI units.
 COLUMNS = ("time", *(f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3)))
@@ -18,11 +19,7 @@ COLUMNS = ("time", *(f"{name}[{k}]" for name in ("position", "orientation") for 
 
 def experiment(platform: gs.Platform, reference: dict[str, Any], folder: Path = Path(), **tables: Any) -> gs.Experiment:
     """An experiment on a platform with a motion; 1 s in steps of 10 ms unless `loop` says otherwise."""
-    parameters = {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in platform.as_dict().items()
-        if name not in ("name", "source")
-    }
+    parameters = {name: value for name, value in plain(platform).items() if name not in ("name", "source")}
     values: dict[str, Any] = {
         "title": "motion",
         "platform": {"preset": "liu2000", "parameters": parameters},
@@ -42,13 +39,8 @@ def motion_of(platform: gs.Platform, folder: Path = Path(), **reference: Any) ->
 
 def write_table(path: Path, columns: Mapping[str, Any]) -> Path:
     """A CSV or Parquet file with these columns."""
-    table = polars.DataFrame(
-        {name: list(np.asarray(values).tolist()) for name, values in columns.items()}, strict=False
-    )
-    if path.suffix == ".parquet":
-        table.write_parquet(path)
-    else:
-        table.write_csv(path)
+    table = polars.DataFrame({name: np.asarray(values).tolist() for name, values in columns.items()}, strict=False)
+    getattr(table, "write_parquet" if path.suffix == ".parquet" else "write_csv")(path)
     return path
 
 

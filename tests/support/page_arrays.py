@@ -37,8 +37,7 @@ def rows_below(page: bytes, heading: str) -> dict[str, tuple[str, ...]]:
 def data_of(page: bytes) -> dict[str, Any]:
     """What the page's scripts are given."""
     (element,) = elements(page, "//script[@id='data']")
-    found: dict[str, Any] = json.loads(element.text)
-    return found
+    return dict(json.loads(element.text))
 
 
 def charts_of(page: bytes) -> dict[str, dict[str, Any]]:
@@ -49,10 +48,8 @@ def charts_of(page: bytes) -> dict[str, dict[str, Any]]:
         x = unpacked(data["arrays"][chart["x"]["values"]])
         series = []
         for one in chart["series"]:
-            known = {
-                name: unpacked(data["arrays"][one[name]]) for name in ("x", "values", "low", "high") if name in one
-            }
-            series.append({"x": x, **one, **known})
+            names = one.keys() & {"x", "values", "low", "high"}
+            series.append({"x": x, **one, **{name: unpacked(data["arrays"][one[name]]) for name in names}})
         charts[chart["title"]] = {**chart, "series": series}
     return charts
 
@@ -69,8 +66,7 @@ def unpacked(packed: dict[str, Any]) -> FloatArray:
     steps = np.where(zigzag % 2, -(zigzag + 1) // 2, zigzag // 2)
     for _ in range(packed["o"]):
         steps = np.cumsum(steps)
-    values = packed["a"] + packed["s"] * steps
-    gaps = packed.get("g", [])
-    for start, end in zip(gaps[::2], gaps[1::2], strict=True):
+    values = np.asarray(packed["a"] + packed["s"] * steps)
+    for start, end in np.reshape(packed.get("g", []), (-1, 2)).astype(int):
         values[start:end] = np.nan
-    return np.asarray(values)
+    return values

@@ -61,12 +61,9 @@ class PinocchioPlatform:
             friction = own["viscous_friction"] * slide + coulomb
             torque += [0.0, 0.0, inputs.actuator_force[i] - friction]
         for joint, on_leg, point in tips:
-            on_platform = pin.SE3(np.eye(3), point)
-            constraints.append(
-                pin.RigidConstraintModel(
-                    pin.ContactType.CONTACT_3D, model, joint, on_leg, body, on_platform, pin.ReferenceFrame.LOCAL
-                )
-            )
+            places = joint, on_leg, body, pin.SE3(np.eye(3), point)
+            frame_of = pin.ReferenceFrame.LOCAL
+            constraints.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *places, frame_of))
         self._R, self._v, self._omega = R, state.velocity, state.angular_velocity
         self._model, self._data, self._constraints = model, model.createData(), constraints
         self._constraint_data = pin.StdVec_RigidConstraintData()
@@ -84,14 +81,8 @@ class PinocchioPlatform:
     def evaluate(self) -> Any:
         """Pinocchio's generalized accelerations; the bare call, for timing."""
         return self._pin.constraintDynamics(
-            self._model,
-            self._data,
-            self._q,
-            self._qdot,
-            self._tau,
-            self._constraints,
-            self._constraint_data,
-            self._settings,
+            *(self._model, self._data, self._q, self._qdot, self._tau),
+            *(self._constraints, self._constraint_data, self._settings),
         )
 
     def acceleration(self) -> np.ndarray:

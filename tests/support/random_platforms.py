@@ -3,14 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart import GoughStewartError, Platform, State, leg_jacobian
+from tests.support.arrays import FloatArray
 
 # Agreement is asked for at regular poses: rounding grows with the condition number.
 REGULAR = 100.0
-
-
 _OF_LEGS = ("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature")
 
 
@@ -70,18 +68,16 @@ def random_state(platform: Platform, rng: np.random.Generator) -> State:
             return State(position, orientation, size * rng.normal(size=3), rng.normal(size=3))
 
 
-def random_inputs(platform: Platform, rng: np.random.Generator) -> NDArray[np.float64]:
+def random_inputs(platform: Platform, rng: np.random.Generator) -> FloatArray:
     """Forces and a wrench (12,) of the order of the weight."""
     weight, size = 10 * platform.platform_mass, platform.characteristic_length
     return np.asarray(weight * rng.uniform(-1, 1, 12) * np.repeat([1.0, size], [9, 3]))
 
 
-def _condition_number(platform: Platform, position: NDArray[np.float64], orientation: NDArray[np.float64]) -> float:
+def _condition_number(platform: Platform, position: FloatArray, orientation: FloatArray) -> float:
     lever = np.repeat([1.0, platform.characteristic_length], 3)
     return float(np.linalg.cond(leg_jacobian(platform, position, orientation) / lever))
 
 
-def _circle(
-    azimuth: NDArray[np.float64], radius: NDArray[np.float64], height: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _circle(azimuth: FloatArray, radius: FloatArray, height: FloatArray) -> FloatArray:
     return np.stack([radius * np.sin(azimuth), radius * np.cos(azimuth), height], axis=1)

@@ -82,10 +82,7 @@ def waving_record(
         "title": "six sines",
         "plant": "closed form",
         "outcome": {"status": "completed", "time": float(time[-1]), "cause": None},
-        "duration": float(time[-1]),
-        "force_limit": 100.0,
-        "platform": plain(platform),
-        "versions": {"python": "3"},
+        **{"duration": float(time[-1]), "force_limit": 100.0, "platform": plain(platform), "versions": {"python": "3"}},
     }
     return gs.Record(polars.DataFrame(table), {**known, **metadata})
 
@@ -116,11 +113,8 @@ def oscillating(record: gs.Record, leg: int = 5, frequency: float = 40.0, amplit
 
 def says_it_oscillates(text: str, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> bool:
     """Whether a text on an outcome after 0.5 s names what `oscillating` made, to 1 % and what to do."""
-    said = re.fullmatch(
-        r"completed at 0\.5 s; leg (\d) oscillates at (\S+) Hz without input, with an amplitude of (\S+) mm\. Lower .*",
-        text,
+    says = (
+        r"completed at 0\.5 s; leg (\d) oscillates at (\S+) Hz without input, with an amplitude of (\S+) mm\. Lower .*"
     )
-    if said is None:
-        return False
-    found, expected = [float(each) for each in said.groups()], [leg, frequency, 1e3 * amplitude]
-    return bool(np.allclose(found, expected, rtol=0.01))
+    said = re.fullmatch(says, text)
+    return said is not None and np.allclose([*map(float, said.groups())], [leg, frequency, 1e3 * amplitude], rtol=0.01)

@@ -133,8 +133,7 @@ def tables_of(report: Any) -> dict[str, Any]:
 
 def report_in(folder: Path) -> dict[str, Any]:
     """The report that a command wrote to a folder."""
-    data: dict[str, Any] = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    return data
+    return dict(json.loads((folder / "report.json").read_text(encoding="utf-8")))
 
 
 def parts_in(data: dict[str, Any], kind: str) -> list[dict[str, Any]]:

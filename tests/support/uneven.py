@@ -8,6 +8,7 @@ import numpy as np
 
 from gough_stewart import Platform, State
 from gough_stewart.model.state import Inputs
+from tests.support.records import plain
 
 UNEVEN = Platform(
     name="uneven",
@@ -56,11 +57,7 @@ UNEVEN = Platform(
     joint_angle_max=0.7,
 )
 # Its parameters in plain types, as in a file.
-PARAMETERS = {
-    name: value.tolist() if isinstance(value, np.ndarray) else value
-    for name, value in UNEVEN.as_dict().items()
-    if name not in ("name", "source")
-}
+PARAMETERS = {name: value for name, value in plain(UNEVEN).items() if name not in ("name", "source")}
 # In motion about every axis, with every input.
 STATE = State(
     position=np.array([0.12, -0.09, 2.97]),

@@ -98,10 +98,8 @@ def test_what_tests_compare_is_seen_in_fixtures_programs_and_caches_and_nothing_
         main(["toy", "--semantic=0", "--token=99", "--seed=951add4", f"--report={report}"], toy)
         assert "toy: 60% of 5 token mutants seen" in capsys.readouterr().out
     entries = map(json.loads, report.read_text().splitlines())
-    seen = {
-        entry["mutant"].partition(": ")[2].partition(" →")[0]: entry["test"].partition("::")[2] for entry in entries
-    }
-    assert seen == {
+    lines = ((entry["mutant"].partition(": ")[2].partition(" →")[0], entry["test"]) for entry in entries)
+    assert {line: test.partition("::")[2] for line, test in lines} == {
         "return a * b": "test_area",
         "return a + b": "",
         "return a % b": "test_in_a_program",
@@ -141,12 +139,8 @@ C = {
     "double *x = p + 4;\nchar y[6];\n": {f"double *x = p {other};" for other in ("- 4", "+ 5", "+ 3")},
     "if (a <= b && !c) i->past = 0;\n": {
         *("if (a < b && !c) i->past = 0;", "if (a > b && !c) i->past = 0;", "if (a <= b || !c) i->past = 0;"),
-        *(
-            "if (a <= b && (c)) i->past = 0;",
-            "if (!(a <= b && !c)) i->past = 0;",
-            "if (a <= b && !c) ;",
-            "if (a <= b && !c) i->past = 1;",
-        ),
+        *("if (a <= b && (c)) i->past = 0;", "if (!(a <= b && !c)) i->past = 0;", "if (a <= b && !c) ;"),
+        "if (a <= b && !c) i->past = 1;",
     },
     "{ forget(x, y); return z; }\n": {"{ ; return z; }", "{ forget(y, x); return z; }"},
 }
@@ -163,7 +157,6 @@ JAVASCRIPT = {
 MEANT = {
     ("swap", "return roll, pitch, yaw\n"): {"return pitch, roll, yaw", "return roll, yaw, pitch"},
     ("swap", "v = f(first=a, last=b)\n"): {"v = f(first=b, last=a)"},
-    ("swap", "v = {'x': low, 'y': high}\n"): {"v = {'x': high, 'y': low}"},
     ("swap", "v = np.stack([s, c, one])\n"): {"v = np.stack([c, s, one])", "v = np.stack([s, one, c])"},
     ("name", 'v = table["leg_length"]\n'): {'v = table["leg_velocity"]'},
     ("option", "v = seed if own is None else own\n"): {"v = (seed)", "v = (own)"},
@@ -177,30 +170,19 @@ MEANT = {
     ("reduction", "v = error.max(axis=1)\n"): {"v = error.max()"},
     ("stale", "v = seeds[member]\n"): {"v = seeds[0]"},
     ("block", "v = u[first:last]\n"): {"v = u[:last]", "v = u[first:]"},
-    ("block", "for k in range(chunks):\n    use(k)\n"): {
-        "for k in range(1, chunks):",
-        "for k in range((chunks) - 1):",
-    },
-    ("sibling", "def f(p):\n    return p.platform, p.machine\n"): {
-        "return p.machine, p.machine",
-        "return p.platform, p.platform",
-    },
+    ("block", "for k in range(n):\n    use(k)\n"): {"for k in range(1, n):", "for k in range((n) - 1):"},
+    ("sibling", "def f(p):\n    return p.low, p.high\n"): {"return p.high, p.high", "return p.low, p.low"},
 }
 
 MEANT_IN_TOKENS = {
     ("dropped", "if (a && !b) x = 1;\n"): {"if (a) x = 1;", "if (!b) x = 1;"},
-    ("dropped", "return low > x || x > high;\n"): {"return low > x;", "return x > high;"},
     ("option", "y = has ? a[0] : b;\n"): {"y = (a[0]);", "y = (b);"},
     ("stale", "y = out[k] + 1;\n"): {"y = out[0] + 1;"},
     ("one side", "if (fabs(e) > most) stop();\n"): {"if (-(e) > most) stop();"},
     ("unit", "text = 1e3 + x * 1000;\n"): {"text = 1e3 + (x);"},
     ("block", "for (int k = 0; k < n; k++) sum += v[k];\n"): {"for (int k = 0; k < n - 1; k++) sum += v[k];"},
     ("name", 'draw("roll", 2);\n'): {'draw("pitch", 2);'},
-    ("swap", "const axes = [right, up, ahead];\n"): {
-        "const axes = [up, right, ahead];",
-        "const axes = [right, ahead, up];",
-    },
-    ("sibling", "{ y = c->low + c->high; }\n"): {"{ y = c->high + c->high; }", "{ y = c->low + c->low; }"},
+    ("swap", "const axes = [right, up];\n"): {"const axes = [up, right];"},
 }
 
 

@@ -52,22 +52,18 @@ def page(tmp_path: Path) -> Path:
     return path
 
 
-def run_in(folder: Path, page: Path) -> None:
-    folder.mkdir()
-    rewrite(str(page), folder)
-
-
 def test_outputs_are_written_below_what_prints_them(page: Path, tmp_path: Path) -> None:
     """Expected: the texts that the two programs print, without spaces at line ends; files in pieces become one.
 
     A page whose outputs differ in durations only stays as it is.
     """
-    run_in(tmp_path / "first", page)
+    rewrite(str(page), tmp_path)
     assert page.read_text() == WRITTEN
-    assert (tmp_path / "first/kept.toml").read_text() == "a = 1\n"
+    assert (tmp_path / "kept.toml").read_text() == "a = 1\n"
     shown = WRITTEN.replace("print(open", "print('in 0.1 s', open").replace("text\n1", "text\nin 7 s 1")
     page.write_text(shown)
-    run_in(tmp_path / "again", page)
+    (tmp_path / "again").mkdir()
+    rewrite(str(page), tmp_path / "again")
     assert page.read_text() == shown
 
 
@@ -75,7 +71,7 @@ def test_a_command_that_fails_is_named_with_its_place_and_leaves_the_page(page: 
     broken = PAGE.replace("import sys", "import sys, nowhere")
     page.write_text(broken)
     with pytest.raises(FailedCommandError, match=r"python count.py a#1 b\n.*[\s\S]*nowhere") as failed:
-        run_in(tmp_path / "first", page)
+        rewrite(str(page), tmp_path)
     assert failed.value.__notes__ == [f"{page}:13"]
     assert page.read_text() == broken
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from gough_stewart import LinearController, Platform
 from tests.support.arrays import FloatArray
 from tests.support.documented_loop import (
-    LegLaw,
-    TaskLaw,
+    PidLaw,
     feedforward,
     jacobian,
     motion_of,
@@ -94,8 +93,7 @@ class DocumentedController:
             return np.asarray(self.law(time, now, measured))
         at = jacobian(self.believed, now.q[0]), legs_along(self.believed, now)[0][0], measured["leg_length"]
         if self.law is None:
-            laws = {"leg": LegLaw, "task": TaskLaw}
-            self.law = (SystemLaw if kind == "system" else laws[self.options["space"]])(self.options, *at)
+            self.law = (SystemLaw if kind == "system" else PidLaw)(self.options, *at)
         elif self.bad > 1:
             self.law.settle(*at)
         return np.asarray(self.law.force(*at, self.excess))
