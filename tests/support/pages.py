@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import gough_stewart as gs
+from tests.harness.identify.machine_logs import Course, machine_log
 from tests.support.commands import invoke
-from tests.support.machine_logs import Course, machine_log
 from tests.support.records import log_file, waving_record
 
 _FEW = "--members 60 --workers 1 --set loop.duration=0.1 --set ensemble.worst=1"

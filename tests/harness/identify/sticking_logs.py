@@ -7,9 +7,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from gough_stewart import Log, Platform
+from tests.harness.identify.machine_logs import MACHINE, Swing
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
-from tests.support.machine_logs import MACHINE, Swing
 
 RATE = 500.0  # of logs [Hz]
 _COARSE = 100.0

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gough_stewart import Estimate, Log, identify
-from tests.support.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
-from tests.support.model_errors import FEW, Case, Designed, made
+from tests.harness.identify.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
+from tests.harness.identify.model_errors import FEW, Case, Designed, made
 
 DURATION = 7.0  # of logs [s]
 

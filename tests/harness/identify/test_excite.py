@@ -12,10 +12,10 @@ from scipy.interpolate import make_interp_spline
 
 import gough_stewart as gs
 from tests.harness.identify.information import with_changes
+from tests.harness.identify.machine_logs import Course, friction
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.lagrangian import Pose, forces_along, legs_along
-from tests.support.machine_logs import Course, friction
 from tests.support.uneven import UNEVEN
 
 NAMES = "platform_mass,platform_com,platform_inertia"

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import t
 
 from gough_stewart import GoughStewartError, IdentificationWarning, Log, identify
-from tests.support.machine_logs import (
+from tests.harness.identify.machine_logs import (
     MACHINE,
     NAMES,
     NOMINAL,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gough_stewart import GoughStewartError, identify
-from tests.support.machine_logs import (
+from tests.harness.identify.machine_logs import (
     HEAVE,
     MACHINE,
     NAMES,

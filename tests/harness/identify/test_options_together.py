@@ -18,11 +18,19 @@ from scipy.stats import chi2
 import gough_stewart as gs
 from gough_stewart import Log
 from tests.harness.identify.information import information, readings, sensitivities, with_changes
+from tests.harness.identify.machine_logs import (
+    Course,
+    Sensing,
+    Swing,
+    machine_log,
+    random_machine,
+    value_of,
+    without_rows,
+)
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
 from tests.support.covering import covering
 from tests.support.lagrangian import legs_along
-from tests.support.machine_logs import Course, Sensing, Swing, machine_log, random_machine, value_of, without_rows
 
 RATE, DURATION, FROM = 250.0, 2.8, 7.3
 FACTOR = -37.5  # force per current [N/A]

@@ -18,8 +18,7 @@ from scipy.stats import chi2
 from gough_stewart import GoughStewartError, Log, identify, load_preset, read_log, run
 from gough_stewart.harness.identify import screen
 from gough_stewart.harness.identify.fit import _controls, one_blas_thread
-from tests.support.arrays import FloatArray
-from tests.support.machine_logs import (
+from tests.harness.identify.machine_logs import (
     HEAVE,
     MACHINE,
     NAMES,
@@ -39,6 +38,7 @@ from tests.support.machine_logs import (
     with_spikes,
     without_rows,
 )
+from tests.support.arrays import FloatArray
 
 QUIET = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
 ROWS = 2000

@@ -10,9 +10,9 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from gough_stewart import GoughStewartError, Log, identify, read_log, run
+from tests.harness.identify.machine_logs import MACHINE, Swing
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
-from tests.support.machine_logs import MACHINE, Swing
 
 K, C, RATE, DURATION = 1.3e7, 3e4, 500.0, 6.0
 LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gough_stewart import GoughStewartError, identify
+from tests.harness.identify.machine_logs import MACHINE, Swing
 from tests.harness.identify.sticking_logs import LEGS, Law, sticking_log
-from tests.support.machine_logs import MACHINE, Swing
 
 # What is known: the machine but for its friction, of which the legs' proportions are.
 NOMINAL = replace(MACHINE, leg_coulomb_friction=0.0).with_parameters(

@@ -12,9 +12,9 @@ import numpy as np
 
 import gough_stewart as gs
 from gough_stewart import Log, Platform, leg_jacobian
+from tests.harness.identify.machine_logs import NAMES, Course, Sensing, Swing, exchanged, machine_log, random_machine
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import legs_along
-from tests.support.machine_logs import NAMES, Course, Sensing, Swing, exchanged, machine_log, random_machine
 
 FEW = ("platform_mass", "leg_viscous_friction", "leg_coulomb_friction")
 
