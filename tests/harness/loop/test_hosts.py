@@ -137,8 +137,7 @@ def test_members_of_an_ensemble_are_runs_of_their_own(kind: str) -> None:
     """Expected: outcome and every metric of the record; the same bits among other members, and by several threads."""
     law, far = LAWS[kind]
     varied = {**MANY, "limits": {"position_error": {"choice": [far, "1 m"]}}, **({} if law is None else OF_LAW | WEAK)}
-    changes = [*ALL["change"], *(SWITCH if law is Law else [])]  # with jitter, others are switched at other rows
-    tables = {**ALL, "change": changes, **({} if law is None else {"controller": {"type": "python"}})}
+    tables = {**ALL, "change": [*ALL["change"], *SWITCH], **({} if law is None else {"controller": {"type": "python"}})}
     chosen = members_of(tables, varied, kind if law is None else "pid")
     many = gs.ensemble(chosen, controller=law, workers=1).members
     for k in range(0, 11, 3):
