@@ -92,12 +92,13 @@ HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)
 class Sensing:
     """How a machine records lengths and forces; by default well.
 
-    reading of force(t) = gain · F(t − delay) + offset + noise; reading of length(t) = L(t) + offset + noise.
+    reading of force(t) = gain · F(t − delay) + offset + noise; reading of length(t) = scale · L(t) + offset + noise.
     """
 
     force_gain: float | tuple[float, ...] = 1.0  # of all legs, or of each
     force_offset: float | tuple[float, ...] = 0.0  # [N]
     delay: float = 0.0  # of forces, late if > 0, also fractions of a sample [s]
+    length_scale: float | tuple[float, ...] = 1.0
     length_offset: float | tuple[float, ...] = 0.0  # [m]
     force_noise: float = 0.01  # standard deviation, as a share of each leg's RMS force
     length_noise: float = 1e-6  # standard deviation [m]
@@ -129,36 +130,22 @@ def machine_log(
     """
     time = np.arange(round(course.duration * course.rate)) / course.rate
     # only the sensing of forces depends on the delay, so that draws of one machine share the rest
-    length, force = _recorded(_Machine(machine), course, sensing.delay)
+    length, force = _recorded(machine, course, sensing.delay)
     rng = np.random.default_rng(seed)
     n = len(time)
     noise = sensing.force_noise * np.sqrt((force**2).mean(axis=0))
     gain, offset = np.array(sensing.force_gain), np.array(sensing.force_offset)
     force = gain * force + offset + noise * _noise(rng, n, sensing.coloured, course.rate)
-    length = length + np.array(sensing.length_offset)
+    length = np.array(sensing.length_scale) * length + np.array(sensing.length_offset)
     length = length + sensing.length_noise * rng.standard_normal((n, 6))
     if sensing.encoder:
         length = sensing.encoder * np.rint(length / sensing.encoder)
     return Log(length, time, force, where="machine")
 
 
-@dataclass(frozen=True, eq=False)
-class _Machine:
-    """A platform as a key: equal if it is the same object."""
-
-    platform: Platform
-
-    def __hash__(self) -> int:
-        return id(self.platform)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Machine) and other.platform is self.platform
-
-
 @lru_cache(maxsize=8)
-def _recorded(key: _Machine, course: Course, delay: float) -> tuple[FloatArray, FloatArray]:
+def _recorded(machine: Platform, course: Course, delay: float) -> tuple[FloatArray, FloatArray]:
     """Lengths at the rows, and forces as late as they are recorded."""
-    machine = key.platform
     if course.joints:
         rng = np.random.default_rng(course.joints_seed)
         base, top = course.joints * rng.standard_normal((2, 6, 3))
@@ -240,9 +227,8 @@ def with_spikes(log: Log, signal: str, height: float, number: int, *, seed: int 
 
 def clipped(log: Log, share: float = 0.9) -> Log:
     """Forces are clipped at a share of the largest one."""
-    assert log.actuator_force is not None
-    limit = share * np.abs(log.actuator_force).max()
-    return replace(log, actuator_force=np.clip(log.actuator_force, -limit, limit))
+    limit = share * np.abs(force_of(log)).max()
+    return replace(log, actuator_force=np.clip(force_of(log), -limit, limit))
 
 
 def without_rows(log: Log, first: int, number: int = 1, *, renumbered: bool = False) -> Log:
@@ -269,10 +255,9 @@ def held(log: Log, every: int = 2, signals: tuple[str, ...] = ("leg_length", "ac
 
 def exchanged(log: Log, a: int = 0, b: int = 1) -> Log:
     """The forces of two legs are in each other's columns."""
-    assert log.actuator_force is not None
     order = np.arange(6)
     order[[a, b]] = b, a
-    return replace(log, actuator_force=log.actuator_force[:, order])
+    return replace(log, actuator_force=force_of(log)[:, order])
 
 
 @cache

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gough_stewart import Estimate, Log, identify
-from tests.harness.identify.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
-from tests.harness.identify.model_errors import FEW, Case, Designed, made
+from tests.harness.identify.machine_logs import NAMES, Course, Sensing, Swing, machine_log, random_machine
+from tests.harness.identify.model_errors import FEW, Case, made
 
 DURATION = 7.0  # of logs [s]
 
@@ -51,20 +51,15 @@ def test_one_error_is_named_and_its_size_found(kind: str, seed: int, size: float
 
 
 def test_a_payload_left_out_is_named_and_never_joints() -> None:
-    """Expected: the masses, on the shipped platform along the shipped excitation, with mass and friction estimated."""
-    total = NOMINAL.platform_mass + 120.0
-    arm = np.array([0.3, -0.2, 0.5]) - NOMINAL.platform_com
-    reduced = NOMINAL.platform_mass * 120.0 / total
-    inertia = NOMINAL.platform_inertia + reduced * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    com = NOMINAL.platform_com + 120.0 / total * arm
-    loaded = replace(NOMINAL, platform_mass=total, platform_com=com, platform_inertia=inertia)
-    estimate = identify(machine_log(loaded, Course(Designed(seed=1), DURATION)), NOMINAL, FEW)
+    """Expected: the masses, and the height of the machine's centre of mass, with mass and friction estimated."""
+    believed, log, true = made(Case("payload", 6013, 1.0, designed=True, duration=DURATION))
+    estimate = identify(log, believed, FEW)
     assert estimate.diagnosis is not None
     assert estimate.diagnosis.cause == "payload, centre of mass or inertia"
     assert "joint" not in " ".join(estimate.alarms)
     first = estimate.diagnosis.findings[0]
     values = dict(zip(first.parameters, first.values, strict=True))
-    assert values["platform_com[3]"] == pytest.approx(com[2], abs=2e-3)
+    assert values["platform_com[3]"] == pytest.approx(true.machine.platform_com[2], abs=2e-3)
 
 
 @pytest.mark.parametrize("kind", ["cable", "all joints"])

@@ -83,10 +83,10 @@ def test_what_a_motion_excites_is_told_as_by_a_lagrangian_within_nine_tenths_of_
         assert (length.max() <= 3.4) == keeps
 
 
-def test_promised_errors_are_those_of_a_log_and_a_motion_tells_ten_times_more_than_a_circle() -> None:
+def test_promised_errors_are_those_of_a_log() -> None:
     """Expected: standard errors of a log of the motion, by a Lagrangian, with the noise that the promise states.
 
-    Condition numbers of one measure, and forces within the limit.
+    Forces are within the limit.
     """
     platform = replace(gs.load_preset("motion_base"), actuator_force_max=9000.0)
     names = f"{NAMES},leg_viscous_friction,leg_coulomb_friction"
@@ -99,12 +99,6 @@ def test_promised_errors_are_those_of_a_log_and_a_motion_tells_ten_times_more_th
     length, velocity = legs_along(platform, along(reference, time))
     force = force + friction(platform, Course(), velocity)
     assert np.abs(force).max() < 9000.0
-    circle = gs.Circle(radius=0.2, frequency=0.4, fade_in=1.0).about(platform)
-    of_circle, of_motion = (
-        sigma[-1] / sigma[0]
-        for sigma, _ in (information_of(smooth, along(motion, coarse[5:-5:4])) for motion in (circle, reference))
-    )
-    assert of_motion > 10 * of_circle
     rng = np.random.default_rng(3)
     force = force + 0.01 * np.sqrt((force**2).mean(axis=0)) * rng.standard_normal(force.shape)
     log = gs.Log(1e-6 * np.rint(length / 1e-6), time, force)

@@ -17,7 +17,6 @@ from gough_stewart.harness.identify.estimate import Diagnosis, Finding, Residual
 from gough_stewart.harness.identify.estimate_report import estimate_report, estimate_tables
 from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.report.chart import Chart
-from tests.support.uneven import UNEVEN
 
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
 NAN = float("nan")
@@ -90,7 +89,6 @@ ESTIMATE = Estimate(
         "validating": [(7.5, 7.9), (8.1, 8.6)],
     },
 )
-NOMINAL = replace(UNEVEN, platform_mass=1200.0, leg_viscous_friction=500.0)
 # 1.959964 standard errors of 2, 3 and 0.01
 HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 
@@ -369,14 +367,3 @@ def test_charts_have_the_numbers_of_the_estimate_and_the_report_its_words() -> N
     parts = [part for section in of_poses.sections for part in section.parts]
     assert not any(part.is_over_time for part in parts if isinstance(part, Chart))
     assert [section.title for section in estimate_report(ESTIMATE, "my base", charts=False).sections] == ["Parameters"]
-
-
-def test_the_platform_is_the_one_that_was_found() -> None:
-    """Expected: found values, nominal ones of what is not excited, and none of the instruments'."""
-    found = ESTIMATE.platform(NOMINAL)
-    assert found.platform_mass == 1516.9
-    assert found.platform_com[2] == NOMINAL.platform_com[2]
-    assert found.leg_coulomb_friction == 0.0
-    own = 500.0 * np.array(NOMINAL.leg_viscous_friction_factor)
-    own[1] = 431.7
-    assert_allclose(found.leg_viscous_friction * np.array(found.leg_viscous_friction_factor), own, rtol=1e-12)
