@@ -142,13 +142,14 @@ def _leg_friction(m: Made) -> None:
     m.names |= {"viscous friction of all legs", "Coulomb friction of all legs"}
 
 
-def _sensor(field: str, of: str, cause: str, low: float, high: float) -> Callable[[Made], None]:
-    """A field of `Sensing` differs for one leg, of which a hypothesis is called `of` leg k."""
+def _sensor(reading: str, of: str, cause: str, low: float, high: float) -> Callable[[Made], None]:
+    """A reading of `Sensing` differs for one leg, of which a hypothesis is called `of` leg k."""
 
     def change(m: Made) -> None:
-        leg, perfect = m.leg(), float(getattr(m.sensing, field))
+        leg, perfect = m.leg(), float(getattr(m.sensing, reading))
         value = perfect + m.size(low, high)
-        m.sensing = replace(m.sensing, **{field: m.alone(leg, value, perfect)})  # type: ignore[arg-type]
+        of_legs: Any = m.alone(leg, value, perfect)
+        m.sensing = replace(m.sensing, **{reading: of_legs})
         m.names, m.causes = {f"{of} of leg {leg + 1}"}, {f"{cause} of leg {leg + 1}"}
         m.truth[f"{of} of leg {leg + 1}"] = np.array([value])
 

@@ -33,7 +33,6 @@ from tests.harness.identify.machine_logs import (
     machine_log,
     perfect_estimate,
     random_machine,
-    value_of,
     with_spikes,
     without_rows,
 )
@@ -325,20 +324,6 @@ def test_a_record_whose_sensors_are_slower_than_its_loop_is_read_at_its_sensors(
     middle = slice(300, -300)
     between = sum(w * force[at[middle] + 2 * k] for w, k in ((1 / 8, -2), (3 / 8, -1), (3 / 8, 0), (1 / 8, 1)))
     np.testing.assert_allclose(part.force[middle], between, atol=2e-4 * np.ptp(force))
-
-
-def test_noise_of_one_encoder_is_no_other_machine() -> None:
-    """Expected: of 20 µm in leg 3 the rows of a quiet log, no alarm, and values within 4.5 standard errors."""
-    log = machine_log()
-    length = log.leg_length.copy()
-    length[:, 2] += 20e-6 * np.random.default_rng(1).standard_normal(len(log))
-    estimate, clean = identify(replace(log, leg_length=length), NOMINAL, NAMES), perfect_estimate()
-    assert estimate.notes[0] == clean.notes[0]
-    assert estimate.alarms == ()
-    truth = np.array([value_of(MACHINE, name) for name in estimate.names])
-    assert (np.abs(estimate.values - truth) < 4.5 * estimate.standard_errors).all()
-    # five legs are as well known as before
-    assert estimate.standard_errors[0] < 1.2 * clean.standard_errors[0]
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1 / 4.4482216, "like lbf: write the unit"), (4.4482216, "read as lbf")])

@@ -9,9 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from tests.harness.motion.forces import actuator_forces
 from tests.support.arrays import FloatArray
-from tests.support.lagrangian import Pose, legs_along
 from tests.support.motions import experiment, motion_of
 from tests.support.uneven import UNEVEN
 
@@ -59,30 +57,16 @@ def refused(tried: gs.Experiment) -> Any:
     return caught.value
 
 
-def test_a_heave_uses_what_its_closed_form_says() -> None:
-    """Expected: of each limit the closed form over it; of the stroke the distance from its middle over half of it."""
-    low, high = 0.9 * Heave.length.min(), 1.05 * Heave.length.max()
-    stated = {
-        "leg_velocity_max": 2.0,
-        "leg_acceleration_max": 11.0,
-        "actuator_force_max": 150.0,
-        "actuator_power_max": 130,
-    }
-    platform = LIGHT.with_parameters({**stated, "leg_length_min": low, "leg_length_max": high})
-    found = gs.check(experiment(platform, HEAVE, **FINE))
-    expected = {name: np.abs(values) / stated[name] for name, (_, _, values) in ASKED.items()}
-    expected |= {"stroke": np.abs(2 * Heave.length - low - high) / (high - low)}
-    assert set(found.shares.of) - set(expected) == {"pitch", "side", "condition_number"}
-    for name, share in expected.items():
-        np.testing.assert_allclose(found.shares.of[name], np.tile(share[:, None], 6), rtol=1e-9, atol=1e-12)
-        assert found.shares.peak(name).share == pytest.approx(share.max())
-    largest = max(expected, key=lambda name: expected[name].max())
-    assert found.shares.largest.limit == largest
-    assert found.shares.largest.time == pytest.approx(Heave.time[expected[largest].argmax()])
-    assert found.shares.total == pytest.approx(np.max(list(expected.values()), axis=0))
-    for end, share in (({"leg_length_min": low}, low / Heave.length), ({"leg_length_max": high}, Heave.length / high)):
-        one = gs.check(experiment(LIGHT.with_parameters(end), HEAVE, **FINE)).shares.of["stroke"]
-        np.testing.assert_allclose(one, np.tile(share[:, None], 6))
+@pytest.mark.parametrize("end", ["leg_length_min", "leg_length_max"])
+def test_of_a_stroke_with_one_end_a_leg_uses_the_ratio_to_it(end: str) -> None:
+    """Expected: the shortest length over a leg's, or a leg's over the longest one; of all limits the largest share."""
+    is_low = end == "leg_length_min"
+    limit = 0.9 * Heave.length.min() if is_low else 1.05 * Heave.length.max()
+    share = limit / Heave.length if is_low else Heave.length / limit
+    shares = gs.check(experiment(LIGHT.with_parameters({end: limit}), HEAVE, **FINE)).shares
+    np.testing.assert_allclose(shares.of["stroke"], np.tile(share[:, None], 6))
+    assert shares.total == pytest.approx(share)
+    assert (shares.largest.limit, shares.largest.time) == ("stroke", pytest.approx(Heave.time[share.argmax()]))
 
 
 @pytest.mark.parametrize("limit", ASKED)
@@ -130,19 +114,8 @@ def joint_angles(platform: gs.Platform, position: Any, orientation: Any) -> tupl
     return tuple(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)) for a, b in zip(*seen, strict=True))
 
 
-def test_the_share_of_a_joints_limit_is_that_of_the_larger_angle_of_its_leg() -> None:
-    """Expected: at each row the larger arc cosine of a leg's two joints, in some that of the base, else the other.
-
-    The first leg beyond its limit is named, with the joint.
-    """
-    swing: dict[str, Any] = {"type": "sine", "frequency": 0.6, "phase": 0.4}
-    swing |= {"position_amplitude": [0.01, 0.012, 0.0], "orientation_amplitude": [-0.05, 0.04, 0.06]}
-    found = gs.check(experiment(DESKTOP, swing, loop={"duration": 0.5, "sample_time": 0.05})).shares.of
-    motion = motion_of(DESKTOP, **swing)(0.05 * np.arange(11))
-    angles = np.array([joint_angles(DESKTOP, *pose) for pose in zip(*motion[:2], strict=True)])
-    assert DESKTOP.joint_angle_max is not None
-    assert 10 < (angles[:, 0] > 1.1 * angles[:, 1]).sum() < 56
-    assert found["joint_angle_max"] == pytest.approx(angles.max(axis=1) / DESKTOP.joint_angle_max, rel=1e-6)
+def test_the_first_leg_whose_joint_turns_too_far_is_named_with_the_joint() -> None:
+    """Expected: the first arc cosine beyond the limit, of a pose in which only joints of one end are."""
     for end, quantity, moved, turned in (
         (0, BASE_JOINT, [0.01, 0.012, 0.0], [-0.05, 0.04, -0.06]),
         (1, PLATFORM_JOINT, [0.0, 0.0, 0.0], [0.05, -0.04, 0.06]),
@@ -220,27 +193,6 @@ def test_small_joint_angles_keep_their_digits() -> None:
     expected = 1e-9 * flat / (flat**2 + PAPER.home_position[2] ** 2)
     for end in ("base", "platform"):
         assert needs[f"{end}_joint_angle_peak"] == pytest.approx(expected, rel=1e-6)
-
-
-def test_energies_of_each_sign_are_exact_where_power_is_linear_between_rows() -> None:
-    """Expected: of a Lagrangian's forces at rows 0.1 s apart, interpolated finely: crossings are within the rows."""
-    along = np.array([0.1, -0.16, 0.2, 0.05, -0.08, 0.07])
-    sway = {"type": "sine", "position_amplitude": along[:3].tolist(), "orientation_amplitude": along[3:].tolist()}
-    sway |= {"frequency": 1.1, "phase": 0.3}
-    needs = gs.check(experiment(UNEVEN, sway, loop={"duration": 0.4, "sample_time": 0.1})).needs
-    time, w = 0.1 * np.arange(5), 2 * np.pi * 1.1
-    turn = w * time + 0.3
-    home = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
-    waves = (np.sin(turn), w * np.cos(turn), -(w**2) * np.sin(turn))
-    q, rate, acceleration = (np.outer(wave, along) for wave in waves)
-    pose = Pose(home + q, rate, acceleration)
-    velocity = legs_along(UNEVEN, pose)[1]
-    power = actuator_forces(UNEVEN, pose, velocity) * velocity
-    assert (power[:-1] * power[1:] < 0).any()
-    fine = np.linspace(0, 0.4, 200_001)
-    for sign, name in ((1, "motoring_energy"), (-1, "regenerated_energy")):
-        parts = [np.maximum(sign * np.interp(fine, time, power[:, leg]), 0) for leg in range(6)]
-        assert needs[name] == pytest.approx([np.trapezoid(part, fine) for part in parts], rel=1e-6, abs=1e-6)
 
 
 def test_needs_say_what_they_leave_out() -> None:
