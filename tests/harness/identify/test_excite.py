@@ -84,10 +84,7 @@ def test_what_a_motion_excites_is_told_as_by_a_lagrangian_within_nine_tenths_of_
 
 
 def test_promised_errors_are_those_of_a_log() -> None:
-    """Expected: standard errors of a log of the motion, by a Lagrangian, with the noise that the promise states.
-
-    Forces are within the limit.
-    """
+    """Expected: standard errors of a log of the motion, by a Lagrangian, with the noise that the promise states."""
     platform = replace(gs.load_preset("motion_base"), actuator_force_max=9000.0)
     names = f"{NAMES},leg_viscous_friction,leg_coulomb_friction"
     design = gs.excite(platform, names, duration=2.5, fade=0.5, frequency=1.0, harmonics=2, trials=1, seed=1)

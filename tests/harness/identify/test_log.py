@@ -1,14 +1,12 @@
 """Logs from files: what columns may be called, what units they may have, and what is refused."""
 
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars
 import pytest
 
-from gough_stewart import GoughStewartError, Log, read_log, run
+from gough_stewart import GoughStewartError, read_log, run
 
 LENGTHS = 0.31 + 0.017 * np.sin(np.outer(np.arange(8), [1.0, 1.3, 1.7, 2.1, 2.3, 2.9]))
 FORCES = 40.0 + 13.0 * np.cos(np.outer(np.arange(8), [0.7, 1.1, 1.9, 2.2, 2.6, 3.1]))
@@ -20,29 +18,6 @@ def six(name: str, values: np.ndarray, unit: str = "") -> dict[str, object]:
 
 def table(**changes: object) -> dict[str, object]:
     return {"time": 0.002 * np.arange(8)} | six("leg_length", LENGTHS) | six("actuator_force", FORCES) | changes
-
-
-def test_some_rows_of_a_log_are_those_of_all_its_readings() -> None:
-    """Expected: the rows of every array; what is not an array stays."""
-    arrays: dict[str, Any] = {
-        row.name: np.random.default_rng(k).normal(size=(9,) if row.name == "time" else (9, 3))
-        for k, row in enumerate(fields(Log))
-        if "float64" in str(row.type)
-    }
-    assert len(arrays) == 6
-    some = Log(**arrays, holds_force=True, where="here", side="motor").rows(slice(2, 8, 3))
-    for name, values in arrays.items():
-        np.testing.assert_array_equal(getattr(some, name), values[[2, 5]])
-    assert (some.holds_force, some.where, some.side) == (True, "here", "motor")
-
-
-def test_currents_need_the_factor_that_makes_them_forces(tmp_path: Path) -> None:
-    columns = {"time": np.arange(8.0)} | six("leg_length", LENGTHS) | six("motor_current", FORCES, " [mA]")
-    polars.DataFrame(columns).write_csv(tmp_path / "log.csv")
-    with pytest.raises(
-        GoughStewartError, match=r"motor currents, but force_per_current is None; expected the factor \[N/A\]"
-    ):
-        read_log(tmp_path / "log.csv")
 
 
 def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sample(tmp_path: Path) -> None:
@@ -77,6 +52,10 @@ def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sa
         (
             {"time [h]": np.arange(8.0)} | six("leg_length", LENGTHS),
             r"time \[h\] has the unit 'h'; expected one of s, ms",
+        ),
+        (
+            {"time": np.arange(8.0)} | six("leg_length", LENGTHS) | six("motor_current", FORCES, " [mA]"),
+            r"motor currents, but force_per_current is None; expected the factor \[N/A\]",
         ),
         ({k: v[:1] for k, v in table().items()}, "1 rows; expected a log of some seconds"),  # type: ignore[index]
     ],
