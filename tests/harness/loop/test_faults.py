@@ -228,7 +228,7 @@ def test_the_command_follows_while_it_is_off_and_begins_there(
 
     At the start the command before is the force that holds the machine.
     """
-    changes = CHANGES if first else [{"at": 0.0, "enabled": False}, *CHANGES[1:]]
+    changes: list[dict[str, Any]] = CHANGES if first else [{"at": 0.0, "enabled": False}, *CHANGES[1:]]
     record = gs.run(switched(plant={"kind": plant}, change=changes), controller=controller)
     assert record.metadata["host"].startswith(host)
     samples = slice(0, 240, 4)
