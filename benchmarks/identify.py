@@ -33,7 +33,7 @@ DURATION = 20.0
 
 def identified() -> tuple[Estimate, float]:
     """The estimate and its computing time [s]."""
-    from tests.support.machine_logs import NOMINAL, Course, machine_log
+    from tests.harness.identify.machine_logs import NOMINAL, Course, machine_log
 
     log = machine_log(course=Course(duration=DURATION))
     start = time.perf_counter()
@@ -43,7 +43,7 @@ def identified() -> tuple[Estimate, float]:
 
 def main() -> int:
     """Measure and print; 1 if the target is missed."""
-    from tests.support.machine_logs import MACHINE, NOMINAL
+    from tests.harness.identify.machine_logs import MACHINE, NOMINAL
 
     table = Table(title="identification of thirteen parameters, 20 s at 1 kHz")
     for head in ("time [s]", "target [s]", "mass error [%]", "com error [mm]", "friction error [%]"):

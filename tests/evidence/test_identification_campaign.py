@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.machine_logs import NAMES, value_of
-from tests.support.model_errors import KINDS, Case, drawn, made
+from tests.harness.identify.machine_logs import NAMES, value_of
+from tests.harness.identify.model_errors import KINDS, Case, drawn, made
 
 pytestmark = pytest.mark.evidence
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from tests.harness.identify.machine_logs import HEAVE, Course, Sensing, Swing, machine_log
 from tests.support.commands import commands, invoke
 from tests.support.demo import Demo
-from tests.support.machine_logs import HEAVE, Course, Sensing, Swing, machine_log
 from tests.support.page_arrays import data_of, elements
 from tests.support.records import log_file, waving_record
 

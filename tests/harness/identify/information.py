@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from gough_stewart import Platform
+from tests.harness.identify.machine_logs import Course, friction, place, tilted
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import forces_along, legs_along
-from tests.support.machine_logs import Course, friction, place, tilted
 
 # Steps of differences; readings are polynomials of low degree in all but delay and tilt.
 _STEPS = {"platform_com": 1e-3, "force_gain": 1e-3, "delay": 1e-4, "base_tilt": 1e-4}
