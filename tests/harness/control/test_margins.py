@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.loop_margins import Margins, loop_margins, scaled_norm
+from gough_stewart.harness.control.loop_margins import (
+    Margins,
+    loop_margins,
+    response,
+    scaled_norm,
+)
 from gough_stewart.harness.control.state_space import matrices_of
+
+T = 1e-3
 
 
 def margins_of(*channels: Any) -> Margins:
@@ -18,6 +25,26 @@ def margins_of(*channels: Any) -> Margins:
 
 def of_legs(margins: Margins, name: str) -> list[float]:
     return [getattr(leg, name) for leg in margins.legs]
+
+
+def test_a_double_integrator_under_pd_has_its_closed_form() -> None:
+    """Expected for L = (kp + kd s)/s²: ωc² = (kd² + √(kd⁴ + 4 kp²))/2, phase margin atan(kd ωc/kp), S − T by hand."""
+    kp, kd = 4.0, 3.0
+    margins = margins_of(*[control.tf([kd, kp], [1, 0, 0])] * 6)
+    crossover = np.sqrt((kd**2 + np.sqrt(kd**4 + 4 * kp**2)) / 2)
+    phase = np.arctan(kd * crossover / kp)
+    for leg in margins.legs:
+        assert leg.crossover == pytest.approx(crossover / (2 * np.pi), rel=1e-4)
+        assert (leg.phase, leg.delay) == pytest.approx((phase, phase / crossover), rel=1e-4)
+        assert (leg.gain_down, leg.gain_up) == (0, np.inf)
+    s = 1j * np.geomspace(0.01, 100, 200_000)
+    loop = (kd * s + kp) / s**2
+    assert margins.disk.alpha == pytest.approx(1 / np.abs((1 - loop) / (1 + loop) / 2).max(), rel=1e-6)
+    assert margins.sensitivity_peak == pytest.approx(1.0, rel=1e-4)  # at high frequency
+    assert margins.complementary_peak == pytest.approx(np.abs(loop / (1 + loop)).max(), rel=1e-6)
+    said = margins.as_dict()
+    assert said["legs"][0]["gain_up"] is None
+    assert said["disk"]["gain"] == list(margins.disk.gain)
 
 
 def test_third_order_channels_decades_apart_have_their_closed_forms() -> None:
@@ -117,7 +144,6 @@ def test_a_static_loop_has_the_margins_of_a_number() -> None:
     assert margins.disk.gain == (0, np.inf)
     assert (margins.sensitivity_peak, margins.complementary_peak) == pytest.approx((1 / 3, 2 / 3))
     assert {(leg.gain_down, leg.gain_up, leg.phase, leg.delay) for leg in margins.legs} == {(0, np.inf, np.inf, np.inf)}
-    assert margins.as_dict()["legs"][0]["gain_up"] is None
 
 
 def mode(pole: complex, step: float) -> Any:
@@ -177,10 +203,22 @@ def test_delays_of_too_many_samples_are_refused_before_they_fill_the_memory() ->
             gs.margins("heave_step", {"loop.delay": delay, "actuators.lag": lag})
 
 
+@pytest.mark.parametrize("count", [3, 40])
+def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> None:
+    """Expected: C (z − A)⁻¹ B + D, solved at each frequency as it stands."""
+    rng = np.random.default_rng(8)
+    A = rng.normal(size=(90, 90))
+    A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+    loop = matrices_of(control.ss(A, *(rng.normal(size=size) for size in ((90, 6), (6, 90), (6, 6))), T))
+    omega = np.geomspace(1, 3000, count)
+    expected = [loop.C @ np.linalg.solve(np.exp(1j * w * T) * np.eye(90) - A, loop.B) + loop.D for w in omega]
+    assert np.abs(response(loop, omega) - expected).max() < 1e-10 * np.abs(expected).max()
+
+
 def test_the_scaled_norm_is_the_structured_singular_value() -> None:
     """Expected: √|ab| of ((0, a), (b, 0)), the largest element of a diagonal or a triangular matrix.
 
-    Of six channels, what scaling cannot change, by whatever road it comes; `test_whole_margins` has another minimiser.
+    Of six channels, never below the spectral radius of any M U, U diagonal and unitary.
     """
     pairs = np.array([[[0, 100], [0.01, 0]], [[0, 3j], [12, 0]], [[2, 0], [0, -5j]]], dtype=complex)
     assert scaled_norm(pairs) == pytest.approx([1.0, 6.0, 5.0], rel=1e-9)
@@ -190,5 +228,10 @@ def test_the_scaled_norm_is_the_structured_singular_value() -> None:
     M = rng.normal(size=(20, 6, 6)) + 1j * rng.normal(size=(20, 6, 6))
     scales = np.exp(2 * rng.normal(size=(20, 6)))
     badly = np.asarray(scales[:, :, None] * M / scales[:, None, :], dtype=complex)
-    assert scaled_norm(badly) == pytest.approx(scaled_norm(M), rel=0.01)
-    assert (scaled_norm(badly) < np.linalg.norm(badly, 2, axis=(1, 2)) / 2).sum() > 15
+    bound, phases = scaled_norm(badly), np.exp(2j * np.pi * rng.uniform(size=(3000, 1, 6)))
+    lower = np.array([np.abs(np.linalg.eigvals(matrix * phases)).max() for matrix in M[:7]])
+    assert (lower <= bound[:7] * (1 + 1e-12)).all()
+    assert (bound[:7] < 1.35 * lower).all()
+    # what scaling cannot change, by whatever road it comes
+    assert bound == pytest.approx(scaled_norm(M), rel=0.01)
+    assert (bound < np.linalg.norm(badly, 2, axis=(1, 2)) / 2).sum() > 15

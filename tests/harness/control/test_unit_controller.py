@@ -67,7 +67,9 @@ def test_a_unit_closes_the_loop_as_the_same_law_in_python(theirs: Path) -> None:
 
 
 def test_a_unit_without_a_delay_is_refused_with_the_remedy(theirs: Path) -> None:
-    with pytest.raises(gs.GoughStewartError, match=r"a loop.delay of at least 1, for instance by --set loop.delay=1"):
+    with pytest.raises(
+        gs.GoughStewartError, match=r"expected a loop.delay of at least 1, for instance by --set loop.delay=1"
+    ):
         gs.run(experiment({"type": "fmu", "file": str(theirs), "names": NAMES}, delay=0))
 
 

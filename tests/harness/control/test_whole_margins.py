@@ -30,7 +30,10 @@ class Case:
 
     def one_leg(self, k: int) -> tuple[Callable[[float], complex], Any]:
         """L of a leg with the others closed, 1/S_kk − 1, at a frequency, and on the grid."""
-        return lambda w: complex(1 / _sensitivity(self.loop, np.array([w]))[0, k, k] - 1), 1 / self.S[:, k, k] - 1
+        return (
+            lambda w: complex(1 / _sensitivity(self.loop, np.array([w]))[0, k, k] - 1),
+            1 / self.S[:, k, k] - 1,
+        )
 
 
 def _sensitivity(loop: DocumentedLoop, omega: FloatArray) -> Any:

@@ -244,7 +244,7 @@ def test_what_is_carried_is_not_left_out_and_the_loop_with_drives_is_judged_with
     drives = {"actuators.rate_limit", "actuators.lag"}
     sensors = {"sensors.quantisation", "sensors.sample_time"}
     whole, alone, late = (2, 0.004, 0.001), (1, 0.0, 0.0), (2, 0.004, 0.0)
-    cases: list[tuple[str, Any, set[str], list[Any], set[float]]] = [
+    cases: list[tuple[Any, Any, set[str], list[Any], set[float]]] = [
         ("c", "drives", {*sensors, "sensors.noise", "ensemble.actuators.lag"}, [whole], {0.004}),
         ("fmu", PARTS, {"sensors.noise", "ensemble.actuators.lag"}, [whole], {0.004}),
         ("fmu", "sensors", {*drives, "sensors.noise"}, [whole, (1, 0.0, 0.001)], {0.0, 0.001, 0.002}),

@@ -72,14 +72,17 @@ class Swing:
         omega = 2 * np.pi * self.frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
         series = (s @ a + c @ b, (c * omega) @ a - (s * omega) @ b, -(s * omega**2) @ a - (c * omega**2) @ b)
-        # the window: 0 before and after the motion, 1 between the fades
-        rising = time < duration / 2
-        share = np.clip(np.where(rising, time, duration - time) / self.fade, 0.0, 1.0)[:, None]
-        pace = np.where(rising, 1.0, -1.0)[:, None] / self.fade
-        w, w1, w2 = _RISE(share), _RISE.deriv()(share) * pace, _RISE.deriv(2)(share) * pace**2
+        w, w1, w2 = (part[:, None] for part in self._window(time, duration))
         home = np.concatenate([machine.home_position, machine.home_orientation])
         x, x1, x2 = series
         return Pose(home + w * x, w1 * x + w * x1, w2 * x + 2 * w1 * x1 + w * x2)
+
+    def _window(self, time: FloatArray, duration: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Window w(t) and its first two derivatives: 0 before and after the motion, 1 between the fades."""
+        rising = time < duration / 2
+        x = np.clip(np.where(rising, time, duration - time) / self.fade, 0.0, 1.0)
+        rate = np.where(rising, 1.0, -1.0) / self.fade
+        return _RISE(x), _RISE.deriv()(x) * rate, _RISE.deriv(2)(x) * rate**2
 
 
 HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)
@@ -89,13 +92,12 @@ HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)
 class Sensing:
     """How a machine records lengths and forces; by default well.
 
-    reading of force(t) = gain · F(t − delay) + offset + noise; reading of length(t) = scale · L(t) + offset + noise.
+    reading of force(t) = gain · F(t − delay) + offset + noise; reading of length(t) = L(t) + offset + noise.
     """
 
     force_gain: float | tuple[float, ...] = 1.0  # of all legs, or of each
     force_offset: float | tuple[float, ...] = 0.0  # [N]
     delay: float = 0.0  # of forces, late if > 0, also fractions of a sample [s]
-    length_scale: float | tuple[float, ...] = 1.0
     length_offset: float | tuple[float, ...] = 0.0  # [m]
     force_noise: float = 0.01  # standard deviation, as a share of each leg's RMS force
     length_noise: float = 1e-6  # standard deviation [m]
@@ -127,22 +129,36 @@ def machine_log(
     """
     time = np.arange(round(course.duration * course.rate)) / course.rate
     # only the sensing of forces depends on the delay, so that draws of one machine share the rest
-    length, force = _recorded(machine, course, sensing.delay)
+    length, force = _recorded(_Machine(machine), course, sensing.delay)
     rng = np.random.default_rng(seed)
     n = len(time)
     noise = sensing.force_noise * np.sqrt((force**2).mean(axis=0))
     gain, offset = np.array(sensing.force_gain), np.array(sensing.force_offset)
     force = gain * force + offset + noise * _noise(rng, n, sensing.coloured, course.rate)
-    length = np.array(sensing.length_scale) * length + np.array(sensing.length_offset)
+    length = length + np.array(sensing.length_offset)
     length = length + sensing.length_noise * rng.standard_normal((n, 6))
     if sensing.encoder:
         length = sensing.encoder * np.rint(length / sensing.encoder)
     return Log(length, time, force, where="machine")
 
 
+@dataclass(frozen=True, eq=False)
+class _Machine:
+    """A platform as a key: equal if it is the same object."""
+
+    platform: Platform
+
+    def __hash__(self) -> int:
+        return id(self.platform)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Machine) and other.platform is self.platform
+
+
 @lru_cache(maxsize=8)
-def _recorded(machine: Platform, course: Course, delay: float) -> tuple[FloatArray, FloatArray]:
+def _recorded(key: _Machine, course: Course, delay: float) -> tuple[FloatArray, FloatArray]:
     """Lengths at the rows, and forces as late as they are recorded."""
+    machine = key.platform
     if course.joints:
         rng = np.random.default_rng(course.joints_seed)
         base, top = course.joints * rng.standard_normal((2, 6, 3))
@@ -224,8 +240,9 @@ def with_spikes(log: Log, signal: str, height: float, number: int, *, seed: int 
 
 def clipped(log: Log, share: float = 0.9) -> Log:
     """Forces are clipped at a share of the largest one."""
-    limit = share * np.abs(force_of(log)).max()
-    return replace(log, actuator_force=np.clip(force_of(log), -limit, limit))
+    assert log.actuator_force is not None
+    limit = share * np.abs(log.actuator_force).max()
+    return replace(log, actuator_force=np.clip(log.actuator_force, -limit, limit))
 
 
 def without_rows(log: Log, first: int, number: int = 1, *, renumbered: bool = False) -> Log:
@@ -252,9 +269,10 @@ def held(log: Log, every: int = 2, signals: tuple[str, ...] = ("leg_length", "ac
 
 def exchanged(log: Log, a: int = 0, b: int = 1) -> Log:
     """The forces of two legs are in each other's columns."""
+    assert log.actuator_force is not None
     order = np.arange(6)
     order[[a, b]] = b, a
-    return replace(log, actuator_force=force_of(log)[:, order])
+    return replace(log, actuator_force=log.actuator_force[:, order])
 
 
 @cache

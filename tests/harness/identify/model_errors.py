@@ -12,16 +12,7 @@ import numpy as np
 
 import gough_stewart as gs
 from gough_stewart import Log, Platform, leg_jacobian
-from tests.harness.identify.machine_logs import (
-    NAMES,
-    Course,
-    Sensing,
-    Swing,
-    exchanged,
-    force_of,
-    machine_log,
-    random_machine,
-)
+from tests.harness.identify.machine_logs import NAMES, Course, Sensing, Swing, exchanged, machine_log, random_machine
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import legs_along
 
@@ -142,18 +133,18 @@ def _leg_friction(m: Made) -> None:
     m.names |= {"viscous friction of all legs", "Coulomb friction of all legs"}
 
 
-def _sensor(reading: str, of: str, cause: str, low: float, high: float) -> Callable[[Made], None]:
-    """A reading of `Sensing` differs for one leg, of which a hypothesis is called `of` leg k."""
+def _gain(m: Made) -> None:
+    leg, size = m.leg(), m.size(0.005, 0.03)
+    m.sensing = replace(m.sensing, force_gain=m.alone(leg, 1 + size, 1.0))
+    m.names, m.causes = {f"gain of leg {leg + 1}"}, {f"force sensor of leg {leg + 1}"}
+    m.truth[f"gain of leg {leg + 1}"] = np.array([1 + size])
 
-    def change(m: Made) -> None:
-        leg, perfect = m.leg(), float(getattr(m.sensing, reading))
-        value = perfect + m.size(low, high)
-        of_legs: Any = m.alone(leg, value, perfect)
-        m.sensing = replace(m.sensing, **{reading: of_legs})
-        m.names, m.causes = {f"{of} of leg {leg + 1}"}, {f"{cause} of leg {leg + 1}"}
-        m.truth[f"{of} of leg {leg + 1}"] = np.array([value])
 
-    return change
+def _offset(m: Made) -> None:
+    leg, size = m.leg(), m.size(15, 60)
+    m.sensing = replace(m.sensing, force_offset=m.alone(leg, size))
+    m.names, m.causes = {f"force offset of leg {leg + 1}"}, {f"force sensor of leg {leg + 1}"}
+    m.truth[f"force offset of leg {leg + 1}"] = np.array([size])
 
 
 def _delay(m: Made) -> None:
@@ -165,13 +156,27 @@ def _delay(m: Made) -> None:
 def _leg_delay(m: Made) -> None:
     leg, delay = m.leg(), abs(m.size(0.3e-3, 3e-3))
     machine, course, seed = m.machine, m.course, 7 + m.leg()
-    late, right = (
-        force_of(machine_log(machine, course, replace(m.sensing, delay=by, force_noise=0.0), seed=seed))
-        for by in (delay, 0.0)
-    )
+    late = machine_log(machine, course, replace(m.sensing, delay=delay, force_noise=0.0), seed=seed).actuator_force
+    right = machine_log(machine, course, replace(m.sensing, force_noise=0.0), seed=seed).actuator_force
+    assert late is not None
+    assert right is not None
     m.force(lambda force, _log: force + (late - right) * (np.arange(6) == leg))
     m.names, m.causes = {f"delay of the force of leg {leg + 1}"}, {"timing of the forces"}
     m.truth[f"delay of the force of leg {leg + 1}"] = np.array([delay])
+
+
+def _encoder_offset(m: Made) -> None:
+    leg, size = m.leg(), m.size(0.5e-3, 3e-3)
+    m.sensing = replace(m.sensing, length_offset=m.alone(leg, size))
+    m.names, m.causes = {f"offset of the encoder of leg {leg + 1}"}, {f"joints and encoder of leg {leg + 1}"}
+    m.truth[f"offset of the encoder of leg {leg + 1}"] = np.array([size])
+
+
+def _encoder_scale(m: Made) -> None:
+    leg, size = m.leg(), m.size(0.001, 0.006)
+    m.after = lambda log: replace(log, leg_length=log.leg_length * np.array(m.alone(leg, 1 + size, 1.0)))
+    m.names, m.causes = {f"scale of the encoder of leg {leg + 1}"}, {f"joints and encoder of leg {leg + 1}"}
+    m.truth[f"scale of the encoder of leg {leg + 1}"] = np.array([size])
 
 
 def _leg_joints(m: Made) -> None:
@@ -221,11 +226,14 @@ def _clipping(m: Made) -> None:
 
     def clip(force: FloatArray, _log: Log) -> FloatArray:
         level = share * np.abs(force).max()
-        added = noise * np.sqrt((force**2).mean(axis=0)) * rng.standard_normal(force.shape)
-        return np.asarray(np.clip(force, -level, level) + added)
+        return np.asarray(np.clip(force, -level, level) + _noise(rng, force, noise))
 
     m.force(clip)
     m.names |= {f"force of leg {leg} clipped" for leg in range(1, 7)}
+
+
+def _noise(rng: np.random.Generator, force: FloatArray, share: float) -> FloatArray:
+    return np.asarray(share * np.sqrt((force**2).mean(axis=0)) * rng.standard_normal(force.shape))
 
 
 def _rows_lost(m: Made) -> None:
@@ -294,7 +302,7 @@ def _quadratic(m: Made) -> None:
     m.force(dragged)
 
 
-MASS, LAW, ENCODER = {"payload, centre of mass or inertia"}, {"law of friction"}, "joints and encoder"
+MASS, LAW = {"payload, centre of mass or inertia"}, {"law of friction"}
 # Of a payload all three are not what the file has; of a small one only some show.
 _OF_FILE = {f"{name} of the platform's file" for name in ("platform_com", "platform_inertia")}
 _OF_FILE |= {"payload, or several of the platform's masses"}
@@ -308,12 +316,12 @@ KINDS: dict[str, tuple[Callable[[Made], None], set[str], set[str]]] = {
     "com and inertia": (_com_and_inertia, _OF_FILE, MASS),
     "armature": (_armature, {"leg_armature of the platform's file"}, {"armature or clock"}),
     "friction of a leg": (_leg_friction, set(), {"friction of the legs"}),
-    "gain of a leg": (_sensor("force_gain", "gain", "force sensor", 0.005, 0.03), set(), set()),
-    "offset of a leg": (_sensor("force_offset", "force offset", "force sensor", 15, 60), set(), set()),
+    "gain of a leg": (_gain, set(), set()),
+    "offset of a leg": (_offset, set(), set()),
     "delay of a leg": (_leg_delay, set(), set()),
     "delay of all": (_delay, {"delay of all forces"}, {"timing of the forces"}),
-    "encoder's offset": (_sensor("length_offset", "offset of the encoder", ENCODER, 0.5e-3, 3e-3), set(), set()),
-    "encoder's scale": (_sensor("length_scale", "scale of the encoder", ENCODER, 0.001, 0.006), set(), set()),
+    "encoder's offset": (_encoder_offset, set(), set()),
+    "encoder's scale": (_encoder_scale, set(), set()),
     "joints of a leg": (_leg_joints, set(), set()),
     "tilt": (_tilt, {"tilt of the base"}, {"tilt of the base"}),
     "stribeck": (_stribeck, {"friction that falls as a leg begins to slide"}, LAW),

@@ -4,13 +4,15 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
-from gough_stewart import Log
-from tests.harness.identify.machine_logs import MACHINE, Course, Sensing, Swing, force_of, machine_log
+from gough_stewart import Log, Platform
+from tests.harness.identify.machine_logs import MACHINE, Swing
 from tests.support.arrays import FloatArray
-from tests.support.lagrangian import legs_along
+from tests.support.lagrangian import forces_along, legs_along
 
 RATE = 500.0  # of logs [Hz]
+_COARSE = 100.0
 _PARTS = 8  # steps of the bristles in a sample
 # Each leg has its own friction; their mean is 1.
 LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])
@@ -69,17 +71,17 @@ def sticking_log(
     law: Law = Law(), swing: Swing = SLOW, duration: float = 10.0, *, noise: float = 0.003, seed: int = 0
 ) -> Log:
     """What the machine records: forces with noise, a share of each leg's RMS, and encoders of 0.3 µm."""
-    machine = replace(MACHINE, leg_coulomb_friction=0.0)
-    log = machine_log(machine, Course(swing, duration, RATE), Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0))
-    force = force_of(log) + _stuck(law, swing, duration)
+    time, length, force = _exact(law, swing, duration)
     rng = np.random.default_rng(seed)
     force = force + noise * np.sqrt((force**2).mean(axis=0)) * rng.standard_normal(force.shape)
-    return replace(
-        log, actuator_force=force, leg_length=log.leg_length + 3e-7 * rng.standard_normal(log.leg_length.shape)
-    )
+    return Log(length + 3e-7 * rng.standard_normal(length.shape), time, force, where="machine")
 
 
 @cache
-def _stuck(law: Law, swing: Swing, duration: float) -> FloatArray:
+def _exact(law: Law, swing: Swing, duration: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    machine: Platform = replace(MACHINE, leg_coulomb_friction=0.0)
     time = np.arange(round(duration * RATE)) / RATE
-    return law.force(legs_along(MACHINE, swing.along(MACHINE, time, duration))[1], 1 / RATE)
+    coarse = np.arange(-0.05, duration + 0.05 + 1 / _COARSE, 1 / _COARSE)
+    smooth = make_interp_spline(coarse, forces_along(machine, swing.along(machine, coarse, duration)), k=5)(time)
+    length, velocity = legs_along(machine, swing.along(machine, time, duration))
+    return time, length, smooth + machine.leg_viscous_friction * velocity + law.force(velocity, 1 / RATE)

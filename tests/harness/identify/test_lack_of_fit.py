@@ -1,7 +1,5 @@
 """Tests of lack of fit, against F tests of two regressions each and sums written out."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -38,7 +36,8 @@ def test_each_family_is_tested_by_what_it_explains_beyond_the_fit() -> None:
     standard deviations: below 0.3 it is left out, and too few rows for the families are not tested.
     """
     hidden = {"hidden": RNG.standard_normal((N, 1)) * 0.2 / np.sqrt(N)}
-    outcome: Any = lack_of_fit(D, FAMILIES | hidden, RESIDUAL, USED)
+    outcome = lack_of_fit(D, FAMILIES | hidden, RESIDUAL, USED)
+    assert outcome is not None
     test, white, rest = outcome
     every, freedom = squares_left(D, *FAMILIES.values()), N - 3 - 6
     assert float(rest @ rest) == pytest.approx(every)
@@ -68,7 +67,8 @@ def test_p_values_of_white_noise_are_uniform() -> None:
     for _ in range(150):
         columns, common = rng.standard_normal((120, 4)), rng.standard_normal((120, 3))
         families = {str(q): np.hstack([common, rng.standard_normal((120, q))]) for q in (1, 4, 12)}
-        outcome: Any = lack_of_fit(columns, families, rng.standard_normal(120), np.ones((20, 6)))
+        outcome = lack_of_fit(columns, families, rng.standard_normal(120), np.ones((20, 6)))
+        assert outcome is not None
         p_values.append(outcome[0].combined)
     assert kstest(p_values, "uniform").pvalue > 1e-3
 

@@ -25,12 +25,10 @@ INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3)
 def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass() -> None:
     """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right.
 
-    Noise of the lengths is no rotation, and without it the motion lacks as much.
+    Before, noise of the lengths looked like rotation and gave a centre of mass of 0.45 ± 0.08 m where it is 0.19 m.
     """
-    quiet = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
-    for sensing in (quiet, Sensing()):
-        estimate = identify(machine_log(course=Course(HEAVE, duration=6.0), sensing=sensing), NOMINAL, NAMES)
-        assert estimate.not_excited == ("platform_com[3]", *INERTIA)
+    estimate = identify(machine_log(course=Course(HEAVE, duration=6.0)), NOMINAL, NAMES)
+    assert estimate.not_excited == ("platform_com[3]", *INERTIA)
     known = np.array([name not in estimate.not_excited for name in estimate.names])
     truth = np.array([value_of(MACHINE, name) for name in estimate.names])
     # four standard errors are one in 15,000 for each of six
@@ -64,6 +62,13 @@ def test_numbers_of_motions_along_one_axis_are_right_or_missing(
     known = np.isfinite(estimate.standard_errors)  # not of what is at its bound
     truth = np.array([value_of(MACHINE, name) for name in estimate.names])
     assert (np.abs(estimate.values - truth)[known] < 5 * estimate.standard_errors[known]).all()
+
+
+def test_without_noise_heave_has_no_number_either() -> None:
+    """Expected: the same as with noise, since it is the motion that lacks."""
+    quiet = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
+    estimate = identify(machine_log(course=Course(HEAVE, duration=6.0), sensing=quiet), NOMINAL, NAMES)
+    assert estimate.not_excited == ("platform_com[3]", *INERTIA)
 
 
 def test_too_little_excitation_is_refused_with_the_elements() -> None:

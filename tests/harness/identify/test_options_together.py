@@ -16,6 +16,7 @@ from scipy.ndimage import minimum_filter1d
 from scipy.stats import chi2
 
 import gough_stewart as gs
+from gough_stewart import Log
 from tests.harness.identify.information import information, readings, sensitivities, with_changes
 from tests.harness.identify.machine_logs import (
     Course,
@@ -121,7 +122,7 @@ def _names(row: dict[str, Any]) -> tuple[str, ...]:
     return (*ESTIMATES[row["estimate"]][1], *INSTRUMENTS[row["instruments"]])
 
 
-def _log(row: dict[str, Any], course: Course, seed: int) -> Any:
+def _log(row: dict[str, Any], course: Course, seed: int) -> Log:
     own = INSTRUMENTS[row["instruments"]]
     six = range(1, 7)
     held = row["source"] == "held"
@@ -134,14 +135,17 @@ def _log(row: dict[str, Any], course: Course, seed: int) -> Any:
         length_noise=row["noise"][1],
     )
     tilt = own.get("base_tilt[1]", 0.0), own.get("base_tilt[2]", 0.0)
-    log: Any = machine_log(_machine(row), replace(course, base_tilt=tilt), sensing, seed=seed)
+    log = machine_log(_machine(row), replace(course, base_tilt=tilt), sensing, seed=seed)
+    assert log.time is not None
     log = replace(log, time=log.time + FROM, holds_force=held)
     # seven rows are more than are interpolated
     return without_rows(log, 350, 7) if row["logs"] == "gap" else log
 
 
-def _written(log: Any, source: str, path: Path) -> Path:
+def _written(log: Log, source: str, path: Path) -> Path:
     """As a file of another origin: other units, order and spelling; or as SI."""
+    assert log.time is not None
+    assert log.actuator_force is not None
     legs = range(6)
     if source == "csv":
         columns = {f"leg_length_{k + 1} (mm)": 1e3 * log.leg_length[:, k] for k in legs}
@@ -228,6 +232,15 @@ def _identified(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     return made | {"platform": result.platform(believed)}
 
 
+@cache
+def _kernel_gain(cutoff: float) -> float:
+    """Standard deviation of white noise after the low-pass 2 f sinc(2 f t) cos⁴(π t/2T), T = 2.75/f."""
+    reach = 2.75 / cutoff
+    t = np.arange(-int(reach * RATE), int(reach * RATE) + 1) / RATE
+    kernel = np.sinc(2 * cutoff * t) * np.cos(np.pi * t / (2 * reach)) ** 4
+    return float(np.sqrt((kernel**2).sum()) / kernel.sum())
+
+
 def _parameter(row: dict[str, Any]) -> Any:
     """The row; those that hold every value run without the evidence."""
     name = "-".join(map(str, row.values())).replace(" ", "_")
@@ -250,8 +263,7 @@ def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
     shown = found["parameters"].values()
     values = np.array([one["value"] for one in shown])
     machine = _machine(row)
-    own = INSTRUMENTS[row["instruments"]]
-    truth = np.array([own[n] + n.startswith("force_gain") if n in own else value_of(machine, n) for n in names])
+    truth = np.array([_true(machine, row, name) for name in names])
     C = np.array(found["covariance"])
     distance = (values - truth) @ np.linalg.solve(C, values - truth)
     assert chi2.ppf(5e-5, len(names)) < distance < chi2.isf(5e-5, len(names))
@@ -276,8 +288,30 @@ def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
     judged = found["validation"]["p_value"] if found["validation"] else 1.0
     assert judged > 1e-4
     assert bool(found["alarms"]) == (found["diagnosis"]["p_value"] < 0.05 or judged < 0.005)
-    force = np.sqrt((readings(machine, COURSES[0], _GRID, {}) ** 2).mean(axis=0))
-    np.testing.assert_allclose(found["diagnosis"]["noise"]["force"], row["noise"][0] * force, rtol=0.25)
-    assert (found["residuals"]["validation_rms"] is None) == (row["validation"] == 0.0)
+    _check_noise(found, row)
     for name in (name for name in names if name in WRONG):
         np.testing.assert_allclose(value_of(found["platform"], name), found["parameters"][name]["value"], rtol=1e-9)
+
+
+def _check_noise(found: dict[str, Any], row: dict[str, Any]) -> None:
+    """Residuals: what the documented filter leaves of the noise that was put in; those of validation are alike."""
+    course = COURSES[0]
+    force = np.sqrt((readings(_machine(row), course, _GRID, {}) ** 2).mean(axis=0))
+    np.testing.assert_allclose(found["diagnosis"]["noise"]["force"], row["noise"][0] * force, rtol=0.25)
+    residuals = found["residuals"]
+    rms = np.array(residuals["rms"])
+    assert (residuals["quantity"], residuals["unit"]) == ("force of leg", "N")
+    if row["cutoff"]:
+        ratio = rms / (row["noise"][0] * force * _kernel_gain(row["cutoff"]))
+        assert 0.9 < ratio.mean() < 1.25
+    if row["validation"] == 0.0:
+        assert residuals["validation_rms"] is None
+    else:
+        # another log has another motion, and noise that is a share of its forces
+        error = 0.4 if row["validation"] == "a log" else 0.25
+        np.testing.assert_allclose(np.mean(np.array(residuals["validation_rms"]) / rms), 1.0, atol=error)
+
+
+def _true(machine: gs.Platform, row: dict[str, Any], name: str) -> float:
+    own = INSTRUMENTS[row["instruments"]]
+    return own[name] + name.startswith("force_gain") if name in own else value_of(machine, name)

@@ -7,11 +7,13 @@ limits that docs/identify.md states. Intervals of 95 % are those of the same log
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import chi2
 
 from gough_stewart import GoughStewartError, Log, identify, load_preset, read_log, run
 from gough_stewart.harness.identify import screen
@@ -32,6 +34,7 @@ from tests.harness.identify.machine_logs import (
     machine_log,
     perfect_estimate,
     random_machine,
+    value_of,
     with_spikes,
     without_rows,
 )
@@ -40,6 +43,13 @@ from tests.support.arrays import FloatArray
 QUIET = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
 ROWS = 2000
 NONE = np.zeros((ROWS, 6), dtype=bool)
+
+
+@cache
+def late() -> Log:
+    """Two seconds that begin at 7.3 s."""
+    time = np.asarray(np.arange(ROWS) * 1e-3 + 7.3, dtype=float)
+    return replace(machine_log(course=Course(duration=2.0), seed=4), time=time, where="late.csv")
 
 
 # Faults of a log, and what is said of each.
@@ -128,6 +138,25 @@ def test_a_log_without_faults_has_none(sensing: Sensing) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "settings"),
+    [("heave_step", {"loop.duration": 1.0}), ("saturation", {"loop.duration": 1.5}), ("impulse", {})],
+)
+def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str, object]) -> None:
+    """Expected: none, with steps, saturation, an impulse, a payload that drops, rest, and coarse encoders."""
+    record = run(name, settings)
+    length = np.asarray(
+        record["measured.leg_length" if "measured.leg_length[1]" in record.table.columns else "leg_length"]
+    )
+    force, none = np.asarray(record["actuator_force"]), np.zeros(length.shape, dtype=bool)
+    assert not screen.frozen(length, True, none).any()
+    assert not screen.frozen(force, False, none).any()
+    assert not screen.spikes(length, none, 2e-6 * length.max())[0].any()
+    assert not screen.spikes(force, none, 5e-3 * float(np.sqrt((force**2).mean())))[0].any()
+    assert not screen.lost_rows(length, none)
+    assert {screen.hold_of(column)[0] for column in length.T} == {1}
+
+
+@pytest.mark.parametrize(
     ("spikes", "missing", "has_alarm", "refusal"),
     [
         (9, 0, False, ""),
@@ -142,9 +171,7 @@ def test_mended_and_missing_rows_are_noted_then_alarm_then_refuse(
     spikes: int, missing: int, has_alarm: bool, refusal: str
 ) -> None:
     """Expected: docs/identify.md, over 0.5 % interpolated or 15 % left out is an alarm; over 2 % or half is refused."""
-    time = np.asarray(np.arange(ROWS) * 1e-3 + 7.3, dtype=float)
-    log = replace(machine_log(course=Course(duration=2.0), seed=4), time=time, where="late.csv")
-    log = with_spikes(log, "leg_length", 0.02, spikes, seed=2)
+    log = with_spikes(late(), "leg_length", 0.02, spikes, seed=2)
     if missing:
         length, force = log.leg_length.copy(), force_of(log).copy()
         length[800 : 800 + missing], force[800 : 800 + missing] = length[800], force[800]
@@ -318,6 +345,32 @@ def test_a_record_whose_sensors_are_slower_than_its_loop_is_read_at_its_sensors(
     middle = slice(300, -300)
     between = sum(w * force[at[middle] + 2 * k] for w, k in ((1 / 8, -2), (3 / 8, -1), (3 / 8, 0), (1 / 8, 1)))
     np.testing.assert_allclose(part.force[middle], between, atol=2e-4 * np.ptp(force))
+
+
+@pytest.mark.evidence
+def test_intervals_of_held_readings_cover_the_machine() -> None:
+    """Expected: of five logs the sum of (θ̂ − θ)ᵀ C⁻¹ (θ̂ − θ) is χ² of 65 degrees, within quantiles 5e-4, 1 − 5e-4."""
+    truth = np.array([value_of(MACHINE, n) for n in perfect_estimate().names])
+    distance = 0.0
+    for seed in range(5):
+        estimate = identify(held(machine_log(seed=seed)), NOMINAL, NAMES)
+        error = estimate.values - truth
+        distance += float(error @ np.linalg.solve(estimate.covariance, error))
+    assert chi2.ppf(5e-4, 5 * len(truth)) < distance < chi2.isf(5e-4, 5 * len(truth))
+
+
+def test_noise_of_one_encoder_is_no_other_machine() -> None:
+    """Expected: of 20 µm in leg 3 the rows of a quiet log, no alarm, and values within 4.5 standard errors."""
+    log = machine_log()
+    length = log.leg_length.copy()
+    length[:, 2] += 20e-6 * np.random.default_rng(1).standard_normal(len(log))
+    estimate, clean = identify(replace(log, leg_length=length), NOMINAL, NAMES), perfect_estimate()
+    assert estimate.notes[0] == clean.notes[0]
+    assert estimate.alarms == ()
+    truth = np.array([value_of(MACHINE, name) for name in estimate.names])
+    assert (np.abs(estimate.values - truth) < 4.5 * estimate.standard_errors).all()
+    # five legs are as well known as before
+    assert estimate.standard_errors[0] < 1.2 * clean.standard_errors[0]
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1 / 4.4482216, "like lbf: write the unit"), (4.4482216, "read as lbf")])

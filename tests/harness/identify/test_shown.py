@@ -17,6 +17,7 @@ from gough_stewart.harness.identify.estimate import Diagnosis, Finding, Residual
 from gough_stewart.harness.identify.estimate_report import estimate_report, estimate_tables
 from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.report.chart import Chart
+from tests.support.uneven import UNEVEN
 
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
 NAN = float("nan")
@@ -89,6 +90,7 @@ ESTIMATE = Estimate(
         "validating": [(7.5, 7.9), (8.1, 8.6)],
     },
 )
+NOMINAL = replace(UNEVEN, platform_mass=1200.0, leg_viscous_friction=500.0)
 # 1.959964 standard errors of 2, 3 and 0.01
 HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 
@@ -159,7 +161,7 @@ SENTENCES = ["gain of leg 4 explains 88 % of the misfit"]
 
 
 def test_the_file_of_numbers_has_all_of_them() -> None:
-    diagnosis = replace(DIAGNOSIS, findings=(OTHER,), names=NAMES[:1], unseen=(Unseen("if", np.ones(1)),))
+    diagnosis = replace(DIAGNOSIS, findings=(FINDING, OTHER), names=NAMES[:1], unseen=(Unseen("if", np.ones(1)),))
     numbers = json.loads(replace(ESTIMATE, diagnosis=diagnosis).to_json())
     assert list(numbers["parameters"]) == list(NAMES)
     expected = [
@@ -181,15 +183,25 @@ def test_the_file_of_numbers_has_all_of_them() -> None:
     assert [correlation[0][1], correlation[4][1]] == pytest.approx([0.25, -0.1])
     assert correlation[2] == [None] * 5
     found = numbers.pop("diagnosis")
-    offsets = found["findings"][0]["parameters"]
+    offsets = found["findings"][1]["parameters"]
     assert offsets["force_offset[6]"].pop("interval") == pytest.approx([-7.7839856, -6.2160144])
     del offsets["force_offset[1]"]["interval"]
+    assert found["findings"][0]["parameters"]["force_gain[4]"].pop("interval") == pytest.approx(
+        [1.04608007, 1.05391993]
+    )
     assert found == {
         "alarm": True,
         "p_value": 0.0042,
         "p_values": {"gain of forces": 1.2e-5, "joints": 0.034, "whiteness": 0.56},
         "cause": "force sensor of leg 4",
         "findings": [
+            {
+                "hypothesis": "gain of leg 4",
+                "cause": "force sensor of leg 4",
+                "text": "gain of leg 4 +5.0 ± 0.4 %; calibrate",
+                "improvement": 0.876,
+                "parameters": {"force_gain[4]": {"value": 1.05, "standard_error": 0.002, "unit": ""}},
+            },
             {
                 "hypothesis": "force offsets of all legs",
                 "cause": "force sensors",
@@ -204,7 +216,7 @@ def test_the_file_of_numbers_has_all_of_them() -> None:
         "p_value_of_the_rest": 0.31,
         "unseen": {"if": {"platform_mass": 1.0}},
         "noise": {"force": [1.1, 2.2, 3.3, 4.4, 5.5, 6.6], "length": 7.7e-7},
-        "sentences": ["force offsets of all legs explains 43 % of the misfit"],
+        "sentences": SENTENCES,
     }
     assert numbers.pop("covariance")[1] == [1.5, 9.0, None, None, -0.003]
     residuals = vars(ESTIMATE.residuals)
@@ -357,3 +369,14 @@ def test_charts_have_the_numbers_of_the_estimate_and_the_report_its_words() -> N
     parts = [part for section in of_poses.sections for part in section.parts]
     assert not any(part.is_over_time for part in parts if isinstance(part, Chart))
     assert [section.title for section in estimate_report(ESTIMATE, "my base", charts=False).sections] == ["Parameters"]
+
+
+def test_the_platform_is_the_one_that_was_found() -> None:
+    """Expected: found values, nominal ones of what is not excited, and none of the instruments'."""
+    found = ESTIMATE.platform(NOMINAL)
+    assert found.platform_mass == 1516.9
+    assert found.platform_com[2] == NOMINAL.platform_com[2]
+    assert found.leg_coulomb_friction == 0.0
+    own = 500.0 * np.array(NOMINAL.leg_viscous_friction_factor)
+    own[1] = 431.7
+    assert_allclose(found.leg_viscous_friction * np.array(found.leg_viscous_friction_factor), own, rtol=1e-12)

@@ -61,3 +61,18 @@ def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
     assert estimate.platform(NOMINAL).leg_static_friction == 0.0
     with pytest.raises(GoughStewartError, match=r"not shown by this log.*leg_static_friction.*Slow motions"):
         identify(log, NOMINAL, ["leg_static_friction"])
+
+
+@pytest.mark.evidence
+def test_each_leg_has_its_own_coulomb_friction() -> None:
+    """Expected: that of each leg, from a platform that believes them equal; reversals take no part."""
+    equal = NOMINAL.with_parameters({"leg_coulomb_friction": 120.0})
+    law = Law(static=100.0)
+    estimate = identify(sticking_log(law, duration=6.0), equal, ["leg_viscous_friction", "leg_coulomb_friction[1..6]"])
+    error = estimate["leg_coulomb_friction"] - law.coulomb * LEGS
+    assert (np.abs(error) < 4 * estimate.standard_errors[1:]).all()
+    assert np.abs(error).max() < 2.0
+    mean = estimate["leg_coulomb_friction"].mean()
+    np.testing.assert_allclose(
+        estimate.platform(equal).leg_coulomb_friction_factor, estimate["leg_coulomb_friction"] / mean
+    )

@@ -9,6 +9,8 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
+from tests.support.uneven import UNEVEN
+from tests.support.uneven_loops import experiment_of
 
 FORCE = np.array([3.0, 1.0, 2.0, 2.0, 2.5, 1.5])
 STEP, STEPS = 2e-3, 50
@@ -23,8 +25,7 @@ class Rail:
     def __init__(self, since: int = 10**6, broken: dict[int, float] | None = None, fails: str = "") -> None:
         self.since, self.broken, self.fails = since, broken or {}, fails
         self.force, self.y, self.v, self.steps = np.zeros(12), 0.0, 0.0, 0
-        self.z = 3.0
-        self.leg: float | FloatArray = 3.0
+        self.z, self.leg = 3.0, 3.0
 
     def _call(self, name: str) -> None:
         if name == self.fails and self.steps >= self.since:
@@ -171,24 +172,44 @@ def test_a_bound_itself_is_allowed(limits: dict[str, Any], stated: dict[str, flo
     assert record["flag.stroke_exceeded"].all() == (ends or high) * bool(stated) * (stated != {"leg_length_max": 3.75})
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_first_leg_beyond_its_stroke_ends_a_run_that_shall_stop(way: float) -> None:
-    """Expected: legs change by y_n = ± F h² n (n − 1)/2, of which leg 4 is 3 mm before its end; its length is told."""
-    more, n = 1e-3 * np.array([0.0, 1.0, -1.0, 2.0, 0.5, 1.5]), np.arange(STEPS + 1)[:, None]
-    length = 3.246 + way * (more + 2.0 * STEP**2 * n * (n - 1) / 2)
-    records = dict[str, gs.Record]()
-    for how in ("stop", "warn", "ignore"):
-        plant = Rail()
-        plant.leg = 3.246 + way * more
-        platform = {"parameters": {"leg_length_min": 3.241, "leg_length_max": 3.251}}
-        limits = {"stroke": how, "reference": "warn"}
-        records[how] = run_of(plant, lambda _sample: way * FORCE, platform=platform, limits=limits)
-    first, outcome = 28, records.pop("stop").metadata["outcome"]
-    assert outcome["cause"] == f"leg 4 is {length[first, 3]:.6g} m long; its stroke is 3.241 to 3.251 m"
-    assert (outcome["status"], outcome["time"]) == ("stopped", pytest.approx(first * STEP))
-    for record in records.values():
+@pytest.mark.parametrize("end", ["leg_length_min", "leg_length_max"])
+def test_the_first_leg_beyond_its_stroke_ends_a_run_that_shall_stop(end: str) -> None:
+    """Expected: the first row with a length outside of the nominal stroke; the message has its leg and length.
+
+    At home the shortest leg is 2 mm above its limit, or the longest one 2 mm below its own, and a force drives it out.
+    """
+    length = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+    is_low = end == "leg_length_min"
+    leg = int(length.argmin() if is_low else length.argmax())
+    limits = (float(length.min() - 2e-3), 9.0) if is_low else (0.1, float(length.max() + 2e-3))
+    whole = experiment_of("pd").platform.model_dump(exclude_unset=True)
+    whole["parameters"] |= {"leg_length_min": limits[0], "leg_length_max": limits[1]}
+    push = (-400 if is_low else 400) * (np.arange(6) == leg)
+    tables: dict[str, Any] = {
+        "loop": {"duration": 0.1, "sample_time": 5e-3, "plant_step": 1e-3},
+        "platform": whole,
+        "reference": {"type": "hold"},
+        "actuators": {"force_limit": "none"},
+    }
+    warned, stopped, ignored = (
+        gs.run(experiment_of("pd", **tables, limits={"stroke": how, "reference": "warn"}), controller=lambda _: push)
+        for how in ("warn", "stop", "ignore")
+    )
+    beyond = (warned["leg_length"] < limits[0]) | (warned["leg_length"] > limits[1])
+    first = int(beyond.any(axis=1).argmax())
+    assert first > 3
+    named = int(beyond[first].argmax())
+    outcome = stopped.metadata["outcome"]
+    size = f"{warned['leg_length'][first, named]:.6g} m long; its stroke is {limits[0]:g} to {limits[1]:g} m"
+    assert outcome["cause"] == f"leg {named + 1} is {size}"
+    assert (outcome["status"], outcome["time"]) == ("stopped", pytest.approx(first * 1e-3))
+    assert stopped["time"][-1] == pytest.approx(first * 1e-3)
+    for record in (warned, ignored):
         assert record.metadata["outcome"]["status"] == "completed"
-        assert (record["flag.stroke_exceeded"] == ((length < 3.241) | (length > 3.251))).all()
+        assert (record["flag.stroke_exceeded"] == beyond).all()
+
+
+# ---- controllers ----
 
 
 @pytest.mark.parametrize(
@@ -311,6 +332,9 @@ def test_controllers_that_cannot_be_together_are_refused() -> None:
     wrong = gs.LinearController(control.ss([], [], [], np.eye(6), 0.01), ("leg_length",))
     with pytest.raises(gs.GoughStewartError, match=r"sample time is 0\.01 s"):
         gs.run("heave_step", controller=wrong)
+
+
+# ---- interrupts, and tolerances ----
 
 
 @pytest.mark.parametrize("law", [None, lambda _sample: np.full(6, 4e3)], ids=["compiled", "Python"])

@@ -151,13 +151,14 @@ K = np.array([1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0])
 KI = np.array([40.0, 70.0, 30.0, 55.0, 80.0, 35.0])
 FORCE = [60.0, 35.0, 52.0, 41.0, 66.0, 47.0]
 T = 4e-3
-# Off until sample 24, from the start or from sample 10 with a force, and again from 35, with the command of then.
+# Off from sample 10 to 24 with a force, and again from 35, with the command of then.
 CHANGES: list[dict[str, Any]] = [
     {"at": 0.037, "enabled": False, "manual_force": FORCE},
     {"at": 0.1, "enabled": True},
     {"at": 0.14, "enabled": False},
     {"at": 0.18, "enabled": True},
 ]
+SPANS = {10: FORCE, 35: None}
 ON = (25, 45)
 
 
@@ -214,36 +215,58 @@ def commands_of(
 
 
 @pytest.mark.parametrize(
-    ("controller", "plant", "host", "first"),
+    ("controller", "plant", "host"),
     [
-        *((linear(), "model", "compiled", 0), (linear(), "model", "compiled", 10), (linear(), "scipy", "Python", 10)),
-        *((linear(), "fmu3", "Python", 10), (traced(), "model", "compiled", 10), (Integral, "model", "Python", 0)),
-        (Integral, "model", "Python", 10),
+        *((linear(), "model", "compiled"), (linear(), "scipy", "Python"), (linear(), "fmu3", "Python")),
+        *((traced(), "model", "compiled"), (Integral, "model", "Python")),
     ],
 )
-def test_the_command_follows_while_it_is_off_and_begins_there(
-    controller: Any, plant: str, host: str, first: int
-) -> None:
-    """Also: no bump at a switch, which is what the change of one sample's error makes; and the verdict says when.
-
-    At the start the command before is the force that holds the machine.
-    """
-    changes: list[dict[str, Any]] = CHANGES if first else [{"at": 0.0, "enabled": False}, *CHANGES[1:]]
-    record = gs.run(switched(plant={"kind": plant}, change=changes), controller=controller)
+def test_the_command_follows_while_it_is_off_and_begins_there(controller: Any, plant: str, host: str) -> None:
+    """Also: no bump at a switch, which is what the change of one sample's error makes; and the verdict says when."""
+    record = gs.run(switched(plant={"kind": plant}), controller=controller)
     assert record.metadata["host"].startswith(host)
     samples = slice(0, 240, 4)
     command, error = record["controller.force"][samples], record["reference.leg_length"] - record["measured.leg_length"]
     error = error[samples]
-    spans = {first: FORCE if first else None, 35: None}
-    expected = commands_of(error, spans, ON, record["actuator_force"][0], isinstance(controller, control.StateSpace))
+    expected = commands_of(error, SPANS, ON, np.zeros(6), isinstance(controller, control.StateSpace))
     scale = np.abs(expected).max()
     assert np.abs(command - expected).max() < 1e-9 * scale
     for k in ON:
         assert np.abs(command[k] - command[k - 1] - K * (error[k] - error[k - 1])).max() < 1e-9 * scale
         assert np.abs(command[k] - K * error[k]).max() > 20  # by which it would jump
-    assert record["flag.manual"][samples].ravel().tolist() == [first <= k < 25 or 35 <= k < 45 for k in range(60)]
-    text = f"ontroller off from {changes[0]['at']:g} to 0.1 s; controller off from 0.14 to 0.18 s"
-    assert text in record.report().verdict.text
+    assert record["flag.manual"][samples].ravel().tolist() == [10 <= k < 25 or 35 <= k < 45 for k in range(60)]
+    assert "ontroller off from 0.037 to 0.1 s; controller off from 0.14 to 0.18 s" in record.report().verdict.text
+
+
+@pytest.mark.parametrize("controller", [linear(), Integral])
+def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(controller: Any) -> None:
+    """Of machines that differ; at 0 s the command before is the force that holds the machine.
+
+    In the ensemble itself they have the errors of these runs.
+    """
+    varied = {
+        "change.1.at": {"choice": ["0 ms", "36 ms", "40 ms"]},
+        "change.2.at": {"choice": ["60 ms", "72 ms", "100 ms"]},
+        "change.3.manual_force": {"uniform": [40, 60]},
+        "platform_mass": {"uniform": [12, 16]},
+    }
+    changes = [{"at": 0.04, "enabled": False}, CHANGES[1], {**CHANGES[2], "manual_force": FORCE}, CHANGES[3]]
+    experiment = switched(change=changes, ensemble={**varied, "members": 11})
+    many = gs.ensemble(experiment, controller=controller, workers=1)
+    rms, offs = many.members["tracking.leg_length.rms"], set()
+    # the first member of each time at which they are switched off, and the last one
+    for k in {*np.unique(many.values("change.1.at"), return_index=True)[1].tolist(), 10}:
+        record = gs.run(experiment, member=k, controller=controller)
+        assert record.metadata["host"].startswith("Python" if controller is Integral else "compiled")
+        drawn = record.metadata["experiment"]["change"]
+        off, on = (round(drawn[number]["at"] / T) for number in (0, 1))
+        offs.add(off)
+        error = (record["reference.leg_length"] - record["measured.leg_length"])[:240:4]
+        spans = {off: None, 35: drawn[2]["manual_force"]}
+        expected = commands_of(error, spans, (on, 45), record["actuator_force"][0], controller is not Integral)
+        assert np.abs(record["controller.force"][:240:4] - expected).max() < 1e-9 * np.abs(expected).max()
+        assert rms[k] == pytest.approx(max(gs.metrics(record)["tracking"]["leg_length"]["rms"]), rel=1e-11)
+    assert offs == {0, 9, 10}
 
 
 def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:

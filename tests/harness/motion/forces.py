@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from gough_stewart import Platform
-from tests.harness.identify.machine_logs import Course, friction
 from tests.support.arrays import FloatArray
 from tests.support.lagrangian import Pose, forces_along
 
@@ -24,6 +23,13 @@ def pose_along(motion: Any, time: FloatArray) -> Pose:
     return Pose(*values)
 
 
+def friction_of(platform: Platform, velocity: FloatArray) -> FloatArray:
+    """Of legs that move so fast (n, 6) [N]."""
+    viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
+    coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor
+    return np.asarray(viscous * velocity + coulomb * np.tanh(velocity / platform.leg_friction_velocity))
+
+
 def actuator_forces(platform: Platform, pose: Pose, velocity: FloatArray) -> FloatArray:
     """What the actuators have to give (n, 6) [N], with these leg velocities."""
-    return forces_along(platform, pose) + friction(platform, Course(), velocity)
+    return forces_along(platform, pose) + friction_of(platform, velocity)

@@ -75,6 +75,38 @@ def test_polynomials_are_the_motion_along_the_path(keys: dict[str, float]) -> No
         np.testing.assert_allclose(one, other, atol=tolerance * max(1, np.abs(other).max()))
 
 
+def lifted(**changes: Any) -> tuple[gs.Platform, float]:
+    """Six legs at the corners of a hexagon that stand upright but for 1/40; and how long a lift of 0.5 m takes."""
+    angle = np.pi / 3 * np.arange(6)
+    base = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    slant = 0.05 * np.array([1, -1] * 3)[:, None] * np.stack([-np.sin(angle), np.cos(angle), 0 * angle], axis=1)
+    upright: dict[str, Any] = {
+        **{"base_points": base, "platform_points": base + slant, "platform_com": np.zeros(3)},
+        **{"gravity": np.array([0, 0, -9.81]), "home_position": np.array([0, 0, 2.0]), "home_orientation": np.zeros(3)},
+        **dict.fromkeys(("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")),
+    }
+    platform = replace(UNEVEN, **{**upright, **changes})
+    poses: Any = [[0] * 6, [0, 0, 0.5, 0, 0, 0]]
+    return platform, gs.ViaPath(poses=poses, relative_to="home", timing="fastest").about(platform).end
+
+
+@pytest.mark.parametrize(("velocity", "duration"), [(None, 2 * np.sqrt(0.5 / 3.0)), (0.8, (0.5 + 0.8**2 / 3.0) / 0.8)])
+def test_a_straight_lift_takes_the_time_of_bang_bang_or_of_a_trapezoid(velocity: Any, duration: float) -> None:
+    """Expected: T = 2 √(d/a), or d = v T − v²/a; legs that nearly all point up, to (1/40)², move as the platform."""
+    assert lifted(leg_acceleration_max=3.0, leg_velocity_max=velocity)[1] == pytest.approx(duration, rel=2e-3)
+
+
+def test_a_straight_lift_under_a_force_limit_accelerates_by_what_gravity_leaves() -> None:
+    """Expected: six forces F against weight m g up and down: a₁ = 6 F/m − g, a₂ = 6 F/m + g; v²/2 (1/a₁ + 1/a₂) = d."""
+    platform, found = lifted(actuator_force_max=400.0, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+    mass = platform.platform_mass + 6 * (platform.leg_upper_mass + platform.leg_armature)
+    weight = 9.81 * (platform.platform_mass + 6 * platform.leg_upper_mass)
+    up, down = (2400 - weight) / mass, (2400 + weight) / mass
+    speed = np.sqrt(2 * 0.5 / (1 / up + 1 / down))
+    # down by gravity and actuators is faster than up
+    assert found == pytest.approx(speed / up + speed / down, rel=3e-3)
+
+
 def test_a_fastest_path_is_planned_for_the_forces_that_the_actuators_have() -> None:
     """Expected: the experiment's own limit less the margin, not the platform's; at every row, and nearly all of it."""
     found = gs.check("fastest_path", {"actuators.force_limit": "9 kN", "loop.sample_time": "2 ms"})

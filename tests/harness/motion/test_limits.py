@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
+from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.motions import experiment, motion_of
 from tests.support.uneven import UNEVEN
 
@@ -17,7 +20,7 @@ PAPER = gs.load_preset("liu2000")
 # velocity and power have tests of their own
 DESKTOP = replace(gs.load_preset("desktop_hexapod"), leg_velocity_max=None, actuator_power_max=None)
 FREE = replace(DESKTOP, leg_length_min=None, leg_length_max=None, joint_angle_max=None)
-LENGTH, NUMBER = "the length", "the condition number of the leg Jacobian"
+LENGTH, PITCH, NUMBER = "the length", "the pitch", "the condition number of the leg Jacobian"
 BASE_JOINT, PLATFORM_JOINT = "the angle of the base joint", "the angle of the platform joint"
 SIDE = "the side of the singular poses (sign of det J against home)"
 # Six equal legs without mass, and rotors of 9 kg.
@@ -57,16 +60,30 @@ def refused(tried: gs.Experiment) -> Any:
     return caught.value
 
 
-@pytest.mark.parametrize("end", ["leg_length_min", "leg_length_max"])
-def test_of_a_stroke_with_one_end_a_leg_uses_the_ratio_to_it(end: str) -> None:
-    """Expected: the shortest length over a leg's, or a leg's over the longest one; of all limits the largest share."""
-    is_low = end == "leg_length_min"
-    limit = 0.9 * Heave.length.min() if is_low else 1.05 * Heave.length.max()
-    share = limit / Heave.length if is_low else Heave.length / limit
-    shares = gs.check(experiment(LIGHT.with_parameters({end: limit}), HEAVE, **FINE)).shares
-    np.testing.assert_allclose(shares.of["stroke"], np.tile(share[:, None], 6))
-    assert shares.total == pytest.approx(share)
-    assert (shares.largest.limit, shares.largest.time) == ("stroke", pytest.approx(Heave.time[share.argmax()]))
+def test_a_heave_uses_what_its_closed_form_says() -> None:
+    """Expected: of each limit the closed form over it; of the stroke the distance from its middle over half of it."""
+    low, high = 0.9 * Heave.length.min(), 1.05 * Heave.length.max()
+    stated = {
+        "leg_velocity_max": 2.0,
+        "leg_acceleration_max": 11.0,
+        "actuator_force_max": 150.0,
+        "actuator_power_max": 130,
+    }
+    platform = LIGHT.with_parameters({**stated, "leg_length_min": low, "leg_length_max": high})
+    found = gs.check(experiment(platform, HEAVE, **FINE))
+    expected = {name: np.abs(values) / stated[name] for name, (_, _, values) in ASKED.items()}
+    expected |= {"stroke": np.abs(2 * Heave.length - low - high) / (high - low)}
+    assert set(found.shares.of) - set(expected) == {"pitch", "side", "condition_number"}
+    for name, share in expected.items():
+        np.testing.assert_allclose(found.shares.of[name], np.tile(share[:, None], 6), rtol=1e-9, atol=1e-12)
+        assert found.shares.peak(name).share == pytest.approx(share.max())
+    largest = max(expected, key=lambda name: expected[name].max())
+    assert found.shares.largest.limit == largest
+    assert found.shares.largest.time == pytest.approx(Heave.time[expected[largest].argmax()])
+    assert found.shares.total == pytest.approx(np.max(list(expected.values()), axis=0))
+    for end, share in (({"leg_length_min": low}, low / Heave.length), ({"leg_length_max": high}, Heave.length / high)):
+        one = gs.check(experiment(LIGHT.with_parameters(end), HEAVE, **FINE)).shares.of["stroke"]
+        np.testing.assert_allclose(one, np.tile(share[:, None], 6))
 
 
 @pytest.mark.parametrize("limit", ASKED)
@@ -103,29 +120,94 @@ def test_limits_of_motion_may_be_passed_with_a_warning_and_those_of_poses_not() 
     assert refused(experiment(short, HEAVE, limits={"reference": "warn"}, **FINE)).quantity == LENGTH
 
 
+def legs_at(platform: gs.Platform, position: Any, orientation: Any) -> tuple[FloatArray, FloatArray]:
+    """Leg vectors (6, 3) and the rotation matrix, leg by leg with SciPy's rotation."""
+    turn = Rotation.from_euler("xyz", orientation).as_matrix()
+    points = zip(platform.platform_points, platform.base_points, strict=True)
+    return np.array([position + turn @ p - b for p, b in points]), turn
+
+
 def joint_angles(platform: gs.Platform, position: Any, orientation: Any) -> tuple[FloatArray, ...]:
     """Angles (6,) from home at base and platform, by arc cosines of directions in world and in platform axes."""
     seen = []
     for pose in ((position, orientation), (platform.home_position, platform.home_orientation)):
-        turn = Rotation.from_euler("xyz", pose[1]).as_matrix()
-        legs = pose[0] + platform.platform_points @ turn.T - platform.base_points
+        legs, turn = legs_at(platform, *pose)
         u = legs / np.linalg.norm(legs, axis=1)[:, None]
         seen.append((u, u @ turn))
     return tuple(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)) for a, b in zip(*seen, strict=True))
 
 
-def test_the_first_leg_whose_joint_turns_too_far_is_named_with_the_joint() -> None:
-    """Expected: the first arc cosine beyond the limit, of a pose in which only joints of one end are."""
-    for end, quantity, moved, turned in (
-        (0, BASE_JOINT, [0.01, 0.012, 0.0], [-0.05, 0.04, -0.06]),
-        (1, PLATFORM_JOINT, [0.0, 0.0, 0.0], [0.05, -0.04, 0.06]),
-    ):
-        position = DESKTOP.home_position + moved
-        beyond = [ends > 0.1 for ends in joint_angles(DESKTOP, position, turned)]
-        assert not beyond[1 - end].any()
-        hold = {"type": "hold", "position": position.tolist(), "orientation": turned}
-        error = refused(experiment(replace(FREE, joint_angle_max=0.1), hold))
-        assert (error.quantity, error.leg) == (quantity, 1 + int(beyond[end].argmax()))
+def offences(platform: gs.Platform, position: FloatArray, orientation: FloatArray) -> set[tuple[str, int | None]]:
+    """All quantities, with their legs, that are beyond their limit at one pose."""
+
+    def jacobian(*pose: Any) -> FloatArray:
+        legs, turn = legs_at(platform, *pose)
+        u = legs / np.linalg.norm(legs, axis=1)[:, None]
+        return np.hstack([u, np.cross(platform.platform_points @ turn.T, u)])
+
+    lengths = np.linalg.norm(legs_at(platform, position, orientation)[0], axis=1)
+    J, at_home = jacobian(position, orientation), jacobian(platform.home_position, platform.home_orientation)
+    rho = np.sqrt((platform.platform_points**2).sum(axis=1).mean())
+    found: set[tuple[str, int | None]] = set()
+    if abs(orientation[1]) >= np.pi / 2 - 1e-3:
+        found.add((PITCH, None))
+    if np.linalg.cond(J / [1, 1, 1, rho, rho, rho]) > 100:
+        found.add((NUMBER, None))
+    if np.linalg.det(J) * np.linalg.det(at_home) <= 0:
+        found.add((SIDE, None))
+    low, high, largest = platform.leg_length_min or 0.0, platform.leg_length_max or np.inf, platform.joint_angle_max
+    found |= {(LENGTH, k + 1) for k in np.flatnonzero((lengths < low) | (lengths > high)).tolist()}
+    for name, values in zip((BASE_JOINT, PLATFORM_JOINT), joint_angles(platform, position, orientation), strict=True):
+        beyond = values > (np.inf if largest is None else largest)
+        found |= {(name, k + 1) for k in np.flatnonzero(beyond).tolist()}
+    return found
+
+
+def test_the_share_of_a_joints_limit_is_that_of_the_larger_angle_of_its_leg() -> None:
+    """Expected: at each row the larger arc cosine of a leg's two joints, in some that of the base, else the other."""
+    swing: dict[str, Any] = {"type": "sine", "frequency": 0.6, "phase": 0.4}
+    swing |= {"position_amplitude": [0.01, 0.012, 0.0], "orientation_amplitude": [-0.05, 0.04, 0.06]}
+    found = gs.check(experiment(DESKTOP, swing, loop={"duration": 0.5, "sample_time": 0.05})).shares.of
+    motion = motion_of(DESKTOP, **swing)(0.05 * np.arange(11))
+    angles = np.array([joint_angles(DESKTOP, *pose) for pose in zip(*motion[:2], strict=True)])
+    assert DESKTOP.joint_angle_max is not None
+    assert 10 < (angles[:, 0] > 1.1 * angles[:, 1]).sum() < 56
+    assert found["joint_angle_max"] == pytest.approx(angles.max(axis=1) / DESKTOP.joint_angle_max, rel=1e-6)
+
+
+LEFT_OUT: dict[str, dict[str, Any]] = {
+    "nothing": {},
+    "joints": {"joint_angle_max": None},
+    "stroke": {"leg_length_min": None, "leg_length_max": None},
+    "both": {"joint_angle_max": None, "leg_length_min": None, "leg_length_max": None},
+}
+amplitudes = st.tuples(*[st.floats(-1, 1)] * 6).map(np.array)
+
+
+@given(amplitudes, st.floats(0.01, 3), st.floats(-3, 3), st.sampled_from(sorted(LEFT_OUT)))
+def test_the_first_offence_is_that_of_an_independent_loop(
+    amplitude: FloatArray, size: float, phase: float, limits: str
+) -> None:
+    """Expected: time after time, leg after leg, with SciPy's rotations, arc cosines and NumPy's cond and det."""
+    platform = replace(DESKTOP, **LEFT_OUT[limits])
+    along = {"position_amplitude": 0.1 * size * amplitude[:3], "orientation_amplitude": size * amplitude[3:]}
+    swing = {"type": "sine", **{name: part.tolist() for name, part in along.items()}, "frequency": 0.6, "phase": phase}
+    tried = experiment(platform, swing, loop={"duration": 0.96, "sample_time": 0.08}, limits={"reference": "warn"})
+    times = 0.08 * np.arange(13)
+    motion = motion_of(platform, **swing)(times)
+    every = ((t, offences(platform, *pose)) for t, *pose in zip(times, *motion[:2], strict=True))
+    expected = next(((t, found) for t, found in every if found), None)
+    if expected is None:
+        shares = gs.check(tried).shares.of
+        assert all(shares[name].max() <= 1 for name in ("pitch", "side", "condition_number"))
+        assert all(shares[name].max() <= 1 for name in ("stroke", "joint_angle_max") if name in shares)
+        return
+    error = refused(tried)
+    assert error.time == pytest.approx(expected[0], abs=1e-12)
+    assert (error.quantity, error.leg) in expected[1]
+    # of the legs beyond the same limit, the first
+    same = [leg for quantity, leg in expected[1] if quantity == error.quantity]
+    assert error.leg is None or error.leg == min(leg for leg in same if leg)
 
 
 @pytest.mark.parametrize("by", [0.04, -0.04])
@@ -193,6 +275,31 @@ def test_small_joint_angles_keep_their_digits() -> None:
     expected = 1e-9 * flat / (flat**2 + PAPER.home_position[2] ** 2)
     for end in ("base", "platform"):
         assert needs[f"{end}_joint_angle_peak"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_energies_of_each_sign_are_exact_where_power_is_linear_between_rows() -> None:
+    """Expected: of a Lagrangian's forces at rows 0.1 s apart, interpolated finely: crossings are within the rows."""
+    along = np.array([0.1, -0.16, 0.2, 0.05, -0.08, 0.07])
+    sway = {"type": "sine", "position_amplitude": along[:3].tolist(), "orientation_amplitude": along[3:].tolist()}
+    sway |= {"frequency": 1.1, "phase": 0.3}
+    needs = gs.check(experiment(UNEVEN, sway, loop={"duration": 0.4, "sample_time": 0.1})).needs
+    time, w = 0.1 * np.arange(5), 2 * np.pi * 1.1
+    turn = w * time + 0.3
+    home = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
+    waves = (np.sin(turn), w * np.cos(turn), -(w**2) * np.sin(turn))
+    q, rate, acceleration = (np.outer(wave, along) for wave in waves)
+    pose = Pose(home + q, rate, acceleration)
+    velocity = legs_along(UNEVEN, pose)[1]
+    viscous = UNEVEN.leg_viscous_friction * UNEVEN.leg_viscous_friction_factor * velocity
+    coulomb = UNEVEN.leg_coulomb_friction * UNEVEN.leg_coulomb_friction_factor
+    power = (
+        forces_along(UNEVEN, pose) + viscous + coulomb * np.tanh(velocity / UNEVEN.leg_friction_velocity)
+    ) * velocity
+    assert (power[:-1] * power[1:] < 0).any()
+    fine = np.linspace(0, 0.4, 200_001)
+    for sign, name in ((1, "motoring_energy"), (-1, "regenerated_energy")):
+        parts = [np.maximum(sign * np.interp(fine, time, power[:, leg]), 0) for leg in range(6)]
+        assert needs[name] == pytest.approx([np.trapezoid(part, fine) for part in parts], rel=1e-6, abs=1e-6)
 
 
 def test_needs_say_what_they_leave_out() -> None:

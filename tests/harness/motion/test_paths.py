@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import gough_stewart as gs
 from tests.harness.motion.forces import pose_along
 from tests.support.arrays import FloatArray
-from tests.support.motions import by_differences, write_table
+from tests.support.motions import by_differences, experiment, write_table
 from tests.support.uneven import UNEVEN
 
 POSES: Any = [[0.1, -0.1, 2.9, 0.05, -0.02, 0.1], [0.15, 0.1, 2.95, -0.05, 0.1, -0.1], [-0.1, 0.0, 2.8, 0.1, 0.0, 0.2]]
@@ -147,6 +147,17 @@ def test_a_path_takes_longer_and_is_smaller_where_its_scales_say_so() -> None:
     assert_allclose(found.rate, 0.6 / 1.7 * pose.rate, atol=1e-6)
     assert_allclose(found.acceleration, 0.6 / 1.7**2 * pose.acceleration, atol=1e-3)
     assert_allclose(np.hstack(scaled(1.7 * time)[:2]), found.q, atol=1e-13)
+
+
+def test_a_path_that_is_too_fast_fits_about_its_first_pose() -> None:
+    """Expected: smaller about the pose in which it begins, all of the limit used and not more."""
+    slow = UNEVEN.with_parameters({"leg_velocity_max": 0.3})
+    table = {"type": "path", "poses": POSES, "timing": 0.9}
+    fitted = gs.check(experiment(slow, table)).fitted("amplitude")
+    assert 1 - 1e-6 <= fitted.shares.peak("leg_velocity_max").share <= 1
+    assert fitted.experiment.reference is not None
+    motion: Any = fitted.experiment.reference.about(slow)
+    assert_allclose(np.hstack(motion(np.zeros(1))[:2])[0], POSES[0], atol=1e-12)
 
 
 NEAR = [*POSES[:2], [*POSES[1][:5], POSES[1][5] + 1e-9]]

@@ -133,6 +133,14 @@ def test_times_are_taken_as_users_have_them_and_motions_travel(name: str) -> Non
     assert [part.shape for part in reference(TIMES[:0])] == [(0, 3)] * 6
 
 
+@pytest.mark.parametrize("name", [name for name in MOTIONS if "faded" in name or name in ("excitation", "step")])
+def test_what_starts_softly_starts_in_its_pose_and_at_rest(name: str) -> None:
+    """Expected: exactly."""
+    kind, keys, _ = MOTIONS[name]
+    start = kind(**POSE, **keys)(np.zeros(1))
+    assert np.hstack(start).tolist() == [[*POSITION, *ORIENTATION, *np.zeros(12)]]
+
+
 def test_jumps_are_on_the_later_side() -> None:
     """Expected: a step has jumped 1e-9 s before its time, not 2e-9 s; a chirp's frequency rests at its end itself."""
     at = gs.Step(**POSE, **CHANGE, at=0.2)(np.array([0.2 - 2e-9, 0.2 - 5e-10, 0.2]))

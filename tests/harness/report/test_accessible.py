@@ -9,10 +9,10 @@ import pytest
 from playwright.sync_api import Browser
 
 import gough_stewart as gs
+from tests.harness.identify.machine_logs import Course, machine_log
 from tests.support.axe import violations
 from tests.support.browser import WITHOUT_WEBGL, Watched, until, watched
 from tests.support.commands import invoke
-from tests.support.machine_logs import Course, machine_log
 from tests.support.records import log_file, waving_record
 from tests.support.reports import page_of_records
 

@@ -338,7 +338,7 @@ def test_the_limit_that_keeps_from_all_poses_is_named_with_its_number(tmp_path: 
         return str(report_of(platform, tmp_path, over, at)["notes"][-1]["text"])
 
     def legs(values: Mapping[str, float]) -> Any:
-        position, orientation = ([values[name] for name in names] for names in (NAMES[:3], NAMES[3:]))
+        position, orientation = (np.array([values[name] for name in names]) for names in (NAMES[:3], NAMES[3:]))
         return gs.leg_geometry(UNEVEN, position, orientation), Rotation.from_euler("xyz", orientation).as_matrix()
 
     home = dict(zip(NAMES, [*UNEVEN.home_position, *UNEVEN.home_orientation], strict=True))
