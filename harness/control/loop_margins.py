@@ -308,8 +308,10 @@ def _crossings(
     """Frequencies [rad/s] at which a part of a function, with these values on the grid, changes its sign."""
     from scipy.optimize import brentq
 
-    found = []
-    for i in np.nonzero(np.diff(np.sign(part(values))))[0]:
+    found, size = [], np.abs(values)
+    # what is 0 to rounding changes its sign everywhere, and limits nothing
+    seen = np.maximum(size[:-1], size[1:]) > 1 / _BOUNDLESS
+    for i in np.nonzero(np.diff(np.sign(part(values))) * seen)[0]:
         at_ends = part(at(omega[i : i + 2]))
         if at_ends[0] * at_ends[1] < 0:
             found.append(brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]))
