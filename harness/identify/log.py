@@ -269,7 +269,7 @@ def _log_of(  # noqa: PLR0912, PLR0915 - one quantity after the other
     # of a run's experiment
     tables = metadata.get("experiment")
     of_sensors = tables.get("sensors") if isinstance(tables, Mapping) else None
-    sensors = of_sensors if isinstance(of_sensors, Mapping) else {}
+    sensors: Mapping[str, Any] = of_sensors if isinstance(of_sensors, Mapping) else {}
     log_side = _sides(values, sensors.get("side", "leg") == "motor", side, "measured.leg_length[1]" in table.columns)
     position, orientation = values.get("position"), values.get("orientation")
     if position is not None and orientation is None and "quaternion" in values:

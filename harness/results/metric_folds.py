@@ -459,7 +459,7 @@ def metric_folds(
 
 
 # Of a run that has all metrics: its reference steps on all axes, and the platform states all limits.
-_OF_ANY_RUN = metric_folds(
+_OF_ANY_RUN: list[Any] = metric_folds(
     np.arange(40.0), np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
 )
 METRICS = (
