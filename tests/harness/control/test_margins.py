@@ -166,6 +166,16 @@ def test_a_static_loop_has_the_margins_of_a_number() -> None:
     assert {(leg.gain_down, leg.gain_up, leg.phase, leg.delay) for leg in margins.legs} == {(0, np.inf, np.inf, np.inf)}
 
 
+def test_a_loop_that_is_real_but_for_rounding_has_the_margins_of_its_numbers() -> None:
+    """Expected for k (s + 1)/(s + 5) · (s + 5)/(s + 1): 1 + f k = 0 for f = −1/k; no lag makes |k| < 1 unstable."""
+    s, numbers = control.tf("s"), (-0.5, 0.75, 0.3, -0.25, 0.5, -0.8)
+    lead, lag = control.ss((s + 1) / (s + 5)), control.ss((s + 5) / (s + 1))
+    margins = margins_of(*(k * control.series(lead, lag) for k in numbers))
+    assert of_legs(margins, "gain_up") == pytest.approx([2, np.inf, np.inf, 4, np.inf, 1.25], rel=1e-9)
+    assert margins.common.gain_up == pytest.approx(1.25, rel=1e-9)
+    assert {(leg.gain_down, leg.phase, leg.delay) for leg in margins.legs} == {(0, np.inf, np.inf)}
+
+
 def mode(pole: complex, step: float) -> Any:
     """A mode beside a stable one that no feedback reaches."""
     block = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]) if np.imag(pole) else np.array([[pole.real]])
