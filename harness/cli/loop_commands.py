@@ -1,6 +1,8 @@
 """The commands `check`, `margins`, `frf`, `ensemble` and `tune`: what a loop allows, over many machines, at best."""
 
+import json
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal
@@ -120,7 +122,8 @@ def margins_command(
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
     loaded = opt.chosen_experiment(experiment, settings, no_python)
-    from gough_stewart.harness.experiment.margins import PATHS, absent_numbers, margins, margins_file
+    from gough_stewart.harness.experiment.margins import PATHS, absent_numbers, margins
+    from gough_stewart.harness.report.document import versions
 
     running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("margins", experiment), ["margins.json"])
@@ -128,7 +131,8 @@ def margins_command(
     analysis = margins(loaded)
     report = analysis.report(charts=running.draws)
     running.require(loaded.requirements, report.numbers, "; ".join(analysis.warnings))
-    running.present(report, {"margins.json": margins_file(analysis)})
+    numbers = {**analysis.as_dict(), "versions": versions()}
+    running.present(report, {"margins.json": (json.dumps(numbers, indent=2) + "\n").encode()})
 
 
 @study(numbers=("S", "T", "L", "agreement", "coherence"), figures=("bode",))
@@ -160,14 +164,16 @@ def frf_command(
     # the page of the run is in its folder
     folder = out or (run_folder / "frf" if running.page or running.options.figures else run_folder)
     loaded = None if experiment is None else opt.chosen_experiment(experiment, None)
-    from gough_stewart.harness.experiment.frf import FILES, frf, frf_files
+    from gough_stewart.harness.experiment.frf import FILES, frf
 
     running.hold(folder, FILES, keeps_data=folder != run_folder)
     running.step("transforms, linear model, figure")
     responses = frf(record, experiment=loaded)
     report = responses.report(charts=running.draws)
     running.require(responses.requirements, report.numbers)
-    running.present(report, frf_files(responses))
+    table, parquet = responses.table(), BytesIO()
+    table.write_parquet(parquet)
+    running.present(report, {"frf.csv": table.write_csv().encode(), "frf.parquet": parquet.getvalue()})
 
 
 @study(figures=("distribution", "bands", "dependence", "sensitivity", "beside"), many=True)
@@ -233,12 +239,15 @@ def ensemble_command(
     from gough_stewart.harness.ensemble.ensemble import ensemble
     from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES
     from gough_stewart.harness.ensemble.worst import WORST, write_worst
+    from gough_stewart.harness.report.document import Number
     from gough_stewart.harness.results.metric_folds import METRICS
 
     # requirements, before anything runs: of margins only if they are computed
     has_margins = loaded.ensemble is not None and loaded.ensemble.margins
     metrics = [metric for metric in METRICS if has_margins or not metric.path.startswith("margins.")]
-    known = metrics if second is None else comparing.known_numbers(metrics)
+    # of a comparison those of the second, of the first, or their difference
+    prefixes = ("",) if second is None else ("", "first.", "difference.")
+    known = [Number(f"{prefix}{m.path}", m.text, None, m.quantity) for prefix in prefixes for m in metrics]
     paths = [number.path for number in known]
     folder = out or opt.results_folder("ensemble", experiment, "" if second is None else "_compared")
     running.hold(folder, study="ensemble" if second is None else "ensemble --compare")

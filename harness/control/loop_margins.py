@@ -28,6 +28,7 @@ _MOST_NUMBERS = 4_000_000
 # Factors on the gains that are tried for an unstable loop, the nearest first.
 _GAINS = tuple(2.0**k for n in range(1, 5) for k in (-n, n))
 _FLAT = 0.02  # relative change of a response that has reached its limit, and its distance from the real axis
+_ROUNDING = 1e-12  # relative change of a response by rounding errors
 _BOUNDLESS = 1e6  # a gain margin beyond this factor counts as infinite
 # Of scaled norms: balancing iterations, descent steps, the largest ln D, and how many matrices are lowered together.
 _BALANCES, _DESCENTS, _WIDEST, _AT_ONCE = 5, 40, 30.0, 16
@@ -308,8 +309,15 @@ def _crossings(
     """Frequencies [rad/s] at which a part of a function, with these values on the grid, changes its sign."""
     from scipy.optimize import brentq
 
-    found = []
-    for i in np.nonzero(np.diff(np.sign(part(values))))[0]:
+    found, size = [], np.abs(values)
+    # what is 0 to rounding changes its sign everywhere, and limits nothing
+    seen = np.maximum(size[:-1], size[1:]) > 1 / _BOUNDLESS
+    on_grid = part(values)
+    is_rounding = np.abs(on_grid) < _ROUNDING * size
+    for i in np.nonzero(np.diff(np.sign(on_grid)) * seen)[0]:
+        if is_rounding[i] and is_rounding[i + 1]:
+            found.append(omega[i])
+            continue
         at_ends = part(at(omega[i : i + 2]))
         if at_ends[0] * at_ends[1] < 0:
             found.append(brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]))

@@ -8,7 +8,7 @@ import polars
 from gough_stewart.harness.ensemble.member_table import MemberTable
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
-from gough_stewart.harness.report.document import Part, Report, Section
+from gough_stewart.harness.report.document import Report, Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
 from gough_stewart.harness.report.words import counted as count
@@ -142,10 +142,11 @@ def with_samples(report: Report, frame: polars.DataFrame) -> Report:
     members = max((len(number.members) for number in report.numbers if number.members is not None), default=0)
     names = {named_signal(name)[0]: name for name in frame.columns if name not in ("member", "time")}
 
-    def filled(part: Part) -> Part:
-        if not isinstance(part, Chart) or part.group != "bands" or part.title not in names:
-            return part
-        return replace(part, samples=_samples(frame, names[part.title], members))
-
-    sections = tuple(replace(section, parts=tuple(map(filled, section.parts))) for section in report.sections)
-    return replace(report, sections=sections)
+    sections = list[Section]()
+    for section in report.sections:
+        parts = list(section.parts)
+        for k, part in enumerate(parts):
+            if isinstance(part, Chart) and part.group == "bands" and part.title in names:
+                parts[k] = replace(part, samples=_samples(frame, names[part.title], members))
+        sections.append(replace(section, parts=tuple(parts)))
+    return replace(report, sections=tuple(sections))

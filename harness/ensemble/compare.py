@@ -1,7 +1,7 @@
 """Compare two ensembles of the same members: differences and their confidence."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from gough_stewart.harness.report.requirements import quantile_interval
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
-from gough_stewart.harness.results.metric_folds import METRICS, Metric, metric_of
+from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.view.view import differ_in, differing
 from gough_stewart.model.process.files import write_files
 
@@ -97,12 +97,6 @@ def run_compared(
     write_files(folder, {DIFFERENCES: lambda path: write_to(path, differences.write_parquet)})
     of_gaps = Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": f"{names[1]} − {names[0]}"})
     return Comparison(a, b, names, of_gaps, differences)
-
-
-def known_numbers(metrics: Iterable[Metric] = METRICS) -> list[Number]:
-    """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
-    prefixes = ("", "first.", "difference.")
-    return [Number(f"{prefix}{m.path}", m.text, None, m.quantity) for prefix in prefixes for m in metrics]
 
 
 def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) -> dict[str, float | int | None]:

@@ -1,6 +1,7 @@
 """Run an ensemble: chunks on cores or on a cluster, combined to a table of members, bands, and metadata."""
 
 import errno
+import hashlib
 import json
 import shutil
 import tempfile
@@ -286,7 +287,7 @@ def _assembled(
         "integration_error": members.select(polars.col("integration_error").max()).collect().item(),
         # one text means the same bits from all workers; several mean agreement to 1e-9
         "features": list(features),
-        "hash": varying.hash,
+        "hash": hashlib.sha256(json.dumps(decisive(varying.plan), sort_keys=True).encode()).hexdigest(),
         "plan": varying.text,
         "made_with": exact_versions(),
         "versions": versions(),

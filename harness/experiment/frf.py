@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -390,10 +389,3 @@ def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
         Chart("coherence of S and T", x, (coherence,), "points", y=Axis("coherence", _COHERENCE), group="bode",
               note="The share of the force that the injection explains; it says nothing of L where that is small."),
     )  # fmt: skip
-
-
-def frf_files(result: FrequencyResponse) -> dict[str, bytes]:
-    """The table by file name."""
-    table, parquet = result.table(), BytesIO()
-    table.write_parquet(parquet)
-    return {"frf.csv": table.write_csv().encode(), "frf.parquet": parquet.getvalue()}

@@ -1,6 +1,5 @@
 """The margins of an experiment's loop on the linear model: numbers, what limits them, and their report."""
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -44,7 +43,7 @@ from gough_stewart.harness.experiment.preparation import Prepared, platforms_of,
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of, versions
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
@@ -566,11 +565,6 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
             remedies.append(f"it is stable at a sample_time of {shorter:g} s")
             break
     return remedies
-
-
-def margins_file(margins: LoopMargins) -> bytes:
-    """The numbers as JSON, with the versions of the software."""
-    return (json.dumps({**margins.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
 
 
 def decibels(factor: float) -> float:

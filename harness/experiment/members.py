@@ -1,6 +1,5 @@
 """The members of an ensemble: what varies, their drawn values, and the plan that determines all results."""
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -207,11 +206,6 @@ class Members:
     def text(self) -> str:
         """The plan as JSON, for workers and files."""
         return json.dumps(self.plan, indent=1, sort_keys=True)
-
-    @property
-    def hash(self) -> str:
-        """A hash of the part of the plan that determines results."""
-        return hashlib.sha256(json.dumps(decisive(self.plan), sort_keys=True).encode()).hexdigest()
 
     def _error(self, key: str, message: str) -> ExperimentError:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)

@@ -26,7 +26,7 @@ from gough_stewart.harness.errors import ControllerError, ExperimentError, Reach
 from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.overrides import Values, by_table, table_with
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.libraries import are_traced, loop_kernel
+from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.loop import (
     Actuators,
     Change,
@@ -37,8 +37,8 @@ from gough_stewart.harness.loop.loop import (
     changes_of_members,
 )
 from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
-from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
-from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
+from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
+from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, distinct_rows, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.lanes import BatchPlant, CompiledLanes, Stepping
 from gough_stewart.harness.plants.signals import VARIABLES, PerMember, of_legs, stacked
@@ -108,7 +108,7 @@ class Prepared(Setup):
     @property
     def kernel(self) -> CompiledLanes | None:
         """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
-        return loop_kernel(Variant.of(self.machine)) if _runs_in_c([self.controller]) else None
+        return loop_kernel(Variant.of(self.machine)) if are_compiled([self.controller]) else None
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
@@ -237,7 +237,7 @@ class Batch:
     def in_parallel(self, stepping: Stepping) -> InParallel:
         """All of them as one plant and one loop; refuses controllers of different structure."""
         n, controllers = len(self.setups), [setup.controller for setup in self.setups]
-        in_c = _runs_in_c(list({id(controller): controller for controller in controllers}.values()))
+        in_c = are_compiled(list({id(controller): controller for controller in controllers}.values()))
         copies = 0 if in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         starts, kernel = [setup.start for setup in filled.setups], loop_kernel(Variant.of(self.machines[0]))
@@ -249,11 +249,6 @@ class Batch:
             known, jacobians = [setup.known for setup in self.setups], flat.reshape(*flat.shape[:-1], 6, 6)
             law_from = laws_of(closed, self.setups[0].timing.sample_time, jacobians, known, copies)
         return InParallel(plant, law_from, filled.loop, len(filled))
-
-
-def _runs_in_c(controllers: Sequence[Controller | None]) -> bool:
-    is_linear = all(controller is None or isinstance(controller, LinearController) for controller in controllers)
-    return is_linear or are_traced(controllers)
 
 
 def one_or_each(numbers: Sequence[Any], none: float = np.nan) -> PerMember:
@@ -614,7 +609,8 @@ class Preparation:
             legs = legs_of(limited, motion)
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
-            jacobians = jacobians_of(limited, Motion(*(part[at] for part in motion)))
+            rows, of_row = distinct_rows(Motion(*(part[at] for part in motion)))
+            jacobians = np.asarray(leg_jacobian(limited, rows.position, rows.orientation)[of_row])
             return Planned(
                 reference=reference,
                 motion=motion,

@@ -266,7 +266,11 @@ def _log_of(  # noqa: PLR0912, PLR0915 - one quantity after the other
         if _OF_RUNS not in table.columns and values:
             rows = without_repeated_rows(since, np.hstack(list(values.values())))
             time, values = time[rows], {name: readings[rows] for name, readings in values.items()}
-    log_side = _sides(values, metadata, side, "measured.leg_length[1]" in table.columns)
+    # of a run's experiment
+    tables = metadata.get("experiment")
+    of_sensors = tables.get("sensors") if isinstance(tables, Mapping) else None
+    sensors: Mapping[str, Any] = of_sensors if isinstance(of_sensors, Mapping) else {}
+    log_side = _sides(values, sensors.get("side", "leg") == "motor", side, "measured.leg_length[1]" in table.columns)
     position, orientation = values.get("position"), values.get("orientation")
     if position is not None and orientation is None and "quaternion" in values:
         position, orientation = converted(position, values["quaternion"], "quaternion", convention)
@@ -291,7 +295,7 @@ def _log_of(  # noqa: PLR0912, PLR0915 - one quantity after the other
     if not holds_force or not sample or not step or force is None:
         return log
     # a force that varies between two readings has no one time, so its samples are kept
-    reading = _sensors(metadata).get("sample_time") or 0.0
+    reading = sensors.get("sample_time") or 0.0
     every = math.gcd(round(sample / step), round(max(sample, reading) / step))
     n = len(log) // every
     if every < 2 or n < 2:
@@ -300,11 +304,11 @@ def _log_of(  # noqa: PLR0912, PLR0915 - one quantity after the other
     return replace(log.rows(slice(0, n * every, every)), actuator_force=mean)
 
 
-def _sides(values: dict[str, FloatArray], metadata: Mapping[str, Any], side: Side | None, has_readings: bool) -> Side:
+def _sides(values: dict[str, FloatArray], is_read_at_motors: bool, side: Side | None, has_readings: bool) -> Side:
     """The side of the lengths; a record of a run read at the motors has no lengths of the legs, which none measured."""
     if side is not None and side not in get_args(Side):
         raise LogError(f"side is {side!r}; expected one of {', '.join(get_args(Side))}")
-    if _sensors(metadata).get("side", "leg") == "motor":
+    if is_read_at_motors:
         motors = values.pop("motor_position", None)
         if not has_readings and motors is not None:
             values["leg_length"] = motors
@@ -322,13 +326,6 @@ def _sides(values: dict[str, FloatArray], metadata: Mapping[str, Any], side: Sid
             "or remove one of both"
         )
     return side or "leg"
-
-
-def _sensors(metadata: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The sensors of a run's experiment; empty for other logs."""
-    experiment = metadata.get("experiment")
-    sensors = experiment.get("sensors") if isinstance(experiment, Mapping) else None
-    return sensors if isinstance(sensors, Mapping) else {}
 
 
 def _renamed(table: polars.DataFrame, chosen: Mapping[str, str]) -> polars.DataFrame:

@@ -6,7 +6,7 @@ is data. A user's law is compiled when it runs for the first time.
 
 import ctypes
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.fmu_build.cache import BuildError, state_of_files
-from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, machine_code, vector_library
+from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, loop_sources, machine_code, vector_library
 from gough_stewart.harness.control.component import Stepped
-from gough_stewart.harness.control.linear_controller import Controller
+from gough_stewart.harness.control.linear_controller import Controller, LinearController
 from gough_stewart.harness.control.machine_parts import Cut, Drive, ForceLimits, Freeze, Sensor, Takeover
 from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
@@ -59,13 +58,9 @@ def loop_kernel(variant: Variant) -> CompiledLanes:
 
 def loop_code(variant: Variant = IDEAL) -> Library:
     """The description of the library."""
-
-    def sources() -> Sources:
-        from gough_stewart.fmu_build.libraries import loop_sources
-
-        return loop_sources(components_header(), variant)
-
-    return vector_library("loop", sources, state_of_files(*_SOURCES), variant)
+    return vector_library(
+        "loop", lambda: loop_sources(components_header(), variant), state_of_files(*_SOURCES), variant
+    )
 
 
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:
@@ -150,8 +145,10 @@ class CompiledLaw:
     used = signals.NAMES
 
 
-def are_traced(controllers: Iterable[Controller | None]) -> bool:
-    """Whether controllers are, or make, CasADi functions that machine code can have together."""
+def are_compiled(controllers: Sequence[Controller | None]) -> bool:
+    """Whether machine code can have these controllers: linear ones, or CasADi functions of one form, given or made."""
+    if all(controller is None or isinstance(controller, LinearController) for controller in controllers):
+        return True
     try:
         made: list[Any] = [
             controller.peek() if isinstance(controller, Maker) else controller for controller in controllers

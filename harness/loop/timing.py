@@ -72,9 +72,10 @@ class Timing:
                     f"whole number, for instance a plant_step of {long / max(1, round(long / short)):g} s"
                 )
         steps, steps_a_sample = round(self.duration / short), round(self.sample_time / short)
-        steps_late = np.floor(np.asarray(self.jitter) / short + _ROUNDING)
+        steps_late = np.asarray(np.floor(np.asarray(self.jitter) / short + _ROUNDING))
         times = np.arange(steps + 1, dtype=float) * short
-        times.setflags(write=False)
+        for shared in (steps_late, times):
+            shared.setflags(write=False)
         jitter, late = np.ravel(self.jitter), np.ravel(steps_late)
         beyond = (jitter != 0) & ~((late >= 1) & (late < steps_a_sample))
         if beyond.any():

@@ -458,15 +458,13 @@ def metric_folds(
     return [CoveredRows(time), *(fold for fold in folds if all(map(has_column, fold.needs)))]
 
 
-def _of_any_run() -> list[Any]:
-    """The folds of a run that has all metrics: its reference steps on all axes, and the platform states all limits."""
-    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
-    return metric_folds(np.arange(40.0), steps, {limit.name: 1.0 for limit in DRIVE_LIMITS})
-
-
+# Of a run that has all metrics: its reference steps on all axes, and the platform states all limits.
+_OF_ANY_RUN: list[Any] = metric_folds(
+    np.arange(40.0), np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
+)
 METRICS = (
     *sorted(
-        (metric._replace(needs=metric.needs or fold.needs) for fold in _of_any_run() for metric in fold.metrics),
+        (metric._replace(needs=metric.needs or fold.needs) for fold in _OF_ANY_RUN for metric in fold.metrics),
         key=lambda metric: metric.path.startswith("limits."),
     ),
     # the linear loop has no rows: whoever computes its margins gives these
@@ -522,7 +520,7 @@ def folds_code() -> Library:
 
     def sources() -> Any:
         # of a run, and of a record, which has flags of the stroke
-        all_folds = [*_of_any_run(), StrokeUse({}, has_flags=True)]
+        all_folds = [*_OF_ANY_RUN, StrokeUse({}, has_flags=True)]
         folds = {fold.kernel: fold for fold in all_folds if isinstance(fold, TermFold)}
         return folds_sources([fold.traced() for fold in folds.values()])
 

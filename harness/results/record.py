@@ -3,7 +3,6 @@
 import base64
 import html
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
@@ -83,10 +82,6 @@ class _Experiment(_KnownKeys):
     disturbance: list[_Table] | None = None
 
 
-def _one_or_six(value: Any, number: Callable[[Any], Any]) -> Any:
-    return [number(of_leg) for of_leg in value] if isinstance(value, list) else number(value)
-
-
 class _Metadata(_KnownKeys):
     title: str = ""
     plant: str | None = None
@@ -95,7 +90,11 @@ class _Metadata(_KnownKeys):
     duration: float | None = None
     sample_time: float | None = None
     plant_step: float | None = None
-    force_limit: Annotated[float | None, WrapValidator(_one_or_six)] = None
+    # one for all legs, or six
+    force_limit: Annotated[
+        float | None,
+        WrapValidator(lambda value, number: list(map(number, value)) if isinstance(value, list) else number(value)),
+    ] = None
     platform: _Table | None = None
     experiment: _Experiment | None = None
     versions: _Table = {}

@@ -118,7 +118,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         base_angle, platform_angle = joint_angles(platform, motion.position, motion.orientation, *home)
     # forces exist in all rows, or none of their figures does
     F, P = (part if regular.all() else np.full_like(part, np.nan) for part in (force, power))
-    mean_length = _integral(time, length) / (time[-1] - time[0])
+    mean_length = np.trapezoid(length, time, axis=0) / (time[-1] - time[0])
     needs = {
         "leg_length_min": Need("m", length.min(axis=0)),
         "leg_length_max": Need("m", length.max(axis=0)),
@@ -173,14 +173,9 @@ def _peak(name: str, unit: str, values: FloatArray, time: FloatArray, **beside: 
     return figures
 
 
-def _integral(time: FloatArray, values: FloatArray) -> FloatArray:
-    """∫ x dt (6,) of values (n, 6), by the trapezoidal rule."""
-    return np.asarray((np.diff(time)[:, None] * (values[1:] + values[:-1]) / 2).sum(axis=0))
-
-
 def _rms(time: FloatArray, values: FloatArray) -> FloatArray:
     """√(∫ x² dt/T) (6,)."""
-    return np.asarray(np.sqrt(_integral(time, values**2) / (time[-1] - time[0])))
+    return np.asarray(np.sqrt(np.trapezoid(values**2, time, axis=0) / (time[-1] - time[0])))
 
 
 def _integral_of_positive(time: FloatArray, values: FloatArray) -> FloatArray:

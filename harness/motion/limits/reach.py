@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.shares import GEOMETRIC, WORST_CONDITION_NUMBER, shares_along
 from gough_stewart.harness.motion.motion import Motion, distinct_rows, motion_of, slower, smaller
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian, rates_of_legs
+from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
@@ -38,12 +38,6 @@ def legs_of(platform: Platform, motion: Motion) -> LegMotion:
     legs = leg_geometry(platform, rows.position, rows.orientation)
     rates = rates_of_legs(legs, State(*rows[:4]))
     return LegMotion(np.asarray(legs.length)[of_row], np.asarray(rates.length_rate)[of_row])
-
-
-def jacobians_of(platform: Platform, motion: Motion) -> FloatArray:
-    """Leg Jacobians along a motion (n, 6, 6)."""
-    rows, of_row = distinct_rows(motion)
-    return np.asarray(leg_jacobian(platform, rows.position, rows.orientation)[of_row])
 
 
 def check_reach(

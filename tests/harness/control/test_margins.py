@@ -119,6 +119,26 @@ def test_gain_margins_have_their_closed_form_and_no_others(channel: Any, down: f
     assert of_legs(margins, "gain_up") == pytest.approx([up] * 2, rel=1e-5)
 
 
+@pytest.mark.parametrize("cancelled", [0, 9])
+def test_a_loop_in_one_direction_has_its_closed_form_with_few_and_with_many_states(cancelled: int) -> None:
+    """Expected for L = g b cᵀ, bᵀc = 1, g = 2/(s + 1)³, f on leg k: det(1 + L) = 1 + g (1 + (f − 1) b_k c_k).
+
+    With Routh's limit of 8, f is (8/2 − 1)/(b_k c_k) + 1 at ω = √3. Five eigenvalues of L are 0, to rounding.
+    """
+    b, c = np.array([1.0, 2, 0.5, 1, 3, 0.25]), np.array([0.1, 0.1, 0.4, 0.2, 0.02, 0.96])
+    s = control.tf("s")
+    more = control.series(*[control.ss((s + 7) / (s + 7))] * cancelled) if cancelled else 1
+    channels = control.append(*[control.series(control.ss(2 / (s + 1) ** 3), more)] * 6)
+    loop = matrices_of(control.series(control.ss([], [], [], np.outer(b, c)), channels))
+    margins = loop_margins(loop)
+    assert loop.nstates == 18 + 6 * cancelled
+    assert of_legs(margins, "gain_up") == pytest.approx(3 / (b * c) + 1, rel=1e-6)
+    assert of_legs(margins, "gain_up_at") == pytest.approx([np.sqrt(3) / (2 * np.pi)] * 6, rel=1e-6)
+    assert (margins.common.gain_up, margins.common.gain_down) == (pytest.approx(4, rel=1e-6), 0)
+    crossover = np.sqrt(4 ** (1 / 3) - 1)
+    assert margins.common.phase == pytest.approx(np.pi - 3 * np.arctan(crossover), rel=1e-6)
+
+
 def test_narrow_resonances_are_not_overlooked() -> None:
     """Expected for 0.05/(s² + 2 ζ s + 1), ζ = 1e-5: |S| peaks where the closed loop does, (1.05 − 1)/(2 ζ √1.05).
 
@@ -144,6 +164,16 @@ def test_a_static_loop_has_the_margins_of_a_number() -> None:
     assert margins.disk.gain == (0, np.inf)
     assert (margins.sensitivity_peak, margins.complementary_peak) == pytest.approx((1 / 3, 2 / 3))
     assert {(leg.gain_down, leg.gain_up, leg.phase, leg.delay) for leg in margins.legs} == {(0, np.inf, np.inf, np.inf)}
+
+
+def test_a_loop_that_is_real_but_for_rounding_has_the_margins_of_its_numbers() -> None:
+    """Expected for k (s + 1)/(s + 5) · (s + 5)/(s + 1): 1 + f k = 0 for f = −1/k; no lag makes |k| < 1 unstable."""
+    s, numbers = control.tf("s"), (-0.5, 0.75, 0.3, -0.25, 0.5, -0.8)
+    lead, lag = control.ss((s + 1) / (s + 5)), control.ss((s + 5) / (s + 1))
+    margins = margins_of(*(k * control.series(lead, lag) for k in numbers))
+    assert of_legs(margins, "gain_up") == pytest.approx([2, np.inf, np.inf, 4, np.inf, 1.25], rel=1e-9)
+    assert margins.common.gain_up == pytest.approx(1.25, rel=1e-9)
+    assert {(leg.gain_down, leg.phase, leg.delay) for leg in margins.legs} == {(0, np.inf, np.inf)}
 
 
 def mode(pole: complex, step: float) -> Any:
