@@ -275,9 +275,12 @@ def _best_fit(
         by_eta = np.stack([values(eta + step).imag / 1e-30 for step in 1e-30j * np.eye(len(eta))], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)
 
+    def of_body(eta: FloatArray) -> FloatArray:
+        return residual(values(eta))
+
     start = np.maximum(eta, bound + 1e-9 * np.abs(units))
     options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
-    best = least_squares(lambda eta: residual(values(eta)), start, chained, **options)
+    best = least_squares(of_body, start, chained, **options)
     return np.asarray(values(best.x)), (*held, "platform_inertia")
 
 
