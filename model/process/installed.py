@@ -51,7 +51,7 @@ def prebuilt(name: str, state: str) -> Path | None:
     with suppress(OSError):
         is_whole = sha256(path.read_bytes()).hexdigest() == line["sha256"]
     if not is_whole:
-        _warn(f"{path} is damaged and is not used; install the package again")
+        warnings.warn(f"{path} is damaged and is not used; install the package again", stacklevel=2)
     return path if is_whole else None
 
 
@@ -91,11 +91,6 @@ def manifest() -> Mapping[str, Any]:
     except (OSError, ValueError):
         return {}
     return lines
-
-
-@cache
-def _warn(text: str) -> None:
-    warnings.warn(text, stacklevel=3)
 
 
 def check_installed(uses: Mapping[str, str]) -> None:

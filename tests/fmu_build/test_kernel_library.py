@@ -40,7 +40,7 @@ def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
 
 def forget() -> None:
     """What this process has loaded."""
-    for cached in (installed.manifest, installed._warn, kernel_library):
+    for cached in (installed.manifest, kernel_library):
         cached.cache_clear()
 
 
