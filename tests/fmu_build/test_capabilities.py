@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable
 from ctypes import POINTER, byref, c_bool, c_double, c_int
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -163,7 +164,13 @@ def test_adjoint_and_directional_derivatives_are_transposes(fmu3: Fmu) -> None:
 
 def test_what_is_no_unknown_or_known_is_an_error(fmu: Fmu) -> None:
     with plant(fmu) as p:
+        p.refuses("not allowed in the instantiated state", ERROR, p.directional, "acceleration", "velocity", np.ones(3))
         p.start()
+        if not p.is_fmi2:
+            for seed, n, words in ((3, 2, "2 values of the unknowns; expected 3"), (4, 3, "4 values of the knowns")):
+                pair = p.references("acceleration"), p.references("velocity"), [1.0] * seed
+                asked = partial(p.fmu.getDirectionalDerivative, *pair, nSensitivity=n)
+                p.refuses(words, ERROR, asked)
         for pair in (("actuator_force", "position"), ("position", "leg_length"), ("position", "fixed_step_size")):
             p.refuses("expected", ERROR, p.directional, *pair, [1.0] * p.size(pair[1]))
 
