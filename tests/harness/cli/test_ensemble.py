@@ -54,11 +54,16 @@ def test_the_worst_member_is_shown_beside_the_nominal_machine(done: tuple[Result
     (member,) = (int(number) for number in re.findall(r"Worst member, (\d+),", section["title"]))
     worst = read_record(done[1] / "worst" / f"member-{member}")
     parts = {part["title"]: part for part in section["parts"]}
-    curves = [np.linalg.norm(record["error.position"], axis=1) for record in (kept, worst)]
-    peaks = [max(series["values"]) for series in parts["position error"]["series"]]
-    assert peaks == pytest.approx([curve.max() for curve in curves])
-    (gap,) = parts["position error, difference"]["series"]
-    assert max(gap["values"]) == pytest.approx((curves[1] - curves[0]).max())
+    for title, name, order in (
+        ("position error", "error.position", 2),
+        ("orientation error", "error.orientation", 2),
+        ("largest force of a leg", "actuator_force", np.inf),
+    ):
+        curves = [np.linalg.norm(record[name], order, axis=1) for record in (kept, worst)]
+        peaks = [max(series["values"]) for series in parts[title]["series"]]
+        assert peaks == pytest.approx([curve.max() for curve in curves])
+        (gap,) = parts[f"{title}, difference"]["series"]
+        assert max(gap["values"]) == pytest.approx((curves[1] - curves[0]).max())
     table = next(part for part in section["parts"] if part["part"] == "table")
     assert table["links"] == ["", "worst/report.html"]
     assert [row[0] for row in table["rows"]] == ["nominal machine", f"member {member}"]
