@@ -168,8 +168,8 @@ def test_what_is_no_unknown_or_known_is_an_error(fmu: Fmu) -> None:
         p.start()
         if not p.is_fmi2:
             for seed, n, words in ((3, 2, "2 values of the unknowns; expected 3"), (4, 3, "4 values of the knowns")):
-                pair = p.references("acceleration"), p.references("velocity"), [1.0] * seed
-                asked = partial(p.fmu.getDirectionalDerivative, *pair, nSensitivity=n)
+                variables = p.references("acceleration"), p.references("velocity")
+                asked = partial(p.fmu.getDirectionalDerivative, *variables, [1.0] * seed, nSensitivity=n)
                 p.refuses(words, ERROR, asked)
         for pair in (("actuator_force", "position"), ("position", "leg_length"), ("position", "fixed_step_size")):
             p.refuses("expected", ERROR, p.directional, *pair, [1.0] * p.size(pair[1]))

@@ -39,23 +39,21 @@ def test_gains_are_those_named_channel_by_channel() -> None:
         assert of_choice(choice, z)[:, :6] == pytest.approx(np.diag(KP + derivative + integral / s), rel=1e-9)
 
 
-def test_choices_of_a_pid_reach_the_system() -> None:
-    """Expected: kp alone from the reference, by backward differences s = (1 − z⁻¹)/T; 1/(Tt s) from the excess."""
-    z = np.exp(0.3j)
-    s = (1 - 1 / z) / T
-    choice = gs.PID(
-        proportional_gain=KP,
-        derivative_gain=KD,
-        integral_gain=200,
-        anti_windup_time=0.7,
-        derivative_on="measurement",
-        derivative_filter=1e-4,
-        discretisation="backward_diff",
-    )
-    found = of_choice(choice, z)
-    assert found[:, :6] == pytest.approx(np.diag(KP + 200 / s), rel=1e-9)
-    assert found[:, 6:12] == pytest.approx(-np.diag(KP + KD * s / (1e-4 * s + 1) + 200 / s), rel=1e-9)
-    assert found[:, 12:] == pytest.approx(np.eye(6) / (0.7 * s), rel=1e-9)
+@pytest.mark.parametrize(
+    "notch",
+    [{"frequency": 41, "damping": 0.35, "depth": 0.15}, {"frequency": 220, "damping": 0.03}, {"frequency": 0.6}],
+)
+def test_the_notch_filters_the_forces_of_every_channel(notch: dict[str, Any]) -> None:
+    """Expected: (s² + 2 g d s + 1)/(s² + 2 d s + 1) at s = i tan(π f T)/tan(π f₀ T); d = 0.5, g = 0 if unnamed."""
+    gains: dict[str, Any] = {"proportional_gain": KP, "derivative_gain": KD, "integral_gain": KI}
+    gains["derivative_filter"] = 0.004
+    plain, notched = gs.PID(**gains), gs.PID(**gains, notch=gs.Notch(**notch))
+    d, g = notch.get("damping", 0.5), notch.get("depth", 0.0)
+    for f in (0.1, 17.0, notch["frequency"], 249.9):
+        z, s = np.exp(2j * np.pi * f * T), 1j * np.tan(np.pi * f * T) / np.tan(np.pi * notch["frequency"] * T)
+        whole = of_choice(plain, z)
+        expected = whole * (s**2 + 2 * g * d * s + 1) / (s**2 + 2 * d * s + 1)
+        assert of_choice(notched, z) == pytest.approx(expected, rel=1e-7, abs=1e-7 * np.abs(whole).max())
 
 
 @pytest.mark.parametrize("space", ["leg", "task"])
@@ -131,6 +129,10 @@ def of_table(**table: Any) -> Any:
     return lambda: gs.load_experiment("heave_step", {"controller": table})
 
 
+def of_notch(**values: Any) -> Any:
+    return lambda: gs.PD(bandwidth=3, notch=gs.Notch(**values)).controller(UNEVEN, T)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -153,9 +155,14 @@ def of_table(**table: Any) -> Any:
         (lambda: gs.PID(bandwidth=1, integral_gain=1), "^integral_gain needs gains; with a bandwidth use"),
         (lambda: gs.PID(proportional_gain=1, derivative_gain=1, integral_gain=1, integral_time=1),
          "^expected integral_gain or integral_time, not both$"),
+        (of_notch(frequency=0), "frequency: is 0; expected > 0 Hz"),
+        (of_notch(frequency="3 m"), "found the unit 'm'"),
+        (of_notch(frequency=3, damping=-1), "damping: is -1; expected > 0"),
+        (of_notch(frequency=3, depth=1), "depth: is 1; expected a number from 0 to below 1"),
+        (of_notch(frequency=3, width=1), "width"),
+        (of_notch(frequency=250.1), r"notch\.frequency is 250\.1 Hz; expected less than 250 Hz"),
         (of_table(type="python", name="a"), "name and factory are of a file; file is missing, add it$"),
         (lambda: Gains(-1.0, 0.0), "^proportional gain is -1.0; expected finite numbers > 0$"),
-        (lambda: Gains([1.0, 2.0, 0.0, 3.0, 4.0, 5.0], 0.0), "proportional gain is .*; expected finite numbers > 0"),
         (lambda: Gains([1.0, 2.0], 0.0), r"proportional gain has shape \(2,\)"),
         (lambda: Gains("stiff", 0.0), "proportional gain is 'stiff'"),
         (lambda: Gains(1.0, -3.0, -2.0, -1.0), "^derivative gain is -3.0; expected finite numbers >= 0$"),
@@ -176,11 +183,9 @@ def test_what_makes_no_controller_is_refused_by_name(make: Any, message: str) ->
 
 def test_an_anti_windup_faster_than_the_samples_is_refused() -> None:
     """Expected: only channels with integral action count."""
-    rest: dict[str, Any] = {
-        "proportional_gain": KP, "derivative_gain": KD, "derivative_filter": 0.004, "anti_windup_time": T / 2,
-    }  # fmt: skip
-    text = r"anti_windup_time is 0.001 s; expected at least the sample_time of 0.002"
-    with pytest.raises(GoughStewartError, match=text):
+    times = {"derivative_filter": 0.004, "anti_windup_time": T / 2}
+    rest: dict[str, Any] = {"proportional_gain": KP, "derivative_gain": KD, **times}
+    with pytest.raises(GoughStewartError, match=r"is 0.001 s; expected at least the sample_time of 0.002"):
         gs.PID(integral_gain=[0, 0, 0.5, 0, 0, 0], **rest).controller(UNEVEN, T)
     assert gs.PID(integral_gain=0, **rest).controller(UNEVEN, T).system.ninputs == 12
 
@@ -243,12 +248,11 @@ def static(rows: int, columns: int) -> Any:
 
 def test_a_matrix_of_transfer_functions_drops_in() -> None:
     """Expected: the same response as its elements, with zeros beside the diagonal and one element that is not."""
-    one = control.sample_system(control.tf([3.0, 1.0], [0.1, 1]), T, "tustin")
-    num = [
-        [one.num_array[0, 0] if i == j else [2.0] if (i, j) == (0, 5) else [0.0] for j in range(6)] for i in range(6)
-    ]
-    den = [[one.den_array[0, 0] if i == j else [1.0] for j in range(6)] for i in range(6)]
-    z = np.exp(0.4j)
+    one, z = control.sample_system(control.tf([3.0, 1.0], [0.1, 1]), T, "tustin"), np.exp(0.4j)
+    num, den = ([[[value] for value in row] for row in whole.tolist()] for whole in (np.zeros((6, 6)), np.ones((6, 6))))
+    for k in range(6):
+        num[k][k], den[k][k] = one.num_array[0, 0], one.den_array[0, 0]
+    num[0][5] = [2.0]
     expected = np.asarray(one(z)) * np.eye(6)
     expected[0, 5] = 2.0
     assert response(LinearController(control.tf(num, den, T)).system, z) == pytest.approx(expected)
@@ -266,21 +270,16 @@ IMPROPER = {
 
 
 @pytest.mark.parametrize("name", IMPROPER)
-@pytest.mark.parametrize(
-    "use",
-    [
-        lambda system: gs.run("heave_step", {"loop.duration": 0.01}, controller=system),
-        lambda system: sampled(system, T),
-    ],
-    ids=["run", "sampled"],
-)
-def test_a_transfer_function_with_more_zeros_than_poles_is_refused_with_the_remedy(use: Any, name: str) -> None:
+def test_a_transfer_function_with_more_zeros_than_poles_is_refused_with_the_remedy(name: str) -> None:
     """Expected: one line; what it recommends is kp + kd s/(Tf s + 1), at 2 Hz within the error of Tustin's rule."""
-    text = r"improper transfer function, of degree (1 over 0|2 over 1), which"
-    with pytest.raises(GoughStewartError, match=text) as e:
-        use(IMPROPER[name])
-    assert "\n" not in str(e.value)
-    assert "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)" in str(e.value)
+    uses: list[Any] = [lambda C: gs.run("heave_step", {"loop.duration": 0.01}, controller=C), lambda C: sampled(C, T)]
+    for use in uses:
+        with pytest.raises(
+            GoughStewartError, match=r"improper transfer function, of degree (1|2) over (0|1), which"
+        ) as e:
+            use(IMPROPER[name])
+        assert "\n" not in str(e.value)
+        assert "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)" in str(e.value)
     kp, kd, Tf, s = 8e4, 9e3, 5e-3, 4j * np.pi
     filtered = sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), 1e-3)
     assert filtered(np.exp(s * 1e-3)) == pytest.approx(kp + kd * s / (Tf * s + 1), rel=1e-3)

@@ -19,16 +19,11 @@ T, STEP, DURATION = 5e-3, 1e-3, 0.1
 FORCE_LIMIT, RATE_LIMIT = 70.0, 1100.0
 SIGNALS = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 PLACES = {name: 3 if k < 4 else 6 for k, name in enumerate(SIGNALS)}
-AMPLITUDE = np.array([0.02, -0.01, 0.015, 0.03, -0.02, 0.04])
 TABLES: dict[str, Any] = {
     "reference": {
-        "type": "sine",
-        "position": POSE[:3].tolist(),
-        "orientation": POSE[3:].tolist(),
-        "position_amplitude": AMPLITUDE[:3].tolist(),
-        "orientation_amplitude": AMPLITUDE[3:].tolist(),
-        "frequency": 2.3,
-        "phase": 0.6,
+        **{"type": "sine", "position": POSE[:3].tolist(), "orientation": POSE[3:].tolist()},
+        **{"position_amplitude": [0.02, -0.01, 0.015], "orientation_amplitude": [0.03, -0.02, 0.04]},
+        **{"frequency": 2.3, "phase": 0.6},
     },
     "start": {
         "position": (POSE[:3] + np.array([0.004, 0.002, -0.003])).tolist(),
@@ -190,14 +185,8 @@ def first_command(controller: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
 def test_a_start_off_the_reference_gives_no_kick_of_the_derivative(space: Any, notch: Any) -> None:
     """Expected: kp e and half a step of the integral by Tustin's rule, in legs or axes; a notch passes what rests."""
     kp, ki = np.array([900.0, 1100, 1000, 800, 950, 1050]), np.array([3e4, 0.0, 2e4, 5e4, 4e4, 1e4])
-    pid = gs.PID(
-        space=space,
-        proportional_gain=kp,
-        derivative_gain=60 + 0.01 * kp,
-        integral_gain=ki,
-        derivative_filter=0.01,
-        notch=notch,
-    )
+    gains: dict[str, Any] = {"proportional_gain": kp, "derivative_gain": 60 + 0.01 * kp, "integral_gain": ki}
+    pid = gs.PID(space=space, **gains, derivative_filter=0.01, notch=notch)
     force, error, J = first_command(pid.controller(UNEVEN, T))
     J = np.eye(6) if space == "leg" else J
     assert J.T @ force == pytest.approx((kp + ki * T / 2) * np.linalg.solve(J, error), rel=1e-9)
@@ -248,12 +237,8 @@ def flat(values: Any, path: str = "") -> dict[str, float]:
     if isinstance(values, dict):
         return {name: x for key, inner in values.items() for name, x in flat(inner, f"{path}.{key}").items()}
     listed = values if isinstance(values, list) else [values]
-    is_defined = (
-        listed
-        and all(isinstance(value, int | float) for value in listed)
-        and not path.endswith(("shortest", "exceeded"))
-    )
-    return {path[1:]: max(listed)} if is_defined else {}
+    is_left_out = not listed or path.endswith(("shortest", "exceeded"))
+    return {} if is_left_out or not all(isinstance(x, int | float) for x in listed) else {path[1:]: max(listed)}
 
 
 def test_members_with_controllers_of_their_own_have_the_numbers_of_runs_of_their_own() -> None:
@@ -298,13 +283,8 @@ def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory(plant: 
     stiffness, damping = 1e4 * np.arange(1.0, 7), 100.0 * np.arange(7.0, 1, -1)
     force = stiffness * (wanted - length) - damping * velocity + 50 * time + casadi.vec(memory)
     counted = memory + np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    function = casadi.Function(
-        "law",
-        [memory, wanted, time, velocity, length],
-        [counted, force],
-        list(names),
-        ["memory_next", "actuator_force"],
-    )
+    inputs, outputs = [memory, wanted, time, velocity, length], ["memory_next", "actuator_force"]
+    function = casadi.Function("law", inputs, [counted, force], list(names), outputs)
     settings = {"loop.duration": 0.06, "loop.sample_time": 2e-3, "loop.plant_step": 1e-3, "loop.delay": 1}
     record = gs.run("circle", settings, controller=function, plant=plant)
     rows = slice(0, -1, 2)

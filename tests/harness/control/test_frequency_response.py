@@ -71,16 +71,12 @@ EVERY = "'surge', 'sway', 'heave', 'roll', 'pitch' or 'yaw'"
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        (
-            {"leg": None},
-            r"expected leg \(1 to 6\) or mode \(surge, sway, heave, roll, pitch, yaw\), and only one of them$",
-        ),
+        ({"leg": None}, r"expected leg \(1 to 6\) or mode \(surge, .* yaw\), and only one of them$"),
         ({"leg": None, "mode": "lift"}, rf"mode: is 'lift'; expected {EVERY}$"),
         ({"mode": "heave"}, "only one of them"),
         ({"leg": 7}, "leg.*7"),
         ({"band": [0, 10]}, "band is 0 to 10 Hz; expected two frequencies > 0, the lower one first"),
-        ({"band": [10, 10]}, "band is 10 to 10 Hz"),
-        ({"band": [10, 1]}, "band is 10 to 1 Hz.*the lower one first"),
+        ({"band": [10, 10]}, "band is 10 to 10 Hz.*the lower one first"),
         ({"band": [1, 600]}, "band is 1 to 600 Hz at a sample_time of 0.001 s.*500 Hz"),
         ({"band": [1, 10], "period": 0.05}, "without a harmonic of the period of 0.05 s"),
         ({"period": 2.0}, "a run of 3 s has 1.5 periods of 2 s.*loop.duration of 6 s"),

@@ -43,12 +43,8 @@ class Case:
             injection={**injection, "settle": self.settle},
             sensors={"noise": {"leg_length": SIGMA}, "seed": 3},
             platform=_without_coulomb_friction(),
-            loop={
-                "duration": round(given["periods"] * PERIOD / self.T) * self.T,
-                "sample_time": self.T,
-                "plant_step": given["plant_step"],
-                "delay": self.options["delay"],
-            },
+            loop={"duration": round(given["periods"] * PERIOD / self.T) * self.T, "sample_time": self.T}
+            | {"plant_step": given["plant_step"], "delay": self.options["delay"]},
         )
         self.record = gs.run(experiment, {"controller.feedforward": "gravity"})
         self.found = gs.frf(self.record)

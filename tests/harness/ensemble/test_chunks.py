@@ -33,6 +33,20 @@ def test_an_ensemble_of_impossible_members_has_the_columns_of_any_other() -> Non
         gs.ensemble(small(platform_mass={"uniform": [-3, -1]}, members=4), workers=1)
 
 
+@pytest.mark.usefixtures("units_in_process")
+def test_a_member_is_its_experiment_in_another_plant() -> None:
+    """Expected: the stepping model and the FMU, another integrator, within 1e-8 m and rad."""
+    # which would round on two sides of a step sooner or later
+    fixed = {"sensors.quantisation.leg_length": 0.0}
+    experiment = gs.load_experiment("heave_tolerances", {"loop.duration": 0.2, "ensemble.members": 64, **fixed})
+    lanes, *others = (gs.run(experiment, member=5, plant=plant) for plant in (None, "model", "fmu3"))
+    assert lanes.metadata["plant"] == "lanes"
+    for name in ("position", "orientation"):
+        for other in others:
+            assert np.abs(lanes[name] - other[name]).max() < 1e-8
+    assert (lanes["measured.leg_length"] != lanes["leg_length"]).any()
+
+
 def test_internal_steps_hold_the_tolerance_and_are_those_that_each_member_needs(whole: polars.DataFrame) -> None:
     """Expected: one for each of 60 rows; more where legs reverse, other ones of each machine; errors below them."""
     table = {"members": 40, "platform_mass": {"factor": {"uniform": [0.8, 1.2]}}}

@@ -72,17 +72,14 @@ class Swing:
         omega = 2 * np.pi * self.frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
         series = (s @ a + c @ b, (c * omega) @ a - (s * omega) @ b, -(s * omega**2) @ a - (c * omega**2) @ b)
-        w, w1, w2 = (part[:, None] for part in self._window(time, duration))
+        # the window: 0 before and after the motion, 1 between the fades
+        rising = time < duration / 2
+        share = np.clip(np.where(rising, time, duration - time) / self.fade, 0.0, 1.0)[:, None]
+        pace = np.where(rising, 1.0, -1.0)[:, None] / self.fade
+        w, w1, w2 = _RISE(share), _RISE.deriv()(share) * pace, _RISE.deriv(2)(share) * pace**2
         home = np.concatenate([machine.home_position, machine.home_orientation])
         x, x1, x2 = series
         return Pose(home + w * x, w1 * x + w * x1, w2 * x + 2 * w1 * x1 + w * x2)
-
-    def _window(self, time: FloatArray, duration: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Window w(t) and its first two derivatives: 0 before and after the motion, 1 between the fades."""
-        rising = time < duration / 2
-        x = np.clip(np.where(rising, time, duration - time) / self.fade, 0.0, 1.0)
-        rate = np.where(rising, 1.0, -1.0) / self.fade
-        return _RISE(x), _RISE.deriv()(x) * rate, _RISE.deriv(2)(x) * rate**2
 
 
 HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)

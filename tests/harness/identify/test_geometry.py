@@ -214,10 +214,7 @@ def test_many_poses_that_are_not_like_the_others_are_an_alarm() -> None:
 
 @pytest.mark.parametrize(("n", "stroke"), [(15, 0.3), (60, 0.02)])
 def test_what_has_an_interval_is_right_with_few_poses_and_with_a_small_stroke(n: int, stroke: float) -> None:
-    """Expected: 15 poses of a right log are enough; at small stroke, what is not seen has no interval, and is named.
-
-    Before, 9 of 20 such logs were refused, and offsets were off by up to 256 standard errors.
-    """
+    """Expected: 15 poses of a right log are enough; at small stroke, what is not seen has no interval, and is named."""
     machine = Machine(8)
     for seed in range(4):
         rng = np.random.default_rng(seed)

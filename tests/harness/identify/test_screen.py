@@ -7,7 +7,6 @@ limits that docs/identify.md states. Intervals of 95 % are those of the same log
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -43,13 +42,6 @@ from tests.support.arrays import FloatArray
 QUIET = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
 ROWS = 2000
 NONE = np.zeros((ROWS, 6), dtype=bool)
-
-
-@cache
-def late() -> Log:
-    """Two seconds that begin at 7.3 s."""
-    time = np.asarray(np.arange(ROWS) * 1e-3 + 7.3, dtype=float)
-    return replace(machine_log(course=Course(duration=2.0), seed=4), time=time, where="late.csv")
 
 
 # Faults of a log, and what is said of each.
@@ -171,7 +163,9 @@ def test_mended_and_missing_rows_are_noted_then_alarm_then_refuse(
     spikes: int, missing: int, has_alarm: bool, refusal: str
 ) -> None:
     """Expected: docs/identify.md, over 0.5 % interpolated or 15 % left out is an alarm; over 2 % or half is refused."""
-    log = with_spikes(late(), "leg_length", 0.02, spikes, seed=2)
+    time = np.asarray(np.arange(ROWS) * 1e-3 + 7.3, dtype=float)
+    log = replace(machine_log(course=Course(duration=2.0), seed=4), time=time, where="late.csv")
+    log = with_spikes(log, "leg_length", 0.02, spikes, seed=2)
     if missing:
         length, force = log.leg_length.copy(), force_of(log).copy()
         length[800 : 800 + missing], force[800 : 800 + missing] = length[800], force[800]
