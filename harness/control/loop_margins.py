@@ -189,8 +189,8 @@ def response(L: StateSpace, omega: FloatArray) -> ComplexArray:
     (n, m), answers = B.shape, list[ComplexArray]()
     for part in np.array_split(s, math.ceil(max(1, len(s) * n * m) / _MOST_NUMBERS)):
         if len(part) < _FEW_FREQUENCIES:
-            each = [solve_triangular(point * np.eye(n) - T, B, check_finite=False) for point in part]
-            x = np.reshape(each, (len(part), n, m))
+            solutions = [solve_triangular(point * np.eye(n) - T, B, check_finite=False) for point in part]
+            x = np.reshape(solutions, (len(part), n, m))
         else:
             flat, at = np.empty((n, len(part) * m), dtype=complex), np.repeat(part, m)
             for i in reversed(range(n)):
@@ -309,21 +309,21 @@ def _crossings(
     """Frequencies [rad/s] at which a part of a function, with these values on the grid, changes its sign."""
     from scipy.optimize import brentq
 
-    found, size = [], np.abs(values)
+    crossings, size = [], np.abs(values)
     # what is 0 to rounding changes its sign everywhere, and limits nothing
     seen = np.maximum(size[:-1], size[1:]) > 1 / _BOUNDLESS
     on_grid = part(values)
     is_rounding = np.abs(on_grid) < _ROUNDING * size
     for i in np.nonzero(np.diff(np.sign(on_grid)) * seen)[0]:
         if is_rounding[i] and is_rounding[i + 1]:
-            found.append(omega[i])
+            crossings.append(omega[i])
             continue
         at_ends = part(at(omega[i : i + 2]))
         if at_ends[0] * at_ends[1] < 0:
-            found.append(brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]))
+            crossings.append(brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]))
         else:  # the sign of one of them is that of rounding, which differs from that on the whole grid
-            found.append(omega[i + int(np.abs(at_ends).argmin())])
-    return np.array(found)
+            crossings.append(omega[i + int(np.abs(at_ends).argmin())])
+    return np.array(crossings)
 
 
 def _poles(L: StateSpace) -> ComplexArray:

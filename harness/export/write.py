@@ -454,7 +454,7 @@ def _forces(designed: Designed, sources: ControllerSources, rows: list[FloatArra
     # both in one library: the names in single precision have another ending
     public = [f"{name}_{part}" for part in ("prepare", "start", "step")]
     public += [f"{name.upper()}_{part}" for part in ("DEFAULTS", "HOME", "HOME_POSE")]
-    renamed = [f"#define {each} {each}_in_single" for each in public]
+    renamed = [f"#define {symbol} {symbol}_in_single" for symbol in public]
     code = f'#include "{name}.c"\n'
     units = {"double.c": code, "single.c": "\n".join([f"#define {name.upper()}_REAL float", *renamed, code])}
     # without optimisation, and zig's checks that come with that, forces have the same bits, in half the compiler's time
@@ -464,7 +464,7 @@ def _forces(designed: Designed, sources: ControllerSources, rows: list[FloatArra
     with tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True) as folder:
         path = Path(folder, f"controller{native().suffix}")
         path.write_bytes(library)
-        loaded, found = ctypes.CDLL(str(path)), list[FloatArray]()
+        loaded, of_both = ctypes.CDLL(str(path)), list[FloatArray]()
         kinds: tuple[tuple[str, Any, int], ...] = ("", ctypes.c_double, 0), ("_in_single", ctypes.c_float, 1)
         for ending, kind, is_relative in kinds:
             prepare_it, start_it, step_it = (getattr(loaded, f"{function}{ending}") for function in public[:3])
@@ -479,5 +479,5 @@ def _forces(designed: Designed, sources: ControllerSources, rows: list[FloatArra
                 for _ in range(designed.carried.steps_a_sample):
                     step_it(parameters, coefficients, memory, *inputs, force, limited)
                 forces[k] = force[:]
-            found.append(forces)
-    return found
+            of_both.append(forces)
+    return of_both

@@ -83,10 +83,8 @@ class Timing:
                 f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
                 f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
             )
-        for name, value in (
-            *(("steps", steps), ("steps_a_sample", steps_a_sample), ("steps_late", steps_late)),
-            *(("times", times), ("samples", times[:steps:steps_a_sample])),
-        ):
+        counts = {"steps": steps, "steps_a_sample": steps_a_sample, "steps_late": steps_late}
+        for name, value in {**counts, "times": times, "samples": times[:steps:steps_a_sample]}.items():
             object.__setattr__(self, name, value)
 
     @property

@@ -1,16 +1,13 @@
-"""Importers besides FMPy: libcosim (over Modelon's FMI Library) and Ecos run an SSP, CasADi a plant."""
+"""Importers besides FMPy: libcosim (over Modelon's FMI Library) and Ecos run an SSP."""
 
 from pathlib import Path
 from typing import Any
 
-import casadi
 import numpy as np
 import pytest
 
 import gough_stewart as gs
 from tests.support.exported_loop import MISTAKEN, exported_loop
-from tests.support.fmu_plants import Fmu
-from tests.support.plain_motion import trajectory
 
 pytestmark = pytest.mark.evidence
 
@@ -60,24 +57,3 @@ def test_the_exported_loop_in_ecos(version: str, delayed: dict[str, Any], tmp_pa
         found = [simulation.get_real(f"plant::leg_length[{k}]") for k in range(1, 7)]
         assert np.abs(found - expected).max() <= 1e-9
         simulation.step()
-
-
-def test_the_plant_in_casadi(fmus: dict[str, Fmu]) -> None:
-    """Expected: a Lagrangian under DOP853; Model Exchange by `DaeBuilder` and classical Runge and Kutta's steps."""
-    platform = gs.load_preset("liu2000")
-    wrench = np.append(platform.home_actuator_force * (1 + 0.01 * np.arange(1, 7)), np.zeros(6))
-    start = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(6)])
-    expected = trajectory(platform, start, lambda _: wrench, np.array([0.0, 0.1]))[-1, :3]
-    dae = casadi.DaeBuilder("plant", str(fmus["2.0"].folder))
-    f = dae.create("f", ["x", "u"], ["ode"])
-    x, u = (np.array(dae.start(names)).ravel() for names in (dae.x(), dae.u()))
-    u[[dae.u().index(f"actuator_force[{k}]") for k in range(1, 7)]] = wrench[:6]
-    h = 1e-3
-    for _ in range(100):
-        k1 = f(x, u)
-        k2 = f(x + h / 2 * k1, u)
-        k3 = f(x + h / 2 * k2, u)
-        k4 = f(x + h * k3, u)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    found = np.array(x).ravel()[[dae.x().index(f"position[{k}]") for k in range(1, 4)]]
-    assert np.abs(found - expected).max() <= 1e-9

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.motion.limits.shares import LABELS, Shares, loads_of_legs
+from gough_stewart.harness.motion.limits.shares import LABELS, LOADS, Shares, loads_of_legs
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
@@ -112,7 +112,8 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, motion.position, motion.orientation)
         regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
-        v, a, force, power = loads_of_legs(platform, motion, legs, regular).values()
+        loads = loads_of_legs(platform, motion, legs, regular)
+        v, a, force, power = (loads[name] for name in LOADS)
         length = np.asarray(legs.length)
         home = (platform.home_position, platform.home_orientation)
         base_angle, platform_angle = joint_angles(platform, motion.position, motion.orientation, *home)

@@ -54,6 +54,10 @@ class FromTable(Piecewise):
         if n <= _SPLINE_DEGREE:
             raise MotionError(f"a table of {n} rows; expected at least {_SPLINE_DEGREE + 1} for quintic splines")
         check_increasing(self.time)
+        for name in ("time", "position", "orientation"):
+            values = np.array(getattr(self, name), dtype=float)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
         for name in ("end", "defined_until"):
             object.__setattr__(self, name, float(self.time[-1]))
         from scipy.interpolate import make_interp_spline  # half a second of imports, needed here only
