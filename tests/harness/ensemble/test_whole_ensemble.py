@@ -164,6 +164,17 @@ def test_a_member_is_the_same_in_the_ensemble_and_in_a_run(done: Done) -> None:
     np.testing.assert_allclose(nominal["measured.leg_length"], own["measured.leg_length"], rtol=0, atol=1e-6)
 
 
+def test_the_worst_member_and_the_nominal_machine_share_the_axis_of_the_longer_run(done: Done) -> None:
+    """Expected: the times of the run that went on for longer, as of each curve those of its own record."""
+    beside = next(part for part in report_in(done.folder)["sections"] if part["title"].startswith("Worst member, "))
+    worst = done.records[int(beside["title"].split()[2].rstrip(","))]
+    ends = [record["time"][-1] for record in (gs.read_record(done.folder / "worst" / "nominal"), worst)]
+    chart = next(part for part in beside["parts"] if part["title"] == "position error")
+    assert ends[0] != ends[1]
+    assert chart["x"]["values"][-1] == pytest.approx(max(ends))
+    assert [curve["x"][-1] for curve in chart["series"]] == pytest.approx(ends, abs=2 * 0.0025)
+
+
 def test_bands_are_quantiles_of_the_members_rows(done: Done) -> None:
     """Expected: NumPy's quantiles of the records' columns, row by row, over the members that have the row."""
     bands = polars.read_parquet(done.folder / "bands.parquet")

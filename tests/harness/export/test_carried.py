@@ -1,5 +1,6 @@
 """Exported controllers that carry drives and sensors, against runs; unequal clocks, six different legs."""
 
+import re
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -264,3 +265,12 @@ def test_what_is_carried_is_not_left_out_and_the_loop_with_drives_is_judged_with
         assert ("Drives: the forces are those that act" in text) == ("drives" in parts)
         assert ("The lag of the drives was part of it" in text) == ("drives" in parts)
         assert ("(output_delay = 2)" in text) == (form != "c" and "drives" in parts)
+
+
+def test_a_count_of_steps_starts_anew_at_a_multiple_of_both_clocks() -> None:
+    """Expected: samples of 3 steps and readings of 8; below 2²⁴, up to which a float has all whole numbers."""
+    tables, parts = ROWS["readings slower than samples, no lag"]
+    found = re.search(r"^#define STEPS_OF_TURN (\d+)$", source_of(made(tables), parts=parts).read_text(), re.M)
+    assert found is not None
+    assert int(found[1]) % 24 == 0
+    assert 2**22 < int(found[1]) < 2**24

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 from gough_stewart import Estimate, Log, identify
-from tests.harness.identify.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
+from tests.harness.identify.machine_logs import (
+    NAMES,
+    NOMINAL,
+    Course,
+    Sensing,
+    Swing,
+    force_of,
+    machine_log,
+    random_machine,
+)
 from tests.harness.identify.model_errors import FEW, Case, Designed, made
 
 DURATION = 7.0  # of logs [s]
@@ -48,6 +57,22 @@ def test_one_error_is_named_and_its_size_found(kind: str, seed: int, size: float
         of_perfect, factor = {"%": (1.0, 100.0), "ms": (0.0, 1e3), "°": (0.0, 180 / np.pi)}[said[3]]
         shown = factor * np.array([first.values[0] - of_perfect, 1.96 * first.standard_errors[0]])
         assert [float(text.replace("−", "-")) for text in said.groups()[:2]] == pytest.approx(shown, rel=0.06)
+
+
+def test_one_leg_is_named_whose_force_is_clipped_below_those_of_others() -> None:
+    """Expected: leg 2 and its level, a tenth below its largest force, to 0.1 %; forces of legs 1 and 5 go beyond it."""
+    log = machine_log(course=Course(duration=6.0), seed=1)
+    force = force_of(log)
+    level = 0.9 * np.abs(force[:, 1]).max()
+    clipped = np.clip(force[:, 1], -level, level) + np.random.default_rng(3).normal(
+        scale=0.003 * level, size=len(force)
+    )
+    estimate = identify(replace(log, actuator_force=np.insert(np.delete(force, 1, 1), 1, clipped, 1)), NOMINAL, NAMES)
+    assert (np.abs(force[:, [0, 4]]).max(axis=0) > 1.1 * level).all()
+    assert estimate.diagnosis is not None
+    [finding] = estimate.diagnosis.findings
+    assert finding.name == "force of leg 2 clipped"
+    assert finding.values == pytest.approx([level], rel=1e-3)
 
 
 def test_a_payload_left_out_is_named_and_never_joints() -> None:

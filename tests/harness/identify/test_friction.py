@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from gough_stewart import Platform, load_preset
+from gough_stewart.harness.identify.log import Part
+from gough_stewart.harness.identify.row_model import segment_of
 from gough_stewart.harness.identify.sticking_friction import StickingFriction, sliding_rows
+from tests.harness.identify.machine_logs import MACHINE, Course, force_of, machine_log
 from tests.harness.identify.sticking_logs import LEGS, Law
 from tests.support.arrays import FloatArray
+from tests.support.lagrangian import legs_along
 
 H = 1e-3
 NAMES = ("leg_coulomb_friction", "leg_static_friction", "leg_stribeck_velocity")
@@ -73,3 +77,17 @@ def test_slopes_by_length_and_rows_that_slide_are_those_of_closed_forms() -> Non
     # 150 N at 1e7 N/m are 15 µm, of which four are 60 µm, after six rows of 11 µm
     stronger = PLATFORM.with_parameters({"leg_static_friction": 150.0})
     np.testing.assert_array_equal(sliding_rows(stronger, np.full((9, 6), 0.011), H)[:, 0], [0] * 5 + [1] * 4)
+
+
+@pytest.mark.parametrize("smoothing", [1e-4, 1e3])
+def test_a_leg_slides_above_the_smaller_of_two_velocities(smoothing: float) -> None:
+    """Expected: ten smoothing velocities or a tenth of the RMS velocity, by a fifth, for the filter's lobe of 32 ms."""
+    course = Course(duration=4.0)
+    log, time = machine_log(course=course), np.linspace(0.0, 3.999, 4000)
+    speed = np.abs(legs_along(MACHINE, course.swing.along(MACHINE, time, 4.0))[1])
+    part = Part(time, log.leg_length, force_of(log))
+    rows = segment_of(part, replace(MACHINE, leg_friction_velocity=smoothing), 20.0)
+    at, limit = np.rint(rows.time / H).astype(int), np.minimum(10 * smoothing, 0.1 * np.sqrt((speed**2).mean(axis=0)))
+    slowest = np.stack([speed[k - 32 : k + 33].min(axis=0) for k in at])
+    assert set(rows.sliding[slowest > 1.2 * limit]) == {1.0}
+    assert not rows.sliding[speed[at] < 0.8 * limit].any()
