@@ -240,7 +240,8 @@ def _best_fit(
     inside = np.clip(start, low + _SMALLEST * scale, high)
     options: Any = {"x_scale": scale, "xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": 60}
     theta = least_squares(residual, inside, jacobian, bounds=(low, high), **options).x
-    held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
+    near = 1e-5 * scale
+    held = tuple(name for k, name in enumerate(names) if not low[k] + near[k] <= theta[k] <= high[k] - near[k])
     # with some of the elements only, whether it is a body is for the platform to say
     if not set(INERTIA) <= set(names):
         return theta, held
@@ -278,8 +279,8 @@ def _best_fit(
     def of_body(eta: FloatArray) -> FloatArray:
         return residual(values(eta))
 
-    start = np.maximum(eta, bound + 1e-9 * np.abs(units))
-    options = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
+    start = np.clip(eta, bound + 1e-9 * np.abs(units), high)
+    options = {"bounds": (bound, high), "x_scale": units, "max_nfev": 200}
     best = least_squares(of_body, start, chained, **options)
     return np.asarray(values(best.x)), (*held, "platform_inertia")
 

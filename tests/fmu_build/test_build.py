@@ -21,9 +21,6 @@ import gough_stewart as gs
 from tests.support.fmu_plants import Fmu, plant
 from tests.support.uneven import UNEVEN
 
-# ---- a compiler in the place of zig, for builds that take no time and fail as a test wants ----
-
-
 _PROGRAM = """
 import json, os, pathlib, shutil, signal, subprocess, sys, time
 folder, command = pathlib.Path(os.environ["FAKE_ZIG"]), sys.argv[1:]

@@ -22,9 +22,6 @@ def at_home(platform: gs.Platform) -> dict[str, Any]:
     return home | ({"motor_position": platform.home_motor_position} if platform.leg_stiffness else {})
 
 
-# --- legs with stiction or compliance --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", ["model", "fmu3"])
 def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kind: str) -> None:
     """Expected: the loop on the model under error control; errors of steps are corrected as by any feedback."""
@@ -102,8 +99,6 @@ def test_what_a_platform_refuses_the_unit_refuses(whole: dict[str, Fmu]) -> None
             assert message in p.take_messages()
 
 
-# --- massless legs ---------------------------------------------------------------------------------------------------
-
 _ZEROS = ("leg_lower_mass", "leg_upper_mass", "leg_lower_inertia", "leg_upper_inertia", "leg_armature")
 MASSLESS = UNEVEN.with_parameters(dict.fromkeys((*_ZEROS, "leg_viscous_friction", "leg_coulomb_friction"), 0.0))
 
@@ -136,9 +131,6 @@ def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu
     weight = MASSLESS.platform_mass * MASSLESS.gravity
     held = np.linalg.solve(np.vstack([u.T, np.cross(arms, u).T]), -np.concatenate([weight, np.cross(com, weight)]))
     assert gs.static_leg_forces(MASSLESS, STATE.position, STATE.orientation) == pytest.approx(held, rel=1e-10)
-
-
-# --- joints that legs share ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("one", "other"), [(0, 5), (1, 3), (4, 2)])

@@ -173,9 +173,6 @@ class Exported:
         return function(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
 
 
-# ---- what a run says ----
-
-
 def samples_of(record: gs.Record, name: str) -> FloatArray:
     """A column at the samples of the controller whose forces act within the run."""
     every = round(record.metadata["sample_time"] / record.metadata["plant_step"])
@@ -197,9 +194,6 @@ def largest_difference(forces: FloatArray, expected: FloatArray) -> float:
     """Relative to the largest force of a sample, at worst."""
     assert forces.shape == expected.shape
     return float((np.abs(forces - expected).max(axis=1) / np.abs(expected).max(axis=1)).max())
-
-
-# ---- compilers ----
 
 
 def compiled(command: Sequence[str], folder: Path) -> None:

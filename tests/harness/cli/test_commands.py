@@ -266,8 +266,6 @@ def test_switch_and_safe_forces_are_chosen_at_the_command() -> None:
         assert said in header, said
 
 
-# --- identify --------------------------------------------------------------------------------------------------------
-
 NAMES = "platform_mass,platform_com,leg_armature,leg_viscous_friction,leg_coulomb_friction"
 
 
@@ -312,9 +310,6 @@ def test_a_log_that_contradicts_the_model_is_written_with_an_alarm_and_exit_code
     assert Path("out/platform.toml").is_file()
 
 
-# --- view ------------------------------------------------------------------------------------------------------------
-
-
 def test_a_record_makes_the_same_page_from_each_of_its_files(
     opened: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -349,8 +344,6 @@ def test_a_page_alone_is_opened_as_it_is(opened: list[str]) -> None:
         1, "error: checked/report.json: no such file; expected the folder of a command, or its report.json\n",
     )  # fmt: skip
 
-
-# --- what is executed, and what is kept ------------------------------------------------------------------------------
 
 LAW, UNIT_CODE = "law.py", "unit.fmu"
 EXECUTED = [

@@ -186,9 +186,6 @@ def closed(
     return np.array(lengths), np.array(forces)
 
 
-# --- references that come in -----------------------------------------------------------------------------------------
-
-
 def _home(believed: Platform) -> FloatArray:
     return np.concatenate([believed.home_position, believed.home_orientation])
 
@@ -220,8 +217,6 @@ def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
     h = 1e-6
     return np.asarray((twist_of_rates(q + h * rate) - twist_of_rates(q - h * rate)) / (2 * h))
 
-
-# --- laws of one's own -----------------------------------------------------------------------------------------------
 
 _random = np.random.default_rng(11)
 STIFFNESS = np.diag([900.0, 1100, 800, 1200, 1000, 700]) + _random.uniform(-150, 150, (6, 6))

@@ -131,8 +131,6 @@ def page_of(archive: Path) -> str:
         return " ".join(files.read("documentation/index.html").decode().split())
 
 
-# --- units and systems -----------------------------------------------------------------------------------------------
-
 Written = tuple[gs.Record, list[Path], list[str]]
 
 
@@ -226,9 +224,6 @@ def test_an_ssp_with_its_parts_is_the_loop_of_the_harness(tmp_path: Path) -> Non
     assert 'baseStepSize="0.001"' in text
     assert text.count('name="force_lag"') == 1
     assert "Nothing of the experiment is left out." in text
-
-
-# --- what is said and judged -----------------------------------------------------------------------------------------
 
 
 def test_what_is_carried_is_not_left_out_and_the_loop_with_drives_is_judged_with_their_lag(tmp_path: Path) -> None:

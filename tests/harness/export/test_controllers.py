@@ -161,9 +161,6 @@ def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> No
     assert exported.largest_difference(after, expected) < 1e-9
 
 
-# ---- single precision ----
-
-
 @pytest.mark.parametrize("reference", [SINE, exported.CIRCLE, CHIRP], ids=lambda reference: reference["type"])
 def test_phases_stay_right_for_months(reference: dict[str, Any]) -> None:
     """Expected: double precision at that sample; a float alone has no digit of the phase after a million samples."""

@@ -117,9 +117,6 @@ def _rows() -> list[dict[str, Any]]:
 ROWS = _rows()
 
 
-# --- the experiment --------------------------------------------------------------------------------------------------
-
-
 def _controller(row: dict[str, Any]) -> tuple[dict[str, Any], Any]:
     """Its table, and what replaces it."""
     kind, known = row["type"], {"feedforward": row["feedforward"]}
@@ -188,9 +185,6 @@ def _written(row: dict[str, Any], folder: Path) -> list[Path]:
     }
     options |= {"forms": row["form"].split()[0], "fmi": [row["fmi"]], "frozen": row["frozen"], "allow_unstable": True}
     return gs.export(experiment, out=folder, **options)
-
-
-# --- what is expected ------------------------------------------------------------------------------------------------
 
 
 def _options(row: dict[str, Any]) -> dict[str, Any]:
@@ -264,9 +258,6 @@ def _assert_samples(row: dict[str, Any], found: Outputs, expected: list[Sample])
     np.testing.assert_array_equal(found.limited, limited)
     np.testing.assert_array_equal(found.status, status)
     np.testing.assert_allclose(found.bad_time, bad, rtol=1e-6, atol=1e-12)
-
-
-# --- the tests -------------------------------------------------------------------------------------------------------
 
 
 def _at_faults(row: dict[str, Any]) -> dict[str, Any]:

@@ -203,9 +203,6 @@ def test_members_that_look_the_least_robust_are_found_by_each_sign_of_it() -> No
     assert [member.case.what for member in least_robust(members)] == ["|z|", "damping", "peak"]
 
 
-# ---- as an export says it ----
-
-
 def test_margins_are_those_of_the_nominal_machine_and_of_the_member_with_the_smallest(tmp_path: Path) -> None:
     """Expected: `gs.margins` of each; the heaviest has the largest |z|, and the lightest the smallest margins."""
     masses, loops = [30.0, 7.0, 14.0], list[Any]()

@@ -184,9 +184,6 @@ def test_operations_are_counted_by_kind() -> None:
     assert int(stated[1]) == of_law + of_limits + by_hand
 
 
-# ---- notes and report ----
-
-
 def test_notes_say_all_that_was_judged(tmp_path: Path) -> None:
     """Expected: the whole text by hand, with the numbers of the loop that `stability` is called with."""
     settings = {
@@ -287,8 +284,6 @@ def test_the_command_reports_forms_and_the_least_robust_loop(tmp_path: Path) -> 
     assert (text, numbers) == ("Written as C; no loop was judged for stability", {"files": 3})
 
 
-# ---- what is left out ----
-
 AROUND: dict[str, Any] = {
     "sensors.noise.leg_velocity": 1e-3,
     "sensors.sample_time": 0.002,
@@ -347,9 +342,6 @@ def test_everything_around_the_controller_is_named_and_nothing_else(tmp_path: Pa
     assert without(said) == []
     gs.export("circle", {"limits.stroke": "stop"}, **quiet, **options)
     assert without(said) == [{"limits.stroke"}]
-
-
-# ---- names ----
 
 
 def test_names_of_files_become_identifiers(tmp_path: Path) -> None:

@@ -242,8 +242,9 @@ def test_sizes_of_changes_are_those_of_the_platform_and_of_each_leg() -> None:
 
 @pytest.mark.parametrize("late", [-0.03, 0.03])
 def test_a_delay_is_at_most_what_the_filters_reach(late: float) -> None:
-    """Expected: 20 ms to either side, and the log contradicts it."""
+    """Expected: 20 ms to either side, which is said, and the log contradicts it."""
     log = machine_log(course=Course(duration=4.0), sensing=Sensing(delay=late))
     with pytest.warns(IdentificationWarning, match="contradicts"):
         estimate = identify(log, MACHINE, "platform_mass,delay")
     assert estimate["delay"].item() == pytest.approx(np.copysign(0.02, late), rel=1e-6)
+    assert "at the bound of what is physical: delay" in " ".join(estimate.notes)

@@ -209,9 +209,6 @@ def test_the_first_leg_beyond_its_stroke_ends_a_run_that_shall_stop(end: str) ->
         assert (record["flag.stroke_exceeded"] == beyond).all()
 
 
-# ---- controllers ----
-
-
 @pytest.mark.parametrize(
     ("forces", "ends"),
     [
@@ -332,9 +329,6 @@ def test_controllers_that_cannot_be_together_are_refused() -> None:
     wrong = gs.LinearController(control.ss([], [], [], np.eye(6), 0.01), ("leg_length",))
     with pytest.raises(gs.GoughStewartError, match=r"sample time is 0\.01 s"):
         gs.run("heave_step", controller=wrong)
-
-
-# ---- interrupts, and tolerances ----
 
 
 @pytest.mark.parametrize("law", [None, lambda _sample: np.full(6, 4e3)], ids=["compiled", "Python"])

@@ -16,9 +16,6 @@ from tests.support.arrays import FloatArray
 from tests.support.metric_definitions import as_one_number
 from tests.support.uneven_loops import experiment_of
 
-# ---- an uneven loop with everything at once, members that differ, and a law in both forms ----
-
-
 NAMES = ("memory", "time", "reference_acceleration", "reference_leg_length", "leg_velocity", "leg_length", "position")
 GAINS = np.array([1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0])
 
@@ -201,9 +198,6 @@ def test_members_end_for_their_causes_and_the_others_go_on(case: str) -> None:
     row = compiled.row(k, named=True)
     assert (row["outcome"], row["ended"], row["cause"]) == tuple(record.metadata["outcome"].values())
     assert row["rows"] == record.table.height == round(row["ended"] / 2e-3) + 1
-
-
-# ---- laws of users as machine code ----
 
 
 def test_what_has_no_plain_operations_runs_in_python() -> None:

@@ -85,9 +85,6 @@ def test_without_a_terminal_the_verdict_is_one_line_without_colours() -> None:
         assert ("\x1b[" in out.getvalue()) is force
 
 
-# --- tables ----------------------------------------------------------------------------------------------------------
-
-
 def printed(made: Table, width: int) -> str:
     """As a terminal of this width shows it."""
     console = Console(width=width, color_system=None, legacy_windows=False)

@@ -84,9 +84,6 @@ def expected(record: gs.Record) -> dict[str, Any]:
     return defined_metrics(record.table, MACHINE.as_dict())
 
 
-# --- metrics ---------------------------------------------------------------------------------------------------------
-
-
 def test_the_file_of_metrics_has_them_by_their_definitions(
     done: tuple[Result, Path], record: gs.Record, expected: dict[str, Any]
 ) -> None:
@@ -96,9 +93,6 @@ def test_the_file_of_metrics_has_them_by_their_definitions(
     outcome = written.pop("outcome")
     assert [outcome[key] for key in ("status", "time", "cause")] == ["completed", 0.8, None]
     same_to_rounding(written, expected)
-
-
-# --- tables ----------------------------------------------------------------------------------------------------------
 
 
 def check(data: dict[str, Any], table: dict[str, Any], rows: dict[str, tuple[str, Sequence[Any]]]) -> None:
