@@ -94,7 +94,8 @@ def page_of(report: Report) -> bytes:
         differences = Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
     curves = [chart for chart in charts if chart.kind in ("line", "step")]
     longest = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
-    kept = "Charts have all rows, rounded finer than a pixel. " if longest else ""
+    rounding = "rounded finer than a pixel, or to an eighth of the smallest range that is drawn"
+    kept = f"Charts have all rows, {rounding}. " if longest else ""
     if longest > MOST_ROWS:
         kept = (
             f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
