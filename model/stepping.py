@@ -7,7 +7,6 @@ import math
 import subprocess
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from ctypes import PyDLL, c_double, c_size_t
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -211,13 +210,15 @@ class SteppingModel:
             An invalid parameter.
         """
         target = self._inputs.get(name) if isinstance(name, str) else None
-        if target is not None and isinstance(value, list | np.ndarray):  # the usual case, a shortcut
-            with suppress(ValueError):  # ragged
+        if target is not None and type(value) in (list, np.ndarray):  # the usual case, a shortcut
+            try:
                 numbers = np.array(value)
-                is_plain = numbers.dtype == np.float64 and numbers.shape == target.shape
-                if is_plain and all(map(math.isfinite, numbers.tolist())):
-                    target[:] = numbers
-                    return
+                is_plain = numbers.dtype.char == "d" and numbers.shape == target.shape
+            except ValueError:  # ragged
+                is_plain = False
+            if is_plain and all(map(math.isfinite, numbers.tolist())):
+                target[:] = numbers
+                return
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
@@ -446,10 +447,10 @@ def stepper_library(variant: Variant) -> PyDLL:
     command = [sys.executable, "-m", _COMPILER, *variant.parts]
     compilation = subprocess.run(command, capture_output=True, text=True, check=False)
     if compilation.returncode != 0:
-        reason = compilation.stderr.strip().rpartition("\n")[2]
+        reason = compilation.stderr.strip()
         raise NotInstalledError(
-            f"no machine code steps a platform {variant.words} on this machine, and it cannot be compiled ({reason}); "
-            "pip install 'gough-stewart[compile]', or choose integrator=\"scipy\""
+            f"no machine code steps a platform {variant.words} on this machine, and it cannot be compiled: {reason}; "
+            'or choose integrator="scipy"'
         )
     return PyDLL(compilation.stdout.strip())
 
