@@ -45,7 +45,6 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     rates_of_legs,
 )
-from gough_stewart.model.operations import greater, where
 from gough_stewart.model.parameters import PHYSICAL, Parameters, of_legs
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
@@ -56,9 +55,11 @@ from gough_stewart.model.vectors import (
     concatenate,
     cross,
     dot,
+    greater,
     per_leg,
     skew,
     transpose,
+    where,
     without_warnings,
 )
 

@@ -22,9 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.model.interface import LUGRE, Variant
-from gough_stewart.model.operations import clip, greater, maximum, reached, sign, where
 from gough_stewart.model.parameters import Parameters, of_legs
-from gough_stewart.model.vectors import Array, Scalars, per_leg
+from gough_stewart.model.vectors import Array, Scalars, clip, greater, maximum, per_leg, reached, sign, where
 
 # Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.
 PRESLIDING = 1e-5

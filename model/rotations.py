@@ -10,8 +10,7 @@ import math
 import numpy as np
 
 from gough_stewart.model.errors import OrientationError
-from gough_stewart.model.operations import arctan2, less, rounded, where
-from gough_stewart.model.vectors import Array, Scalars, cross, dot, skew, transpose
+from gough_stewart.model.vectors import Array, Scalars, arctan2, cross, dot, less, rounded, skew, transpose, where
 
 # Closer to ±90° than this, double precision cannot separate roll and yaw [rad].
 PITCH_MARGIN = 1e-6

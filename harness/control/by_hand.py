@@ -20,9 +20,8 @@ from gough_stewart.harness.quantities import Frequency, PositiveNumber, Positive
 from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.operations import clip
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, clip
 
 
 class SmoothingChoice(TableSection):

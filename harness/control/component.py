@@ -9,7 +9,7 @@ or at the sensors' readings, with the inputs of then.
 Rules of the equations of a `Stepped` component:
 
 1. Arrays have the members last: signals (size, N), parameters (N,) or numbers; or one member of CasADi symbols.
-2. Nothing branches on a value. What compares is in `model/operations.py`. A part that is absent has the coefficient
+2. Nothing branches on a value. What compares is in `model/vectors.py`. A part that is absent has the coefficient
    None, which is structure, not a value.
 3. All that a step remembers is in its state; it keeps and changes no array that it was given.
 """

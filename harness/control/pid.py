@@ -22,9 +22,8 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.operations import greater, less, minimum, where
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, greater, less, minimum, where
 
 if TYPE_CHECKING:
     import control

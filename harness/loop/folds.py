@@ -7,7 +7,7 @@
    alone, among others, and for every size of blocks.
 3. `terms` gives named arrays of a row: a pure function of columns of the row and the row before it, the row's index and
    the fold's parameters; not of the error of the row before. Nothing branches on a value: what compares is in
-   `model/operations.py`. Arrays have elements and members last, (size, N): numbers of N members, or CasADi symbols of
+   `model/vectors.py`. Arrays have elements and members last, (size, N): numbers of N members, or CasADi symbols of
    one.
 4. Each term has reductions, which `next` defines from row to row. A member's state stays as it was at its last row.
 """
@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.plants import signals
-from gough_stewart.model.operations import maximum, minimum, where
 from gough_stewart.model.rotations import rotation_between
-from gough_stewart.model.vectors import Array, FloatArray, Scalars
+from gough_stewart.model.vectors import Array, FloatArray, Scalars, maximum, minimum, where
 
 if TYPE_CHECKING:
     from gough_stewart.fmu_build.libraries import FoldKernel

@@ -12,13 +12,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gough_stewart.model.operations import maximum, minimum
 from gough_stewart.model.rotations import (
     angular_acceleration_from_orientation_rates,
     angular_velocity_from_orientation_rate,
     orientation_rate_from_angular_velocity,
 )
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, maximum, minimum
 
 # Times are multiples of a step up to rounding: a jump at 0.2 s takes effect in the row at 0.19999999999 s [s].
 ROUNDING = 1e-9

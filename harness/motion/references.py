@@ -38,9 +38,8 @@ from gough_stewart.harness.quantities import (
     Time,
 )
 from gough_stewart.harness.section import FileName, Kind
-from gough_stewart.model.operations import maximum, minimum, reached
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, maximum, minimum, reached
 
 
 class ReferenceChoice(Kind):

@@ -39,8 +39,7 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
 )
 from gough_stewart.harness.results.record_data import DRIVE_LIMITS
-from gough_stewart.model.operations import greater, less, maximum, reached, where
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, greater, less, maximum, reached, where
 
 STROKE_EXCEEDED = "flag.stroke_exceeded"
 # Terms of flags, with their sizes.

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.model.operations import less, where
 from gough_stewart.model.rotations import angles_of, matrix_from_orientation, nearest_angle, orientation_from_matrix
-from gough_stewart.model.vectors import Array, FloatArray, cross, dot, skew
+from gough_stewart.model.vectors import Array, FloatArray, cross, dot, less, skew, where
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
