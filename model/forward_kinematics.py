@@ -10,9 +10,14 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import address_of
-from gough_stewart.model.kinematics import conditioning_of_legs, handedness_of_legs, jacobian_of_legs, leg_geometry
+from gough_stewart.model.kinematics import (
+    SINGULAR_CONDITION_NUMBER,
+    conditioning_of_legs,
+    handedness_of_legs,
+    jacobian_of_legs,
+    leg_geometry,
+)
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.rotations import (
     matrix_from_orientation,
     matrix_from_quaternion,

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.friction import static_friction
-from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
+from gough_stewart.model.kinematics import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER, conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, Parameters, PlatformFields, of_legs
-from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.vectors import Array, FloatArray, real_array, transpose
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.

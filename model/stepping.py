@@ -29,11 +29,10 @@ from gough_stewart.model.interface import (
     end_of_step,
 )
 from gough_stewart.model.kernel import Kernel, Linearisation, address_of, kernel_library, parameter_vector
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.kinematics import LARGEST_PITCH, SHORTEST_LEG, check_pose, leg_geometry
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_offsets
-from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG, check_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, real_array
 

@@ -18,16 +18,17 @@ from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, mass_matrix, 
 from gough_stewart.model.errors import PlatformError, WorkspaceError
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.kinematics import (
+    LARGEST_PITCH,
     LegGeometry,
     conditioning_of_legs,
     jacobian_of_legs,
     joint_angles,
     leg_geometry,
     scaled_jacobian_of_legs,
+    side_of_singular_poses,
 )
 from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
 from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 

@@ -9,7 +9,7 @@ from functools import cache
 
 from gough_stewart.fmu_build.component import Layout, Role, laid_out
 from gough_stewart.fmu_build.sources import defines, filled, places
-from gough_stewart.model import interface, platform_checks, pose_limits
+from gough_stewart.model import interface, kinematics, platform_checks
 from gough_stewart.model.interface import IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
 
 # 1 s in steps of 1 µs; takes 4 s.
@@ -67,9 +67,9 @@ def plant_header(variant: Variant = IDEAL) -> str:
         "LARGEST_TOLERANCE": TOLERANCES[1],
         "MOST_INTERNAL_STEPS": MOST_INTERNAL_STEPS,
         "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
-        "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
-        "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
-        "SINGULAR_CONDITION_NUMBER": pose_limits.SINGULAR_CONDITION_NUMBER,
+        "LARGEST_PITCH": kinematics.LARGEST_PITCH,
+        "SHORTEST_LEG": kinematics.SHORTEST_LEG,
+        "SINGULAR_CONDITION_NUMBER": kinematics.SINGULAR_CONDITION_NUMBER,
         "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
         "COINCIDENCE": platform_checks.COINCIDENCE,
     }

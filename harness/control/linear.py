@@ -16,8 +16,8 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import holding_motor_position, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.interface import SLIDING, Variant
+from gough_stewart.model.kinematics import LARGEST_PITCH
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import Array, FloatArray, real_array
 
 if TYPE_CHECKING:

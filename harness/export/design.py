@@ -32,10 +32,9 @@ from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.kinematics import SHORTEST_LEG, leg_geometry
 from gough_stewart.model.parameters import FACTOR_OF, Variable
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import SHORTEST_LEG
 from gough_stewart.model.vectors import FloatArray
 
 # Samples, as in an experiment; and a force [N] beyond that of any machine.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.motion.motion import Motion, distinct_rows
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
 from gough_stewart.model.kinematics import (
+    LARGEST_PITCH,
     LegGeometry,
     condition_number_bound,
     conditioning_of_legs,
@@ -19,9 +20,9 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     rates_of_legs,
     scaled_jacobian_of_legs,
+    side_of_singular_poses,
 )
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 

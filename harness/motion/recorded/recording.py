@@ -16,9 +16,8 @@ from gough_stewart.harness.motion.recorded.from_table import FromTable, check_in
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, check_convention
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of, timestamps_of, without_repeated_rows
 from gough_stewart.model.errors import NoPoseError
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.kinematics import LARGEST_PITCH, leg_geometry
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.rotations import (
     matrix_from_orientation,
     matrix_from_quaternion,
