@@ -38,7 +38,7 @@ from gough_stewart.harness.sampling.variation import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
-from gough_stewart.model.platform_joints import Pairing
+from gough_stewart.model.platform import Pairing
 from gough_stewart.model.units import in_si
 from gough_stewart.model.vectors import FloatArray
 
