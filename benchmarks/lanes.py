@@ -21,9 +21,8 @@ from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.plants.lanes import BatchPlant, lane_rows
 from gough_stewart.model import interface
-from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
+from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES, State
 from gough_stewart.model.platform import load_preset
-from gough_stewart.model.state import State
 from gough_stewart.model.traced import traced_function
 
 MEMBERS = 4096

@@ -23,9 +23,8 @@ from rich.table import Table
 
 import gough_stewart as gs
 from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.interface import N_INPUTS, State
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.fmu import seconds_of_the_model, stepped_by_fmpy

@@ -62,6 +62,7 @@ from gough_stewart.model.errors import GoughStewartError as GoughStewartError
 from gough_stewart.model.errors import StepError as StepError
 from gough_stewart.model.forward_kinematics import forward_kinematics as forward_kinematics
 from gough_stewart.model.interface import VARIABLES as VARIABLES
+from gough_stewart.model.interface import State as State
 from gough_stewart.model.kinematics import leg_geometry as leg_geometry
 from gough_stewart.model.kinematics import leg_jacobian as leg_jacobian
 from gough_stewart.model.parameters import stack as stack
@@ -70,7 +71,6 @@ from gough_stewart.model.platform import load_platform as load_platform
 from gough_stewart.model.platform import load_preset as load_preset
 from gough_stewart.model.platform import preset_names as preset_names
 from gough_stewart.model.platform import save_platform as save_platform
-from gough_stewart.model.state import State as State
 from gough_stewart.model.stepping import SteppingModel as SteppingModel
 from gough_stewart.model.workspace import compliance as compliance
 from gough_stewart.model.workspace import evaluate_poses as evaluate_poses

@@ -35,7 +35,7 @@ import numpy as np
 from gough_stewart.model import interface
 from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.friction import StickTerms, bristle_decay, bristle_friction, friction_force, law_of_bristles
-from gough_stewart.model.interface import Variant
+from gough_stewart.model.interface import Inputs, State, Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
     LegRates,
@@ -47,7 +47,6 @@ from gough_stewart.model.kinematics import (
 )
 from gough_stewart.model.parameters import PHYSICAL, Parameters, of_legs
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
-from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import (
     Array,
     apply,

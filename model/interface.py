@@ -1,6 +1,7 @@
 """The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
 
-Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
+Inputs, states, outputs and locals are declared here, and state and inputs as the arguments of the equations; a
+platform's parameters are in `gough_stewart.model.parameters`.
 The names are part of the public interface. Elements of arrays have their FMI 2.0 names, 1-based:
 `leg_length[3]`, `joint_force[2,1]`.
 
@@ -16,14 +17,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.parameters import FRICTION_MODELS, PHYSICAL, Causality, Part, Variable
-from gough_stewart.model.vectors import Array, real_array
+from gough_stewart.model.vectors import Array, concatenate, real_array
 
 
 def _input(name: str, shape: tuple[int, ...], unit: str, description: str, start: float | str = 0.0) -> Variable:
@@ -169,6 +170,45 @@ CHOOSING = ("leg_friction_model", "leg_stiffness")
 SLIDING: Mapping[str, float] = {"leg_friction_model": SMOOTH, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
 # Of one with rigid legs.
 RIGID: Mapping[str, float] = {"leg_stiffness": 0.0, "leg_damping": 0.0}
+
+
+class State(NamedTuple):
+    """Minimal state, 12 numbers: pose and twist of the platform frame."""
+
+    position: Array
+    """Of Op in world (..., 3) [m]."""
+    orientation: Array
+    """Roll, pitch, yaw about fixed X, Y, Z (..., 3) [rad]."""
+    velocity: Array
+    """Of Op in world (..., 3) [m/s]."""
+    angular_velocity: Array
+    """In world components (..., 3) [rad/s]."""
+
+    @classmethod
+    def from_vector(cls, x: Array) -> Self:
+        """Split a vector x (..., 12) in SI units [m, rad, m/s, rad/s]."""
+        return cls(x[..., :3], x[..., 3:6], x[..., 6:9], x[..., 9:])
+
+    def to_vector(self) -> Array:
+        """Concatenate to a vector (..., 12) in SI units [m, rad, m/s, rad/s]; leading axes broadcast."""
+        return concatenate(self)
+
+
+class Inputs(NamedTuple):
+    """External forces: six actuators and one wrench at Op in world components."""
+
+    actuator_force: Array  # (..., 6) [N], positive extends the leg
+    external_force: Array  # (..., 3) [N]
+    external_torque: Array  # (..., 3) [N m], about Op
+
+    @classmethod
+    def from_vector(cls, u: Array) -> Self:
+        """Split a (..., 12) vector."""
+        return cls(u[..., :6], u[..., 6:9], u[..., 9:])
+
+    def to_vector(self) -> Array:
+        """Join to a (..., 12) vector; leading axes broadcast."""
+        return concatenate(self)
 
 
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.model.errors import StepError
+from gough_stewart.model.interface import State
 from gough_stewart.model.parameters import Parameters, PlatformFields
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, centripetal, cross, dot, without_warnings
 
 # 0.06° below the singular pitch of 90° [rad].

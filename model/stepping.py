@@ -25,6 +25,7 @@ from gough_stewart.model.interface import (
     MOST_INTERNAL_STEPS,
     N_INPUTS,
     TOLERANCES,
+    State,
     Variant,
     end_of_step,
 )
@@ -33,7 +34,6 @@ from gough_stewart.model.kinematics import LARGEST_PITCH, SHORTEST_LEG, check_po
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_offsets
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, real_array
 
 Integrator = Literal["compiled", "scipy"]

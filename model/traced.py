@@ -39,7 +39,7 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import equations_of_motion, grip_of_legs, plant_equations
-from gough_stewart.model.interface import IDEAL, N_INPUTS, N_STATES, Variant
+from gough_stewart.model.interface import IDEAL, N_INPUTS, N_STATES, Inputs, State, Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
     jacobian_of_legs,
@@ -50,7 +50,6 @@ from gough_stewart.model.kinematics import (
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
-from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array, cross, dot
 
 

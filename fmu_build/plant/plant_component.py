@@ -35,11 +35,11 @@ from gough_stewart.model.interface import (
     IDEAL,
     MOST_INTERNAL_STEPS,
     TOLERANCES,
+    State,
     Variant,
 )
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_texts
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = PLANT_STEM = "gough_stewart"

@@ -15,9 +15,8 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import case_of
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, State, Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.stepping import ScipyStepper
 from gough_stewart.model.vectors import Array, FloatArray
 

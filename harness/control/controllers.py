@@ -39,8 +39,8 @@ from gough_stewart.harness.quantities import (
 )
 from gough_stewart.harness.section import FileName, Kind
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
+from gough_stewart.model.interface import State
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 Feedforward = Literal["none", "gravity", "computed_torque"]

@@ -45,13 +45,12 @@ from gough_stewart.harness.plants.signals import VARIABLES, PerMember, of_legs, 
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
 from gough_stewart.model.formulations.cases import PAPER_PRESET
-from gough_stewart.model.interface import CHOOSING, SMOOTH, Variant, nearest
+from gough_stewart.model.interface import CHOOSING, SMOOTH, State, Variant, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.many_platforms import Platforms, platforms_with
 from gough_stewart.model.platform import CIRCLE_KEYS, Platform, joints_of_keys, load_platform, load_preset
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.rotations import nearest_angle
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, real_array
 
 T = TypeVar("T")

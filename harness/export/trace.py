@@ -27,11 +27,11 @@ from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, ex
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
+from gough_stewart.model.interface import State
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.rotations import nearest_angle
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, greater, where
 
 N_MOTION = 18

@@ -37,6 +37,7 @@ from gough_stewart.harness.report.table import Column, Table, Value
 from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
+from gough_stewart.model.interface import State
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import of_legs
@@ -44,7 +45,6 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.process.toml import toml_item
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, apply, dot, transpose
 
 Criterion = Literal["determinant", "trace"]

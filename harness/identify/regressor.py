@@ -24,7 +24,7 @@ from gough_stewart.harness.motion.recorded.recording import poses_of_lengths
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.friction import friction_force
-from gough_stewart.model.interface import N_PARAMETERS, nearest
+from gough_stewart.model.interface import N_PARAMETERS, State, nearest
 from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     leg_accelerations,
@@ -34,7 +34,6 @@ from gough_stewart.model.kinematics import (
 from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, Parameters, of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, apply, cross, dot, transpose
 
 # Quantities of a log, not of the platform: shape and unit. Their nominal value is 0, that of a gain 1.

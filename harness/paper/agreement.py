@@ -10,9 +10,8 @@ from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.formulations.kane import KaneTrajectory
-from gough_stewart.model.interface import IDEAL
+from gough_stewart.model.interface import IDEAL, Inputs, State
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import FloatArray
 
 

@@ -12,9 +12,9 @@ from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations import kane
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.friction import friction_force
+from gough_stewart.model.interface import State
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
-from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import Array, FloatArray
 

@@ -26,10 +26,10 @@ from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
 from gough_stewart.model.formulations.kane import KaneTrajectory
+from gough_stewart.model.interface import State
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:

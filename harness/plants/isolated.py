@@ -19,10 +19,9 @@ import numpy as np
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, State, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 # Time for the FMU to terminate [s].

@@ -21,13 +21,12 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import motors_at, static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, Variant, end_of_step
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, State, Variant, end_of_step
 from gough_stewart.model.kinematics import COLLAPSED, PITCHED, conditioning, leg_geometry, singular_pose
 from gough_stewart.model.many_platforms import Platforms
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import are_too_short, check_leg_com_offsets
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.

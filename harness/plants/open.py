@@ -12,11 +12,10 @@ from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, Variant
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, State, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import this_machine
 from gough_stewart.model.process.progress import StepProgress
-from gough_stewart.model.state import State
 from gough_stewart.model.stepping import Integrator, SteppingModel
 from gough_stewart.model.vectors import FloatArray
 

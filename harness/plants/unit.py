@@ -32,9 +32,8 @@ from gough_stewart.harness.plants.plant import Closing, Plant, tunable
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.errors import GoughStewartError, StepError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, State, Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 FmiType = Literal["CoSimulation", "ModelExchange"]

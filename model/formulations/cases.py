@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.interface import Inputs, State
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.state import Inputs, State
 
 PAPER_PRESET = "liu2000"
 ROWS = 101

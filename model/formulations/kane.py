@@ -21,6 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.model.errors import StepError
+from gough_stewart.model.interface import Inputs, State
 from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.rotations import (
@@ -29,7 +30,6 @@ from gough_stewart.model.rotations import (
     orientation_from_matrix,
     quaternion_rate,
 )
-from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew, transpose
 
 

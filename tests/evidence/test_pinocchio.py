@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.model.dynamics import plant_equations
-from gough_stewart.model.interface import IDEAL
-from gough_stewart.model.state import Inputs
+from gough_stewart.model.interface import IDEAL, Inputs
 from tests.support.pinocchio_platform import PinocchioPlatform
 from tests.support.random_platforms import random_inputs, random_platform, random_state
 

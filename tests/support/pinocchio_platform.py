@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gough_stewart import Platform, State
+from gough_stewart.model.interface import Inputs
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs
 
 _OF_LEGS = (
     *("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature"),

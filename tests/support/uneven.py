@@ -7,7 +7,7 @@ index, a transposed matrix or a forgotten term shows; with a preset, whose legs 
 import numpy as np
 
 from gough_stewart import Platform, State
-from gough_stewart.model.state import Inputs
+from gough_stewart.model.interface import Inputs
 from tests.support.records import plain
 
 UNEVEN = Platform(

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.shares import GEOMETRIC, WORST_CONDITION_NUMBER, shares_along
 from gough_stewart.harness.motion.motion import Motion, distinct_rows, motion_of, slower, smaller
+from gough_stewart.model.interface import State
 from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 WhenBeyond = Literal["refuse", "warn"]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.motion.motion import Motion, distinct_rows
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, Acceleration, inverse_dynamics
+from gough_stewart.model.interface import State
 from gough_stewart.model.kinematics import (
     LARGEST_PITCH,
     LegGeometry,
@@ -23,7 +24,6 @@ from gough_stewart.model.kinematics import (
     side_of_singular_poses,
 )
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 # Of the leg Jacobian with angles scaled to lengths; a motion with a larger one is too close to a singular pose.

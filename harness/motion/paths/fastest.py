@@ -31,11 +31,10 @@ from gough_stewart.harness.motion.paths.time_law import (
 )
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.friction import friction_force
-from gough_stewart.model.interface import SLIDING
+from gough_stewart.model.interface import SLIDING, State
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 _PIECES = 1500

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from gough_stewart.model.formulations import kane
-from gough_stewart.model.state import Inputs
+from gough_stewart.model.interface import Inputs
 from tests.support.formulations import largest_difference
 from tests.support.random_platforms import random_platform
 from tests.support.shared_joints import SHARED
