@@ -17,11 +17,10 @@ from threading import Event
 from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
-from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.mjcf import mjcf
 from gough_stewart.fmu_build.plant.plant_component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_headers, start_block
-from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
+from gough_stewart.fmu_build.toolchain import FLAGS, Library, Target, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.installed import prebuilt_content

@@ -2,24 +2,27 @@
 
 c/lanes steps many platforms at once, eight members per vector; c/loop runs their sampled loops, c/law a user's control
 law among them, c/folds folds their rows; c/machine is c/loop for one member, as plain C99 with equal bits on any
-target, also WebAssembly. The kernel is in `kernel_library`, the library of a unit in `build`.
+target, also WebAssembly. The kernel is for `gough_stewart.model`: a plant's stepper as in its unit, and of the ideal
+plant the functions of `model.kernel`. A wheel carries that of the ideal plant, others are compiled at first use:
+`python -m gough_stewart.fmu_build.libraries bristles springs`. The library of a unit is in `build`.
 """
 
 import ctypes
 import platform
 import re
 import subprocess
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
-from threading import Event
 from typing import Any, NamedTuple
 
 from gough_stewart.fmu_build.cache import (
     COMPILER,
+    BuildError,
     cache_folder,
     check_installed,
     digest_of,
@@ -28,11 +31,11 @@ from gough_stewart.fmu_build.cache import (
     state_of_sources,
 )
 from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
-from gough_stewart.fmu_build.toolchain import FLAGS, WEB_ASSEMBLY, Compiler, Target, compile_library, native, zig
+from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled, sources
+from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, Library, Target, compiler_of, native
 from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.kernel import processor_level
+from gough_stewart.model.kernel import processor_level, sizes_of
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import prebuilt_content, state_of_texts
 
@@ -50,6 +53,11 @@ VECTOR_FLAGS = (
 _MACHINE_FLAGS = (
     *("-O2", "-std=c99", "-g0", "-DWIDTH=1", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"),
 )
+_KERNEL_FLAGS = (
+    *("-O2", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"),
+    # of the unit's code, the stepper needs a part
+    *("-ffunction-sections", "-fdata-sections"),
+)
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
 CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
 # Instruction sets that the machine code may use.
@@ -58,29 +66,6 @@ _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
 _PROCESSOR = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
 # Functions of the C library with two arguments.
 _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
-
-
-@dataclass(frozen=True)
-class Library:
-    """The description of a library."""
-
-    name: str  # of the file, without suffix
-    sources: Callable[[], Sources]  # called to compile it; tracing takes seconds
-    state: str  # digest of what the sources are made of
-    flags: tuple[str, ...] = FLAGS
-
-    def compiled(self, target: Target, stop: Event | None = None, compiler: Compiler | None = None) -> bytes:
-        """The library for a target; see `compile_library` for arguments and errors."""
-        return compile_library(self.name, *self.sources(), target, stop, flags=self.flags, compiler=compiler)
-
-    def kept(
-        self, target: Target, stop: Event | None = None, compiler: Compiler | None = None, processor: str = ""
-    ) -> Path:
-        """The file of the library, cached or compiled, see `cache.kept`; `processor` if it is for one only."""
-        compiler = compiler or zig()
-        key = digest_of("\n".join([self.state, *self.flags, compiler.identity, processor]).encode())[:24]
-        path = cache_folder() / self.name / f"{key}-{target.name}" / f"{self.name}{target.suffix}"
-        return kept(path, lambda: self.compiled(target, stop, compiler))
 
 
 # ---- machine code for a processor -----------------------------------------------------------------------------------
@@ -288,3 +273,45 @@ def _on_vectors(folder: str, generated: str, text: str) -> Sources:
     """A folder of C that needs the vectors of c/lanes and one generated header."""
     vectors = {name: c_folder("lanes").headers[name] for name in ("elementary.h", "vectors.h")}
     return c_folder(folder) | Sources({}, {**vectors, generated: text})
+
+
+# ---- the kernel, for Python ---------------------------------------------------------------------------------------
+
+
+def kernel_code(variant: Variant = IDEAL) -> Library:
+    """The description of the library of a variant."""
+    return Library(
+        "-".join(["kernel", *variant.parts]), lambda: kernel_sources(variant), state_of_sources(), _KERNEL_FLAGS
+    )
+
+
+def kernel_sources(variant: Variant = IDEAL) -> Sources:
+    """The C of the plant's component with its stepper, and of the ideal plant the kernel's functions."""
+    from gough_stewart.fmu_build.codegen import function_source
+    from gough_stewart.fmu_build.plant.plant_component import plant_component, platform_of
+    from gough_stewart.model.traced import traced_function
+
+    component = plant_component(platform_of(variant))
+    unit = sources(component)
+    called = {name: unit.units[name] for name in (*component.code.units, "model.c", "component.c")}
+    stepper = Sources(called, unit.headers) | c_folder("stepper")
+    if variant.parts:
+        return stepper
+    sizes = sizes_of(IDEAL)
+    places = {f"AT_{part.upper()}": at for part, at in zip(sizes, accumulate(sizes.values(), initial=0), strict=False)}
+    tangent = function_source(traced_function("tangent"), "static void kernel_")
+    functions = filled("kernel/functions.c", tangent=tangent, places=defines(places))
+    return stepper | c_folder("kernel") | Sources({"functions.c": functions}, {})
+
+
+def main() -> None:
+    """The command: prints the path of the library of a plant with these parts, compiled if it is not in the cache."""
+    variant, target = Variant("bristles" in sys.argv[1:], "springs" in sys.argv[1:]), native()
+    try:
+        print(kernel_code(variant).kept(target, compiler=compiler_of(target)))
+    except (BuildError, OSError) as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

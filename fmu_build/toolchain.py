@@ -1,4 +1,4 @@
-"""Systems for which is compiled, and C compilers: which one, with which commands, and how it is run.
+"""Systems for which is compiled, C compilers, which one, with which commands, and a library that is compiled once.
 
 `$CC`, else zig, which compiles for every target and whose units also run on older systems, else one of the system's.
 Each version of zig has a cache for its objects. It is emptied when the compiler fails for no reason in the sources:
@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -22,7 +22,8 @@ from pathlib import Path
 from threading import Event
 from typing import IO, Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of_texts
+from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of, digest_of_texts, kept
+from gough_stewart.fmu_build.component import Sources
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import this_machine
 
@@ -203,6 +204,29 @@ def compile_library(
         elif not is_about_sources:
             text += f"\nEmptying the cache did not help; if there is no other explanation, delete the folder {cache}"
     raise BuildError(f"the compiler failed for {target.name}:\n{text}")
+
+
+@dataclass(frozen=True)
+class Library:
+    """The description of a library."""
+
+    name: str  # of the file, without suffix
+    sources: Callable[[], Sources]  # called to compile it; tracing takes seconds
+    state: str  # digest of what the sources are made of
+    flags: tuple[str, ...] = FLAGS
+
+    def compiled(self, target: Target, stop: Event | None = None, compiler: Compiler | None = None) -> bytes:
+        """The library for a target; see `compile_library` for arguments and errors."""
+        return compile_library(self.name, *self.sources(), target, stop, flags=self.flags, compiler=compiler)
+
+    def kept(
+        self, target: Target, stop: Event | None = None, compiler: Compiler | None = None, processor: str = ""
+    ) -> Path:
+        """The file of the library, cached or compiled, see `cache.kept`; `processor` if it is for one only."""
+        compiler = compiler or zig()
+        key = digest_of("\n".join([self.state, *self.flags, compiler.identity, processor]).encode())[:24]
+        path = cache_folder() / self.name / f"{key}-{target.name}" / f"{self.name}{target.suffix}"
+        return kept(path, lambda: self.compiled(target, stop, compiler))
 
 
 def compiler_environment() -> dict[str, str]:

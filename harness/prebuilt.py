@@ -25,11 +25,11 @@ import numpy as np
 from gough_stewart.fmu_build.build import unit_library
 from gough_stewart.fmu_build.cache import COMPILER, check_installed
 from gough_stewart.fmu_build.codegen import kernel_source
-from gough_stewart.fmu_build.kernel_library import kernel_code
 from gough_stewart.fmu_build.libraries import (
     VECTOR_FLAGS,
     carried_name,
     flags_by_level,
+    kernel_code,
     lanes_code,
     machine_library,
 )

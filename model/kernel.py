@@ -3,7 +3,7 @@
     ẋ = f(x, u, p),  y = g(x, u, p),  and the Jacobians A, B, C, D of (ẋ, y) with respect to (x, u)
 
 The functions, and what is in x, u, p and y, are those of `gough_stewart.model.traced`. Those of the ideal plant come
-with the package as machine code, made by `gough_stewart.fmu_build.kernel_library`: each as `evaluate_NAME(block)` on a
+with the package as machine code, made by `gough_stewart.fmu_build.libraries`: each as `evaluate_NAME(block)` on a
 block of numbers, in one library with the stepper of `stepping`. The library counts if it was made of the
 sources that are here and computes what it should; without it, CasADi evaluates the functions.
 """

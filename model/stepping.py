@@ -39,7 +39,7 @@ from gough_stewart.model.vectors import FloatArray, real_array
 Integrator = Literal["compiled", "scipy"]
 _MOTOR = {"motor_position", "motor_velocity"}
 _ABSENT = {"bristles": "leg_friction_model is 'smooth'", "springs": "leg_stiffness is 0, which is rigid"}
-_COMPILER = "gough_stewart.fmu_build.kernel_library"
+_COMPILER = "gough_stewart.fmu_build.libraries"
 # Below this tolerance, LSODA's multistep formulas do not reach it where bristles are stiff; Radau's do.
 _TIGHT = 1e-12
 

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.fmu_build.cache import BuildError, state_of_files
-from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, loop_sources, machine_code, vector_library
+from gough_stewart.fmu_build.libraries import WIDTH, law_library, loop_sources, machine_code, vector_library
+from gough_stewart.fmu_build.toolchain import Library
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.linear_controller import Controller, LinearController
 from gough_stewart.harness.control.machine_parts import Cut, Drive, ForceLimits, Freeze, Sensor, Takeover

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache import state_of_files
-from gough_stewart.fmu_build.libraries import Library, folds_sources, machine_code, vector_library
+from gough_stewart.fmu_build.libraries import folds_sources, machine_code, vector_library
+from gough_stewart.fmu_build.toolchain import Library
 from gough_stewart.harness.loop.folding import FoldKernels
 from gough_stewart.harness.loop.folds import (
     FORCES,

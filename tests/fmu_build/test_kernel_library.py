@@ -122,7 +122,7 @@ def test_code_that_is_not_what_it_should_be_is_named_and_not_used(case: str, fol
 
 def test_the_command_prints_one_path_that_is_kept() -> None:
     """Expected: the same file twice, with the stepper of a variant."""
-    command = [sys.executable, "-m", "gough_stewart.fmu_build.kernel_library", "bristles"]
+    command = [sys.executable, "-m", "gough_stewart.fmu_build.libraries", "bristles"]
     paths = {subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)}
     (path,) = paths
     assert hasattr(PyDLL(path), "stepper_step")

@@ -8,8 +8,8 @@ import pytest
 from gough_stewart import GoughStewartError
 from gough_stewart.fmu_build import libraries, toolchain
 from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.libraries import Library, machine_code, vector_library
-from gough_stewart.fmu_build.toolchain import BY_NAME, FLAGS, WEB_ASSEMBLY, Compiler, compiler_of, native, zig
+from gough_stewart.fmu_build.libraries import machine_code, vector_library
+from gough_stewart.fmu_build.toolchain import BY_NAME, FLAGS, WEB_ASSEMBLY, Compiler, Library, compiler_of, native, zig
 
 LINUX, WINDOWS = BY_NAME["x86_64-linux"], BY_NAME["x86_64-windows"]
 
@@ -24,7 +24,7 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return b"compiled"
 
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(libraries, "compile_library", compile_library)
+    monkeypatch.setattr(toolchain, "compile_library", compile_library)
     return names
 
 
