@@ -35,7 +35,7 @@ from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, Library, Target, compiler_of, native
 from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.kernel import processor_level, sizes_of
+from gough_stewart.model.kernel import new_block, processor_level
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import prebuilt_content, state_of_texts
 
@@ -297,8 +297,9 @@ def kernel_sources(variant: Variant = IDEAL) -> Sources:
     stepper = Sources(called, unit.headers) | c_folder("stepper")
     if variant.parts:
         return stepper
-    sizes = sizes_of(IDEAL)
-    places = {f"AT_{part.upper()}": at for part, at in zip(sizes, accumulate(sizes.values(), initial=0), strict=False)}
+    _, parts = new_block()
+    ends = accumulate((part.size for part in parts.values()), initial=0)
+    places = {f"AT_{name.upper()}": begin for name, begin in zip(parts, ends, strict=False)}
     tangent = function_source(traced_function("tangent"), "static void kernel_")
     functions = filled("kernel/functions.c", tangent=tangent, places=defines(places))
     return stepper | c_folder("kernel") | Sources({"functions.c": functions}, {})

@@ -95,7 +95,7 @@ def solve_leg_forces(matrix: Array, vector: Array) -> Array:
                 "forces cannot hold this pose; choose a pose away from the singularity",
                 worst,
             )
-    return solve_mass_matrix(matrix, vector)
+    return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
 
 
 @without_warnings

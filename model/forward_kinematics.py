@@ -1,6 +1,6 @@
 """Forward kinematics: poses for given leg lengths, near a guess or along a log, by Newton's method."""
 
-from ctypes import c_double, c_size_t
+from ctypes import c_double, c_size_t, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.interface import IDEAL
-from gough_stewart.model.kernel import address_of
 from gough_stewart.model.kinematics import (
     SINGULAR_CONDITION_NUMBER,
     conditioning_of_legs,
@@ -172,13 +171,14 @@ def _of_rows(
         raise InterfaceError("leg_length", f"is {lengths[*row]} m in row {place}; expected lengths > 0, or NaN")
     find = stepper_library(IDEAL).poses_of_lengths
     joints = [np.ascontiguousarray(points, dtype=float) for points in (platform.base_points, platform.platform_points)]
+    places = [points.ctypes.data_as(c_void_p) for points in joints]
     pose, residual = np.empty_like(lengths), np.empty(lengths.shape[:-1])
     iterations = np.empty(lengths.shape[:-1], dtype=np.int32)
-    numbers = c_double(platform.characteristic_length), address_of(guess), c_double(tolerance)
+    size, start = c_double(platform.characteristic_length), guess.ctypes.data_as(c_void_p)
     for batch in np.ndindex(lengths.shape[:-2]):
         log, poses, errors = lengths[batch], pose[batch], residual[batch]
-        results = (address_of(part) for part in (log, poses, errors, iterations[batch]))
-        if find(*map(address_of, joints), *numbers, c_size_t(len(log)), *results) == 0:
+        arrays = (part.ctypes.data_as(c_void_p) for part in (log, poses, errors, iterations[batch]))
+        if find(*places, size, start, c_double(tolerance), c_size_t(len(log)), *arrays) == 0:
             continue
         for k in np.flatnonzero(np.isnan(errors) & ~np.isnan(log).any(axis=1)):
             near = poses[k - 1] if k and not np.isnan(errors[k - 1]) else guess

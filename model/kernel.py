@@ -15,7 +15,6 @@ from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, N_INPUTS, Variant
@@ -41,16 +40,11 @@ FUNCTIONS = {
 _AGREES = 1e-12
 
 
-def sizes_of(variant: Variant) -> dict[str, int]:
-    """Sizes of the parts of a block, in their order; matrices column by column."""
+def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """A block of zeros, and its parts by name in their order, as views; matrices column by column."""
     n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
     sizes = {"x": n, "u": N_INPUTS, "p": q, "xdot": n, "y": m}
-    return sizes | {"A": n * n, "B": n * N_INPUTS, "C": m * n, "D": m * N_INPUTS}
-
-
-def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """A block of zeros, and its parts by name, as views."""
-    sizes = sizes_of(variant)
+    sizes |= {"A": n * n, "B": n * N_INPUTS, "C": m * n, "D": m * N_INPUTS}
     block = np.zeros(sum(sizes.values()))
     return block, dict(zip(sizes, np.split(block, np.cumsum([*sizes.values()])[:-1]), strict=True))
 
@@ -70,7 +64,7 @@ def kernel_library() -> ctypes.PyDLL | None:
     try:
         library = ctypes.PyDLL(str(path))
         for name, (_, results) in FUNCTIONS.items():
-            getattr(library, PREFIX + name)(address_of(block))
+            getattr(library, PREFIX + name)(block.ctypes.data_as(ctypes.c_void_p))
             for part in results:
                 expected = np.array(shipped[part])
                 # as a share of the largest number of a part
@@ -89,11 +83,6 @@ def processor_level() -> int | None:
     """The level of x86-64 that this processor and its system support, 1 to 4; 0 on others, None if not known."""
     library = kernel_library()
     return None if library is None else int(library.processor_level())
-
-
-def address_of(block: NDArray[Any]) -> ctypes.c_void_p:
-    """The argument of the functions; the block must live as long as it is used."""
-    return ctypes.c_void_p(block.ctypes.data)
 
 
 class Linearisation(NamedTuple):
@@ -146,7 +135,7 @@ class Kernel:
             else:
                 function = getattr(library, PREFIX + name)
                 function.restype = None
-                self._calls[name] = partial(function, address_of(self._block))
+                self._calls[name] = partial(function, self._block.ctypes.data_as(ctypes.c_void_p))
         parts["x"][:], parts["u"][:], parts["p"][:] = x, u, p
         self._calls[name]()
         return parts

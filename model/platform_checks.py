@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.friction import static_friction
 from gough_stewart.model.kinematics import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER, conditioning_of_legs, leg_geometry
-from gough_stewart.model.parameters import FACTOR_OF, TABLE, Parameters, PlatformFields, of_legs
+from gough_stewart.model.parameters import FACTOR_OF, TABLE, Bound, Parameters, PlatformFields, of_legs
 from gough_stewart.model.vectors import Array, FloatArray, real_array, transpose
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
@@ -28,6 +28,7 @@ LARGEST_SHARE = 0.99
 LARGEST_STRETCH = 0.01
 # Slower than the mode of a platform on its legs can be [Hz].
 SLOWEST_MODE = 1.0
+_WITHIN: Mapping[Bound, np.ufunc] = {"> 0": np.greater, ">= 0": np.greater_equal}
 _GEOMETRY = ("base_points", "platform_points", "home_position", "home_orientation")
 _OF_BRISTLES = [name for name, row in TABLE.items() if row.part == "bristles"]
 
@@ -52,7 +53,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
 
     for name, row in TABLE.items():
         value = getattr(platform, name) if row.lower_bound and name in changed else None
-        if value is not None and refused(_is_beyond_bound(name, value)):
+        if value is not None and refused(~_WITHIN[row.lower_bound](value, 0)):
             check_bound(name, value)
 
     if "platform_inertia" in concerned:
@@ -194,14 +195,10 @@ def shared_joints(points: FloatArray) -> NDArray[np.bool_]:
 def check_bound(name: str, value: float | FloatArray) -> None:
     """Raise `PlatformError` for the first number of a parameter that violates its bound in the table."""
     row, numbers = TABLE[name], np.ravel(value)
-    for k in np.flatnonzero(_is_beyond_bound(name, numbers)).tolist():
+    for k in np.flatnonzero(~_WITHIN[row.lower_bound](numbers, 0)).tolist():
         which = f"{name}[{k + 1}]" if numbers.size > 1 else name
         unit, remedy = "" if row.unit == "1" else f" {row.unit}", ", or leave it out" if row.default is None else ""
         raise PlatformError(which, f"is {numbers[k]:g}{unit}; expected {row.lower_bound}{remedy}: {row.description}")
-
-
-def _is_beyond_bound(name: str, value: Any) -> NDArray[np.bool_]:
-    return np.asarray(~(np.greater(value, 0) if TABLE[name].lower_bound == "> 0" else np.greater_equal(value, 0)))
 
 
 def are_too_short(parameters: Parameters, lengths: FloatArray) -> NDArray[np.bool_]:

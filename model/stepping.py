@@ -7,7 +7,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Mapping
-from ctypes import PyDLL, c_double, c_size_t
+from ctypes import PyDLL, c_double, c_size_t, c_void_p
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import count
@@ -29,7 +29,7 @@ from gough_stewart.model.interface import (
     Variant,
     end_of_step,
 )
-from gough_stewart.model.kernel import Kernel, Linearisation, address_of, kernel_library, parameter_vector
+from gough_stewart.model.kernel import Kernel, Linearisation, kernel_library, parameter_vector
 from gough_stewart.model.kinematics import LARGEST_PITCH, SHORTEST_LEG, check_pose, leg_geometry
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
@@ -397,7 +397,7 @@ class CompiledStepper:
         views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:11], sizes, strict=True)]
         self._clock, (self.u, self.x, self.p, self.y, *self._failure) = views[:4], views[4:]
         self._texts = layout[11], layout[12]
-        address, self._times = address_of(memory), (c_double(), c_double())
+        address, self._times = memory.ctypes.data_as(c_void_p), (c_double(), c_double())
         library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))
         self._step = partial(library.stepper_step, address, *self._times)
         # writes the `results` of the present state and inputs
@@ -470,6 +470,8 @@ class ScipyStepper:
         self.input_rates = np.zeros(N_INPUTS)
         self.internal_step: float | None = None
         self._variant, self._tolerance, self._kernel = variant, tolerance, Kernel(variant)
+        # writes the results of the present state and inputs to y
+        self.find_results = partial(self._kernel.outputs, self.x, self.u, self.p)
         self.y = self.find_results()
         self.order, self.results = np.arange(len(self.y)), interface.unpack(variant.results, self.y)
 
@@ -478,10 +480,6 @@ class ScipyStepper:
         self.p[:] = parameter_vector(platform, self._variant)
         self._platform, self._time, self.internal_step = platform, time, internal_step
         self._handedness: float | None = None
-
-    def find_results(self) -> FloatArray:
-        """Write the results of the present state and inputs to y."""
-        return self._kernel.outputs(self.x, self.u, self.p)
 
     def step(self, time: float, step: float) -> None:
         """Integrate from the present time to `time + step`; `StepError` beyond a pose's limit or the tolerance."""
