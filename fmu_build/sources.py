@@ -58,15 +58,6 @@ def defines(values: Mapping[str, float]) -> str:
     return "\n".join(f"#define {name} {value!r}" for name, value in values.items())
 
 
-def places(prefix: str, rows: Iterable[LayoutRow]) -> dict[str, int]:
-    """Offsets of variables in a vector of their own, by the names of their macros."""
-    offsets, offset = {}, 0
-    for row in rows:
-        offsets[f"{prefix}_{row.variable.name.upper()}"] = offset
-        offset += row.variable.size
-    return offsets
-
-
 def standard_headers(fmi_version: str) -> dict[str, str]:
     """The headers of the standard, from FMPy's wheel; `BuildError` if FMPy does not have them."""
     spec = find_spec(RUNNER)  # importing it would take half a second

@@ -240,6 +240,12 @@ def unpack(variables: Iterable[Variable], vector: Array) -> dict[str, Array]:
     return values
 
 
+def places(variables: Iterable[Variable]) -> dict[str, NDArray[np.intp]]:
+    """Positions of the elements of variables in the vector from `pack`, by name, in the variable's shape."""
+    variables = tuple(variables)
+    return unpack(variables, np.arange(size_of(variables)))
+
+
 def find(name: str) -> tuple[Variable, int | None]:
     """The variable of a name, and the flat index of an element or None; an unknown name is an `InterfaceError`."""
     if not isinstance(name, str):

@@ -223,12 +223,8 @@ def of_legs(parameters: Any, name: str, absent: float | None = None) -> Array:
     value = getattr(parameters, name)
     if name in FACTOR_OF:
         return np.asarray(per_leg(value) * getattr(parameters, FACTOR_OF[name]))
-    value, of_platforms = (
-        np.asarray(absent if value is None else value, dtype=float),
-        np.shape(parameters.platform_mass),
-    )
-    by_leg = value if value.ndim > len(of_platforms) else value[..., None]
-    return np.broadcast_to(by_leg, (*of_platforms, 6))
+    value, shape = np.asarray(absent if value is None else value, dtype=float), np.shape(parameters.platform_mass)
+    return np.broadcast_to(value if value.ndim > len(shape) else value[..., None], (*shape, 6))
 
 
 def in_words(name: str, value: Any) -> Any:

@@ -87,16 +87,13 @@ class Platform(PlatformFields):
         for text in TEXTS:
             if not isinstance(getattr(self, text), str):
                 raise PlatformError(text, f"is {getattr(self, text)!r}; expected a text")
-        for name, factor in FACTOR_OF.items():
-            # the default factors contradict nothing
-            is_default = np.array_equal(getattr(self, factor), TABLE[factor].default)
-            keys = (name,) if is_default else (name, factor)
-            for key, value in by_leg({key: getattr(self, key) for key in keys}).items():
-                object.__setattr__(self, key, value)
-        for name, row in TABLE.items():
-            value = getattr(self, name)
-            if value is not None or row.default is not None:
-                object.__setattr__(self, name, _frozen(row, value))
+        values = {name: getattr(self, name) for name in TABLE}
+        # the default factors contradict nothing
+        factors = {name for name in FACTOR_OF.values() if np.array_equal(values[name], TABLE[name].default)}
+        values |= by_leg({name: value for name, value in values.items() if name not in factors})
+        for name, value in values.items():
+            if value is not None or TABLE[name].default is not None:
+                object.__setattr__(self, name, _frozen(TABLE[name], value))
         platform_checks.check(self)
 
     def __eq__(self, other: object) -> bool:
@@ -302,7 +299,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
         for key, value in values.items():
             if key in numeric and not isinstance(value, np.ndarray) and not are_numbers(value):
                 raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
-        return Platform(**by_leg(values))
+        return Platform(**values)
     except PlatformError as error:
         raise PlatformFileError(where, str(error)) from error
 

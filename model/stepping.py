@@ -406,7 +406,7 @@ class CompiledStepper:
         # a unit has its states first, then other outputs, then locals
         outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
         of_unit = (*variant.states, *outputs, *interface.LOCALS)
-        self.results, places = (interface.unpack(of_unit, vector) for vector in (self.y, np.arange(m)))
+        self.results, places = interface.unpack(of_unit, self.y), interface.places(of_unit)
         # of the variant's results in y
         self.order = np.concatenate([places[v.name].ravel() for v in variant.results])
 

@@ -4,13 +4,15 @@ A variant's states follow those of the ideal plant, its outputs the outputs, its
 references are those of a unit's own variant.
 """
 
+from collections.abc import Iterable
 from enum import IntEnum
 from functools import cache
 
 from gough_stewart.fmu_build.component import Layout, Role, laid_out
-from gough_stewart.fmu_build.sources import defines, filled, places
+from gough_stewart.fmu_build.sources import defines, filled
 from gough_stewart.model import interface, kinematics, platform_checks
 from gough_stewart.model.interface import IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
+from gough_stewart.model.parameters import Variable
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
@@ -58,10 +60,12 @@ PLANT = plant_layout(IDEAL)
 def plant_header(variant: Variant = IDEAL) -> str:
     """`plant_table.h`: offsets of the plant's variables in the kernel's vectors, and its limits."""
     layout = plant_layout(variant)
-    offsets = places("X", layout.of_role(Role.STATE))
-    offsets["X_PITCH"] = offsets["X_ORIENTATION"] + 1
-    offsets |= places("R", layout.of_role(Role.STATE, Role.RESULT))
-    offsets |= places("P", (layout.by_name[v.name] for v in variant.parameters))
+
+    def offsets(prefix: str, variables: Iterable[Variable]) -> dict[str, int]:
+        return {f"{prefix}_{name.upper()}": int(at.flat[0]) for name, at in interface.places(variables).items()}
+
+    states, results = offsets("X", variant.states), (row.variable for row in layout.of_role(Role.STATE, Role.RESULT))
+    pitch = {"X_PITCH": states["X_ORIENTATION"] + 1}
     limits: dict[str, float] = {
         "SMALLEST_TOLERANCE": TOLERANCES[0],
         "LARGEST_TOLERANCE": TOLERANCES[1],
@@ -90,7 +94,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
         has_bristles=int(variant.bristles),
         has_springs=int(variant.springs),
         fixed_step_size=layout.by_name["fixed_step_size"].first,
-        places=defines(offsets),
+        places=defines(states | pitch | offsets("R", results) | offsets("P", variant.parameters)),
         limits=defines(limits),
         scales=f"{{{scales}}}",
         failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),

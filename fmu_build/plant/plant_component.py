@@ -152,7 +152,7 @@ def _code(variant: Variant) -> Sources:
         from gough_stewart.fmu_build.codegen import kernel_source
 
         # positions in `Variant.results` of a unit's results: states, other outputs, locals
-        positions = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
+        positions = interface.places(variant.results)
         rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
         order = [int(k) for row in rows for k in positions[row.variable.name].flat]
         return kernel_source(variant, () if variant == IDEAL else order).encode()

@@ -281,7 +281,7 @@ def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
     chosen_names = [outputs] if isinstance(outputs, str) else list(outputs)
-    place_of = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
+    place_of = interface.places(variant.results)
     if not chosen_names:
         raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
     for name in chosen_names:

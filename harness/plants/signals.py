@@ -37,8 +37,7 @@ def positions(names: Iterable[str]) -> NDArray[np.intp]:
     names = [names] if isinstance(names, str) else list(names)
     if not names:
         raise ControllerError(f"no signals; expected one or more of {', '.join(NAMES)}")
-    places = []
-    place_of = interface.unpack(VARIABLES, np.arange(SIZE))
+    places, place_of = [], interface.places(VARIABLES)
     for name in names:
         if name not in place_of:
             raise ControllerError(f"no signal '{name}'{interface.nearest(name, NAMES)}")
