@@ -13,6 +13,7 @@ from hashlib import sha256
 from itertools import repeat
 from pathlib import Path
 from threading import Event
+from typing import Literal
 
 from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
@@ -83,21 +84,13 @@ def build(
     >>> gs.build("fmus", fmi=["3.0"], targets=["x86_64-linux", "x86_64-windows"])
     >>> gs.build("models", forms=["mjcf"], platform=gs.load_preset("motion_base"))
     """
-    forms = tuple(forms)
-    check_forms(forms)
+    forms, versions = chosen_names("form", forms), chosen_names("FMI version", fmi)
     platform = load_preset(DEFAULT_PRESET) if platform is None else platform
     models = dict([mjcf(platform)]) if "mjcf" in forms else {}
-    component, versions = plant_component(platform), chosen_versions(fmi)
+    units = versions if "fmu" in forms else None
     return build_units(
-        component, out, fmi=versions if "fmu" in forms else None, targets=targets, progress=progress, extra_files=models
+        plant_component(platform), out, fmi=units, targets=targets, progress=progress, extra_files=models
     )
-
-
-def check_forms(forms: Iterable[str]) -> None:
-    """Raise `BuildError` for a form that is not in `FORMS`."""
-    for form in forms:
-        if form not in FORMS:
-            raise BuildError(f"no form {form!r}; expected {' or '.join(map(repr, FORMS))}")
 
 
 def build_units(
@@ -111,7 +104,7 @@ def build_units(
 ) -> list[Path]:
     """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; see `build` for arguments and errors."""
     folder, extra, systems = Path(out), extra_files or {}, chosen_targets(targets)
-    versions = () if fmi is None else chosen_versions(fmi)
+    versions = () if fmi is None else chosen_names("FMI version", fmi)
     check_output_folder(folder, [*extra, *(file_name(version, component.file_stem) for version in versions)])
     contents = {**unit_archives(component, versions, systems, progress), **extra}
     write_files(folder, contents)
@@ -204,18 +197,19 @@ def unit_library(component: UnitComponent) -> Library:
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
     """Number of progress reports of `build_units`."""
-    return len(chosen_versions(fmi)) * (1 + len(chosen_targets(targets)))
+    return len(chosen_names("FMI version", fmi)) * (1 + len(chosen_targets(targets)))
 
 
-def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
-    """The requested versions, in order and without duplicates; `BuildError` for one of another name, or none."""
-    requested, expected = [fmi] if isinstance(fmi, str) else list(fmi), f"expected {' or '.join(VERSIONS)}"
-    for version in requested:
-        if version not in VERSIONS:
-            raise BuildError(f"no FMI version '{version}'; {expected}")
+def chosen_names(kind: Literal["form", "FMI version"], names: Iterable[str]) -> tuple[str, ...]:
+    """The requested forms or FMI versions, in order and without duplicates; `BuildError` for another name, or none."""
+    known = FORMS if kind == "form" else VERSIONS
+    requested, expected = [names] if isinstance(names, str) else list(names), f"expected {' or '.join(known)}"
+    for name in requested:
+        if name not in known:
+            raise BuildError(f"no {kind} '{name}'; {expected}")
     if not requested:
-        raise BuildError(f"no FMI version; {expected}")
-    return tuple(version for version in VERSIONS if version in requested)
+        raise BuildError(f"no {kind}; {expected}")
+    return tuple(name for name in known if name in requested)
 
 
 def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:

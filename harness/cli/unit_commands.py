@@ -57,7 +57,7 @@ def build_command(
 
     - `gough-stewart build --as mjcf --preset motion_base`
     """
-    from gough_stewart.fmu_build.build import VERSIONS, build, check_forms, number_of_steps
+    from gough_stewart.fmu_build.build import VERSIONS, build, chosen_names, number_of_steps
     from gough_stewart.fmu_build.cache import BuildError
     from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
     from gough_stewart.fmu_build.toolchain import native
@@ -65,9 +65,8 @@ def build_command(
 
     loaded = opt.chosen_platform(preset, platform)
     versions, targets = [version.value for version in fmi] if fmi else VERSIONS, opt.chosen_targets(target)
-    chosen_as = [form.strip() for form in forms.split(",")]
     with wrong_use_if(BuildError):
-        check_forms(chosen_as)
+        chosen_as = chosen_names("form", [form.strip() for form in forms.split(",")])
         if check and "fmu" not in chosen_as:
             raise BuildError(f"--check runs units, and --as is {forms}; expected fmu among the forms")
         if check and native() not in targets_by_name(targets):

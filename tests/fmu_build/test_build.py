@@ -389,7 +389,8 @@ def test_a_wrong_option_is_named(tmp_path: Path) -> None:
         ({"fmi": []}, "no FMI version"),
         ({"targets": ["amiga"]}, f"no target 'amiga'; expected native, all, or one of {', '.join(TARGETS)}$"),
         ({"targets": []}, "no target"),
-        ({"forms": ["urdf"]}, "no form 'urdf'; expected 'fmu' or 'mjcf'"),
+        ({"forms": ["urdf"]}, "no form 'urdf'; expected fmu or mjcf"),
+        ({"forms": []}, "no form"),
     ]
     for options, expected in cases:
         with pytest.raises(gs.GoughStewartError, match=expected):

@@ -22,7 +22,7 @@ STEPS = 300
 
 
 def loaded(platform: gs.Platform, folder: Path) -> Any:
-    (file,) = gs.build(folder, forms=["mjcf"], platform=platform)
+    (file,) = gs.build(folder, forms="mjcf", platform=platform)
     return mujoco.MjModel.from_xml_path(str(file))
 
 
