@@ -203,10 +203,11 @@ def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
 def chosen_names(kind: Literal["form", "FMI version"], names: Iterable[str]) -> tuple[str, ...]:
     """The requested forms or FMI versions, in order and without duplicates; `BuildError` for another name, or none."""
     known = FORMS if kind == "form" else VERSIONS
-    requested, expected = [names] if isinstance(names, str) else list(names), f"expected {' or '.join(known)}"
+    requested = [names] if isinstance(names, str) or not isinstance(names, Iterable) else list(names)
+    expected = f"expected {' or '.join(map(repr, known))}"
     for name in requested:
         if name not in known:
-            raise BuildError(f"no {kind} '{name}'; {expected}")
+            raise BuildError(f"no {kind} {name!r}; {expected}")
     if not requested:
         raise BuildError(f"no {kind}; {expected}")
     return tuple(name for name in known if name in requested)

@@ -80,9 +80,9 @@ def native() -> Target:
 def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
     """Targets by name, `native` or `all`, in the order of the table; `BuildError` for an unknown name, or none."""
     requested, expected = set[Target](), f"expected native, all, or one of {', '.join(BY_NAME)}"
-    for name in [names] if isinstance(names, str) else names:
+    for name in [names] if isinstance(names, str) or not isinstance(names, Iterable) else names:
         if name not in ("native", "all", *BY_NAME):
-            raise BuildError(f"no target '{name}'; {expected}")
+            raise BuildError(f"no target {name!r}; {expected}")
         requested.update(TARGETS if name == "all" else [native() if name == "native" else BY_NAME[name]])
     if not requested:
         raise BuildError(f"no target; {expected}")

@@ -260,9 +260,10 @@ class SteppingModel:
         InterfaceError
             Another shape, or a value that is not finite.
         """
-        if np.shape(inputs) != (N_INPUTS,):
-            raise InterfaceError("inputs", f"have the shape {np.shape(inputs)}; expected ({N_INPUTS},)")
-        if not np.isfinite(inputs).all():
+        inputs = np.asarray(inputs)
+        if inputs.shape != (N_INPUTS,):
+            raise InterfaceError("inputs", f"have the shape {inputs.shape}; expected ({N_INPUTS},)")
+        if inputs.dtype.kind not in "iuf" or not np.isfinite(inputs).all():
             self.set_many(interface.unpack(interface.INPUTS, inputs))  # names the value
         self._u[:] = inputs
 

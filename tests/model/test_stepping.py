@@ -120,6 +120,8 @@ def test_what_is_set_is_what_is_had_and_nothing_else_changes() -> None:
     model.set("external_force", [1e200, 0.0, 0.0])  # whose square is not finite
     assert model.get("external_force[1]") == 1e200
     refused(model, lambda: model.set_inputs(np.append(INPUTS[:11], np.inf)), r"external_torque.*inf")
+    texts: Any = ["1"] * 12
+    refused(model, lambda: model.set_inputs(texts), "actuator_force: is .*expected numbers")
 
 
 def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> None:

@@ -152,7 +152,7 @@ def test_with_fmi_3_the_units_describe_the_scalars_of_the_connectors(ssp: Path, 
 def test_what_an_ssp_cannot_have_is_refused(tmp_path: Path) -> None:
     """Expected: another version of the units or of SSP, a reference from outside."""
     for options, message in (
-        ({"forms": "ssp", "ssp_fmi": "2.1"}, r"no FMI version '2.1'; expected 2.0 or 3.0"),
+        ({"forms": "ssp", "ssp_fmi": "2.1"}, r"no FMI version '2.1'; expected '2.0' or '3.0'"),
         ({"forms": "ssp", "ssp": "1.1"}, r"ssp is '1.1'; expected '1.0' or '2.0'"),
         ({"forms": ["c", "ssp"], "reference": "inputs"}, "leaves an SSP without a reference; expected 'inside'"),
     ):
