@@ -40,6 +40,7 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
                 bound.arguments[key] = {option: taken(option, setting) for option, setting in value.items()}
             else:
                 bound.arguments[key] = taken(key, value, parameters[key].default)
+        _check_poses(bound.arguments)
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full
@@ -156,14 +157,15 @@ def _quantity(unit: str, *, positive: bool = False) -> Take:
     return take
 
 
-def _vectors(size: int, unit: str, what: str) -> Take:
-    """Vectors (..., size) as an array; texts with units are taken for a single one."""
+def _vectors(size: int, unit: str, what: str, *, may_be_texts: bool = True) -> Take:
+    """Vectors (..., size) as an array; texts with units may be taken for a single one."""
 
     def take(name: str, value: Any) -> Any:
         import numpy as np
 
         expected = f"{size} numbers of {unit}, {what}, or an array (…, {size})"
-        if isinstance(value, list | tuple) and any(isinstance(item, str) for item in value):
+        is_list = may_be_texts and isinstance(value, list | tuple)
+        if is_list and any(isinstance(item, str) for item in value):
             value = [_quantity(unit)(f"{name}[{k}]", item) for k, item in enumerate(value)]
         try:
             array = np.asarray(value)
@@ -175,6 +177,40 @@ def _vectors(size: int, unit: str, what: str) -> Take:
         return array
 
     return take
+
+
+def _wrench(name: str, value: Any) -> Any:
+    """A force and a torque (..., 6), or one number for all six."""
+    take = _vectors(6, "N and N m", "force, then torque about Op", may_be_texts=False)
+    return value if isinstance(value, numbers.Real) else take(name, value)
+
+
+def _with_vectors(expected: str, **units: str) -> Take:
+    """What the function takes as it is, if it has these vectors (..., 3)."""
+
+    def take(name: str, value: Any) -> Any:
+        if not _has(value, *units):
+            raise _wrong(name, value, expected)
+        for part, unit in units.items():
+            _vectors(3, unit, "x, y, z", may_be_texts=False)(f"{name}.{part}", getattr(value, part))
+        return value
+
+    return take
+
+
+def _check_poses(arguments: Mapping[str, Any]) -> None:
+    """Positions and orientations are as many, or one of them is for all."""
+    position, orientation = (getattr(arguments.get(name), "shape", ()) for name in ("position", "orientation"))
+    if len(position) > 1 and len(orientation) > 1:
+        import numpy as np
+
+        try:
+            np.broadcast_shapes(position, orientation)
+        except ValueError:
+            raise ArgumentError(
+                f"position has the shape {position}, and orientation {orientation}; expected one orientation for each "
+                "position, or one for all"
+            ) from None
 
 
 def _texts(name: str, value: Any) -> Any:
@@ -230,11 +266,10 @@ _TAKES: dict[str, Take] = {
         ),
         "a Log, a Record, a file or folder of one, or a list of them",
     ),
-    "state": _unchanged(
-        lambda value: _has(value, "position", "orientation", "velocity", "angular_velocity"),
-        "a State(position, orientation, …)",
+    "state": _with_vectors(
+        "a State(position, orientation, …)", position="m", orientation="rad", velocity="m/s", angular_velocity="rad/s"
     ),
-    "acceleration": _unchanged(lambda value: _has(value, "linear", "angular"), "an Acceleration(linear, angular)"),
+    "acceleration": _with_vectors("an Acceleration(linear, angular)", linear="m/s²", angular="rad/s²"),
     "gains": _unchanged(
         lambda value: _has(value, "proportional", "derivative"), "Gains, or the result of gains_from_bandwidth"
     ),
@@ -245,6 +280,8 @@ _TAKES: dict[str, Take] = {
 }
 _OF_FUNCTION: dict[tuple[str, str], Take] = {
     ("stack", "parameters"): _platforms,
+    ("inverse_dynamics", "external_wrench"): _wrench,
+    ("static_leg_forces", "external_wrench"): _wrench,
     ("frf", "record"): _record_or_path,
     ("load_experiment", "name"): _path,
     ("load_preset", "name"): _text,

@@ -16,12 +16,12 @@ import gough_stewart as gs
 gs_any: Any = gs  # what a type checker would refuse
 MOTION_BASE = gs.load_preset("motion_base")
 HOME = (MOTION_BASE.home_position, MOTION_BASE.home_orientation)
+REST = gs.State(*HOME, np.zeros(3), np.zeros(3))
 
 
 WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
     (lambda: gs_any.run("heave_tolerances", member=3.0), "member is 3.0; expected a whole number"),
     (lambda: gs_any.run("heave_tolerances", member=True), "member is True; expected a whole number"),
-    (lambda: gs_any.ensemble("heave_tolerances", workers="2"), "workers is '2'; expected a whole"),
     (lambda: gs.save_platform(MOTION_BASE, "."), "is a folder; expected a file"),
     (lambda: gs_any.metrics(3), "record is 3; expected a Record, or the folder or file of one"),
     (lambda: gs_any.metrics("nowhere"), "nowhere: no such file; expected record.parquet"),
@@ -37,9 +37,11 @@ WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
     (lambda: gs_any.leg_jacobian("nope", *HOME), "nope: cannot read this platform file"),
     (lambda: gs_any.leg_jacobian(MOTION_BASE, [0, 0], HOME[1]), r"position is \[0, 0\]; expected 3"),
     (lambda: gs_any.inverse_dynamics(MOTION_BASE, None, None), "state is None; expected a State"),
+    (lambda: gs_any.inverse_dynamics(MOTION_BASE, REST, gs_any.Acceleration([0], 0)), r"acceleration.linear is \[0\]"),
+    (lambda: gs_any.static_leg_forces(MOTION_BASE, *HOME, [1, 2, 3]), r"external_wrench is \[1, 2, 3\]; expected 6"),
+    (lambda: gs.mass_matrix(MOTION_BASE, *map(np.zeros, ((5, 3), (4, 3)))), r"\(5, 3\), and orientation \(4, 3\); exp"),
     (lambda: gs.stack([]), r"parameters is \[\]; expected at least one platform"),
     (lambda: gs.modes("motion_base"), "system is 'motion_base'; expected a python-control"),
-    (lambda: gs_any.pid(3), "gains is 3; expected Gains"),
     (lambda: gs_any.run(3), "experiment is 3; expected an Experiment, the name of a shipped"),
     (lambda: gs_any.run("heave_step", 3), "settings is 3; expected a dict of keys and values"),
     (lambda: gs_any.run("heave_step", injection=3), "injection is 3; expected a function"),
@@ -73,10 +75,6 @@ WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
         r"position is \[\[1\], \[1, 2\]\]; expected 3 numbers of m, x, y, z, or an array \(…, 3\)",
     ),
     (lambda: gs_any.leg_geometry(MOTION_BASE, [True, True, False], HOME[1]), "expected 3 numbers of m"),
-    (
-        lambda: gs_any.sweep("motion_base", {"x": (0, 1), "y": None}, {"roll": ["1 deg", "3 mm"]}),
-        r"at\['roll'\] is '3 mm'; expected a number of rad, or a text",
-    ),
     (
         lambda: gs_any.leg_geometry(MOTION_BASE, HOME[0], [0, "1 m", 0]),
         r"orientation\[1\] is '1 m'; expected a number of rad, or a text",
