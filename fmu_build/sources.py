@@ -5,7 +5,7 @@ Files that are generated are filled-in templates, `c/*/NAME.in`.
 
 import hashlib
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
@@ -14,8 +14,8 @@ from string import Template
 from textwrap import fill
 
 from gough_stewart.fmu_build.cache import RUNNER, BuildError
-from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, LayoutRow, Role, Sources, UnitComponent
-from gough_stewart.model.interface import DEFAULT_TOLERANCE
+from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, Layout, Role, Sources, UnitComponent
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, size_of
 from gough_stewart.model.platform import LARGEST_NUMBER
 
 GENERATED = "/* Generated from the table of variables: do not edit. */"
@@ -75,23 +75,20 @@ def model_header(component: UnitComponent) -> str:
     """`model.h`."""
     layout, values = component.layout, _start_values(component)
     time = layout.by_name["time"]
-
-    def size(rows: Iterable[LayoutRow]) -> int:
-        return sum(row.variable.size for row in rows if row.first < time.first)
-
+    before_time = Layout(tuple(row for row in layout.rows if row.first < time.first))
     starts, count = dict[str, str](), 0
     for name, numbers in values.items():
         is_vector = name in ("START_INPUTS", "START_STATES", "START_PARAMETERS")
         starts[name] = f"(START.numbers + {count})" if is_vector else f"START.numbers[{count}]"
         count += len(numbers)
     n_inputs, n_states = len(values["START_INPUTS"]), len(values["START_STATES"])
-    n_results = size(layout.of_role(Role.STATE, Role.RESULT))
+    n_results = size_of(row.variable for row in before_time.of_role(Role.STATE, Role.RESULT))
     parameters = layout.of_role(*PARAMETER_ROLES)
     later = [row.first for row in parameters if row.first > time.first and row.variable.name not in component.settings]
     sizes = {
         "N_INPUTS": n_inputs,
         "N_STATES": n_states,
-        "N_OUTPUTS": size(layout.outputs()),
+        "N_OUTPUTS": size_of(row.variable for row in before_time.outputs()),
         "N_RESULTS": n_results,
         "N_PARAMETERS": len(values["START_PARAMETERS"]),
         "N_SLOTS": layout.rows[-1].slots.stop,
@@ -103,7 +100,9 @@ def model_header(component: UnitComponent) -> str:
         "FIRST_STATE": n_inputs,
         "FIRST_RESULT": n_inputs,
         "FIRST_PARAMETER": n_inputs + n_results,
-        "N_OLDER_PARAMETERS": size(row for row in parameters if row.variable.name not in component.settings),
+        "N_OLDER_PARAMETERS": size_of(
+            row.variable for row in before_time.of_role(*PARAMETER_ROLES) if row.variable.name not in component.settings
+        ),
         "FIRST_LATER_PARAMETER": min(later, default=sizes["N_SLOTS"]),
         "FIRST_DERIVATIVE": time.first - n_states,
         "TIME": time.first,
