@@ -40,7 +40,8 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
                 bound.arguments[key] = {option: taken(option, setting) for option, setting in value.items()}
             else:
                 bound.arguments[key] = taken(key, value, parameters[key].default)
-        _check_poses(bound.arguments)
+        if "orientation" in bound.arguments:
+            _check_poses(bound.arguments)
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full

@@ -123,6 +123,8 @@ class Variant:
     # in the order of x; outputs and locals in that of y, those of the ideal plant first; the parameters that act, of p
     states: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
     results: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
+    # the results in a unit's order: states, other outputs, locals
+    unit_results: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
     parameters: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
     # parameters that may change during a run
     tunable: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
@@ -137,11 +139,13 @@ class Variant:
         of_parts = [v for v in OF_PARTS if v.part in parts]
         states = (*STATES, *(v for v in of_parts if v.is_state))
         results = (*RESULTS, *(v for v in of_parts if v.causality == "output"))
+        outputs = (v for v in results if v.causality == "output" and not v.is_state)
         parameters = tuple(row for row in PHYSICAL if row.part is None or row.part in parts)
         for name, value in (
             ("parts", parts),
             ("states", states),
             ("results", results),
+            ("unit_results", (*states, *outputs, *LOCALS)),
             ("parameters", parameters),
             ("tunable", tuple(v for v in parameters if v.variability == "tunable")),
             ("columns", tuple(name for v in results for name in v.scalar_names)),

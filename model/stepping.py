@@ -404,10 +404,8 @@ class CompiledStepper:
         # writes the `results` of the present state and inputs
         self.find_results = partial(library.stepper_results, address)
         self._forget = partial(library.stepper_forget, address)
-        # a unit has its states first, then other outputs, then locals
-        outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
-        of_unit = (*variant.states, *outputs, *interface.LOCALS)
-        self.results, places = interface.unpack(of_unit, self.y), interface.places(of_unit)
+        self.results = interface.unpack(variant.unit_results, self.y)
+        places = interface.places(variant.unit_results)
         # of the variant's results in y
         self.order = np.concatenate([places[v.name].ravel() for v in variant.results])
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from enum import IntEnum
 from functools import cache
 
-from gough_stewart.fmu_build.component import Layout, Role, laid_out
+from gough_stewart.fmu_build.component import Layout, laid_out
 from gough_stewart.fmu_build.sources import defines, filled
 from gough_stewart.model import interface, kinematics, platform_checks
 from gough_stewart.model.interface import IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
@@ -46,12 +46,10 @@ class MemberFailure(IntEnum):
 @cache
 def plant_layout(variant: Variant) -> Layout:
     """The layout of a variant's unit; parameters that were added later stand at its end."""
-    outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
     begin = next(k for k, v in enumerate(variant.parameters) if v.name == _FIRST_LATER)
     older, later = variant.parameters[:begin], variant.parameters[begin:]
-    rows = (*interface.INPUTS, *variant.states, *outputs, *interface.LOCALS, *older)
-    unit = interface.BY_NAME["fixed_step_size"]
-    return laid_out((*rows, unit), {v.name: _RATES[v.unit] for v in variant.states}, later)
+    rows = (*interface.INPUTS, *variant.unit_results, *older, interface.BY_NAME["fixed_step_size"])
+    return laid_out(rows, {v.name: _RATES[v.unit] for v in variant.states}, later)
 
 
 PLANT = plant_layout(IDEAL)
@@ -64,7 +62,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
     def offsets(prefix: str, variables: Iterable[Variable]) -> dict[str, int]:
         return {f"{prefix}_{name.upper()}": int(at.flat[0]) for name, at in interface.places(variables).items()}
 
-    states, results = offsets("X", variant.states), (row.variable for row in layout.of_role(Role.STATE, Role.RESULT))
+    states, results = offsets("X", variant.states), offsets("R", variant.unit_results)
     pitch = {"X_PITCH": states["X_ORIENTATION"] + 1}
     limits: dict[str, float] = {
         "SMALLEST_TOLERANCE": TOLERANCES[0],
@@ -94,7 +92,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
         has_bristles=int(variant.bristles),
         has_springs=int(variant.springs),
         fixed_step_size=layout.by_name["fixed_step_size"].first,
-        places=defines(states | pitch | offsets("R", results) | offsets("P", variant.parameters)),
+        places=defines(states | pitch | results | offsets("P", variant.parameters)),
         limits=defines(limits),
         scales=f"{{{scales}}}",
         failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),

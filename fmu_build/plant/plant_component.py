@@ -151,10 +151,8 @@ def _code(variant: Variant) -> Sources:
         check_installed(TRACER)
         from gough_stewart.fmu_build.codegen import kernel_source
 
-        # positions in `Variant.results` of a unit's results: states, other outputs, locals
-        positions = interface.places(variant.results)
-        rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
-        order = [int(k) for row in rows for k in positions[row.variable.name].flat]
+        places = interface.places(variant.results)
+        order = [int(k) for v in variant.unit_results for k in places[v.name].flat]
         return kernel_source(variant, () if variant == IDEAL else order).encode()
 
     kernel = _traced_once(KERNEL_SOURCE, variant, traced).decode()
