@@ -1,4 +1,4 @@
-"""Systems for which is compiled, C compilers, which one, with which commands, and a library that is compiled once.
+"""Systems to compile for; C compilers: which one, with which commands, how it is run; a library, compiled once.
 
 `$CC`, else zig, which compiles for every target and whose units also run on older systems, else one of the system's.
 Each version of zig has a cache for its objects. It is emptied when the compiler fails for no reason in the sources:

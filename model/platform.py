@@ -2,8 +2,8 @@
 
 Its file is flat TOML: the parameters of `gough_stewart.model.parameters` by name, in SI units or as texts with a unit,
 and keys that state joints as data sheets do: on circles, by cylindrical coordinates, listed once with the legs between
-them. Numbers are written in SI units with the fewest digits that give the same float, so
-TOML → Platform → TOML is lossless. Presets ship with the package.
+them. Numbers are written in SI units with the fewest digits that give the same float, so TOML → Platform → TOML is
+lossless. Presets ship with the package.
 """
 
 import html
