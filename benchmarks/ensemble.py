@@ -21,7 +21,7 @@ from gough_stewart.harness.ensemble.workers import Workers, chunks_here
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import Members, varying_members
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.folding import FoldsOfRows
+from gough_stewart.harness.loop.rows import FoldsOfRows
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.plants.open import cached_build

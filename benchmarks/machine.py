@@ -24,7 +24,7 @@ from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import varying_members
 from gough_stewart.harness.experiment.preparation import Batch
-from gough_stewart.harness.loop.folding import FoldsOfRows
+from gough_stewart.harness.loop.rows import FoldsOfRows
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels

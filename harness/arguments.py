@@ -22,10 +22,6 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function with its arguments checked and converted; its signature and help stay."""
     signature, name = inspect.signature(function), function.__name__
 
-    def taken(parameter: str, value: Any, default: Any = None) -> Any:
-        take = _OF_FUNCTION.get((name, parameter)) or _TAKES.get(parameter)
-        return value if take is None or value is default else take(parameter, value)
-
     @functools.wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
         parameters = signature.parameters
@@ -36,10 +32,13 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
             call = f"{name}({', '.join(text for text in written if text != 'options')})"
             raise ArgumentError(f"{name}: {error}; expected {call}") from None
         for key, value in bound.arguments.items():
-            if parameters[key].kind is inspect.Parameter.VAR_KEYWORD:
-                bound.arguments[key] = {option: taken(option, setting) for option, setting in value.items()}
-            else:
-                bound.arguments[key] = taken(key, value, parameters[key].default)
+            are_options = parameters[key].kind is inspect.Parameter.VAR_KEYWORD
+            default = None if are_options else parameters[key].default
+            taken = dict(value) if are_options else {key: value}
+            for parameter, given in taken.items():
+                take = _OF_FUNCTION.get((name, parameter)) or _TAKES.get(parameter)
+                taken[parameter] = given if take is None or given is default else take(parameter, given)
+            bound.arguments[key] = taken if are_options else taken[key]
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full

@@ -23,8 +23,7 @@ from pydantic import Field
 
 from gough_stewart.harness.control.state_space import Solve, StateSpace, matrices_at, series
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.quantities import Frequency, PositiveNumber, Share, quantity_in
-from gough_stewart.harness.section import TableSection
+from gough_stewart.harness.section import Frequency, PositiveNumber, Share, TableSection, quantity_in
 from gough_stewart.model.parameters import Bound
 
 Signals = tuple[Any, ...]

@@ -28,16 +28,17 @@ from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.motion.motion import Motion, distinct_rows
-from gough_stewart.harness.quantities import (
+from gough_stewart.harness.section import (
     DerivativeGains,
+    FileName,
     Frequency,
     IntegralGains,
+    Kind,
     LegForces,
     Number,
     PositiveTime,
     ProportionalGains,
 )
-from gough_stewart.harness.section import FileName, Kind
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State

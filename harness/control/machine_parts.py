@@ -12,8 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from gough_stewart.harness.control.component import Parameter, Signals, Stepped
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES, Side
-from gough_stewart.harness.quantities import PositiveForceRate, PositiveTime, Time, Unit, positive_or_word
-from gough_stewart.harness.section import TableSection
+from gough_stewart.harness.section import PositiveForceRate, PositiveTime, TableSection, Time, Unit, positive_or_word
 from gough_stewart.model.operations import clip, greater, less, minimum, not_equal, rounded, sign, where
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.units import number

@@ -18,10 +18,14 @@ from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants import PlantKind
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.harness.quantities import (
+from gough_stewart.harness.report.requirements import required
+from gough_stewart.harness.sampling.variation import EnsembleChoice
+from gough_stewart.harness.section import (
     ZEROS,
     Angle,
     AngularVelocity,
+    ByType,
+    FileName,
     Force,
     LegForces,
     Number,
@@ -29,13 +33,11 @@ from gough_stewart.harness.quantities import (
     Position,
     PositiveLength,
     PositiveTime,
+    TableSection,
     Time,
     Torque,
     Velocity,
 )
-from gough_stewart.harness.report.requirements import required
-from gough_stewart.harness.sampling.variation import EnsembleChoice
-from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform_joints import Pairing

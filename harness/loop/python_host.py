@@ -25,9 +25,8 @@ from gough_stewart.harness.control.machine_parts import (
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel
-from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
+from gough_stewart.harness.loop.loop import Loop, ScheduledChanges, Seeds
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor
-from gough_stewart.harness.loop.timing import Seeds
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
 from gough_stewart.harness.plants.signals import MOTORS, N_LEGS, PerMember
