@@ -140,6 +140,9 @@ class AllRows(RowBlock, Observer):
         self.results[k], self.inputs[k], self.rate_limited[k] = self._plant.results().T, inputs.T, rate_limited.T
         self.count = k  # at last, since the plant may fail
 
+    def block(self, rows: RowBlock) -> None:
+        """Nothing: the rows are kept already."""
+
 
 class RowMonitor:
     """Takes the rows of N members, ends members at limits and failures, and passes blocks of rows to an observer."""
@@ -149,7 +152,7 @@ class RowMonitor:
         self._times, self._limits, self.observer = loop.timing.times, loop.limits, observer
         self._reference = members_last(loop.reference)
         self._nearest_limit = float(np.min(loop.limits.largest_position_error))
-        self._outcomes: dict[int, Outcome] = {}
+        self.outcomes: dict[int, Outcome] = {}  # of those that have ended before the end of the run
         self.rows = observer.start(loop.timing, plant, n_members)  # the block that is being filled
         self.n_rows = 0  # so far
         self.counting = np.full(n_members, len(self._times))  # how many rows count for each
@@ -163,7 +166,7 @@ class RowMonitor:
         for member in np.atleast_1d(np.arange(self.going.size)[whose]).tolist():
             if self.going[member]:
                 text = cause if isinstance(cause, str) else cause(member)
-                self._outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), text)
+                self.outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), text)
                 self.counting[member] = rows
                 self.going[member] = self.all_go = False
                 self.ended_now = True
@@ -231,11 +234,6 @@ class RowMonitor:
             for values in (rows.signals, rows.forces, rows.force_limited, rows.rate_limited, rows.motors):
                 values[0] = values[rows.count]
             rows.first, rows.count = rows.first + rows.count, 0
-
-    def outcomes(self) -> tuple[Outcome, ...]:
-        """The outcomes of all members at the end of the run."""
-        completed = Outcome("completed", float(self._times[-1]), None)
-        return tuple(self._outcomes.get(member, completed) for member in range(self.going.size))
 
 
 # --- folds -----------------------------------------------------------------------------------------------------------
