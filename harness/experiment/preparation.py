@@ -292,7 +292,7 @@ def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
     Legs that nearly touch, joints in a bad order, a motion after the end, coarse sensors, faults that change nothing.
     """
     platform = prepared.platform
-    length = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+    length = home_leg_length(platform)
     scales = {"m": length, "rad": 1.0, "m/s": length / _TIME, "rad/s": 1.0 / _TIME}
     coarse = [
         f"sensors.{kind}.{variable.name} is {value:g} {variable.unit}, {value / scales[variable.unit]:.3g} of the "
@@ -331,6 +331,7 @@ class Preparation:
 
     def __init__(self, experiment: Experiment, controller: Any = None) -> None:
         self.experiment, self.controller, self._where = experiment, controller, experiment.where
+        self._tables = dict(experiment)
         # results of stages, and the parts that they were made from, by the identity of these
         self._known = dict[str, dict[tuple[object, ...], tuple[Sequence[object], Any]]]()
 
@@ -465,7 +466,7 @@ class Preparation:
 
     def _believed(self, changed: Mapping[str, Values]) -> _Believed:
         experiment = self.experiment
-        tables = dict(experiment) | {
+        tables = self._tables | {
             name: self._once(table_with, experiment, name, values) for name, values in changed.items()
         }
         nominal = self._once(nominal_platform, experiment, tables["platform"])
@@ -491,7 +492,7 @@ class Preparation:
         planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
 
         # the start, with angles in the turns of the reference
-        stated = {name: np.array(value) for name, value in tables["start"].model_dump(exclude_none=True).items()}
+        stated = {name: np.array(value) for name, value in tables["start"] if value is not None}
         start = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
         if planned.motion is not None:
             start = State(*(values[0] for values in planned.motion[:4]))
@@ -557,7 +558,7 @@ class Preparation:
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
         if bound is None and planned.reference is not None and is_closed:
-            bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+            bound = once(home_leg_length, platform)
         force_limit, rate_limit = limited.actuator_force_max, drives.rate_limit
         low, high = platform.leg_length_min, platform.leg_length_max
         return Setup(
@@ -733,6 +734,11 @@ def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
     parameters = experiment.plant.parameters
     with part_of(experiment.where, "plant"):
         return nominal, base.with_parameters(parameters) if parameters else base
+
+
+def home_leg_length(platform: Platform) -> float:
+    """The mean length of the legs at home [m]."""
+    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
 
 
 def limited_platform(platform: Platform, force_limit: float | str) -> Platform:

@@ -5,6 +5,7 @@ design, into values. All are computed element by element, so a value does not de
 correlated: of correlations a Gaussian copula, of covariances a multivariate normal distribution.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -59,7 +60,8 @@ class SamplingDesign:
 
     def __post_init__(self) -> None:
         if self.members % self.block:
-            near = max(1, round(self.members / self.block)) * self.block
+            # of a Sobol sequence, whose numbers are powers of two
+            near = 2 ** max(0, round(math.log2(self.members / self.block))) * self.block
             raise ValueError(
                 f"members is {self.members}; Saltelli's design needs {self.block} per point ({len(self.groups)} inputs "
                 f"plus 2), expected a multiple, for instance {near}"
