@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.by_hand import HandMotion
+from gough_stewart.harness.control.component import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.frequency_response import InjectionChoice
 from gough_stewart.harness.control.laws_of_members import KnownAhead, LawFrom, SeparateLaws, laws_of
 from gough_stewart.harness.control.linear_controller import Controller, LinearController, controller_of, linear_of
-from gough_stewart.harness.control.machine_parts import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.own_law import LinearForm, linearised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError

@@ -12,8 +12,8 @@ import numpy as np
 import polars
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.component import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.laws_of_members import LawFrom
-from gough_stewart.harness.control.machine_parts import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, experiment_of

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
+from gough_stewart.harness.control.component import ActuatorChoice, FaultChoice, ForceLimit, PerSignal, SensorChoice
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.machine_parts import ActuatorChoice, FaultChoice, ForceLimit, PerSignal, SensorChoice
 from gough_stewart.harness.motion.limits.reach import WhenBeyond
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise

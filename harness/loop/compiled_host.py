@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
+from gough_stewart.harness.control.component import CUT, FROZEN, Drive, ForceLimits, Sensor, Takeover
 from gough_stewart.harness.control.laws_of_members import LinearLaw, rests_of
-from gough_stewart.harness.control.machine_parts import CUT, FROZEN, Drive, ForceLimits, Sensor, Takeover
 from gough_stewart.harness.control.state_space import stacked_blocks
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.machine_parts import N_FAULTS
+from gough_stewart.harness.control.component import N_FAULTS
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import Law
-from gough_stewart.harness.control.machine_parts import (
+from gough_stewart.harness.control.component import (
     CUT,
     FROZEN,
     Cut,
@@ -22,6 +21,7 @@ from gough_stewart.harness.control.machine_parts import (
     Sensor,
     Takeover,
 )
+from gough_stewart.harness.control.laws_of_members import Law
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.by_hand import lengths_for_hands
+from gough_stewart.harness.control.component import N_FAULTS
 from gough_stewart.harness.control.controllers import OpenLoop
-from gough_stewart.harness.control.machine_parts import N_FAULTS
 from gough_stewart.harness.experiment.file import without_none
 from gough_stewart.harness.experiment.overrides import with_settings
 from gough_stewart.harness.experiment.preparation import Prepared
