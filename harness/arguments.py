@@ -34,11 +34,12 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
         for key, value in bound.arguments.items():
             are_options = parameters[key].kind is inspect.Parameter.VAR_KEYWORD
             default = None if are_options else parameters[key].default
-            taken = dict(value) if are_options else {key: value}
-            for parameter, given in taken.items():
+            converted = dict(value) if are_options else {key: value}
+            for parameter, argument in converted.items():
                 take = _OF_FUNCTION.get((name, parameter)) or _TAKES.get(parameter)
-                taken[parameter] = given if take is None or given is default else take(parameter, given)
-            bound.arguments[key] = taken if are_options else taken[key]
+                if take is not None and argument is not default:
+                    converted[parameter] = take(parameter, argument)
+            bound.arguments[key] = converted if are_options else converted[key]
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full

@@ -203,26 +203,23 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
         return tables
     # by leg, and what stands under "all", if anything
     energy, stroke = metrics["energy"], metrics["stroke"]
-    by_leg = list[tuple[str, Quantity, list[float | None], float | None]]()
+    by_leg = list[tuple[str, Quantity, list[float | None], Cell]]()
     for kind, title in (("rms", "RMS error"), ("peak", "peak error")) if "leg_length" in tracking else ():
-        by_leg.append((title, LENGTH, tracking["leg_length"][kind], None))
-    by_leg += [(title, POSITION, stroke[title], None) for title in ("shortest", "longest")]
+        by_leg.append((title, LENGTH, tracking["leg_length"][kind], ""))
+    by_leg += [(title, POSITION, stroke[title], "") for title in ("shortest", "longest")]
     for path in ("force.peak", "force.rms", "power.peak", "power.mean"):
         metric, (group, name) = metric_of(path), path.split(".")
-        by_leg.append((metric.text, metric.quantity, metrics[group][name], None))
+        by_leg.append((metric.text, metric.quantity, metrics[group][name], ""))
     for name, title in (("net", "net work"), ("absolute", "work, absolute")):
-        by_leg.append((title, ENERGY, energy[name], energy[f"{name}_total"]))
+        by_leg.append((title, ENERGY, energy[name], Value(energy[f"{name}_total"], ENERGY)))
     for name, part in (metrics["limits"] or {}).items():
         for number in ("used", "first_exceeded"):
             if number == "used" or any(time is not None for time in part[number]):
                 metric = metric_of(f"limits.{name}.{number}")
-                by_leg.append((metric.text, metric.quantity, part[number], None))
+                by_leg.append((metric.text, metric.quantity, part[number], ""))
     for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}.items():
         if share and share["any"]:  # rows of zeros say nothing
-            by_leg.append((name.replace("_", " "), SHARE, share["legs"], share["any"]))
-    rows = [
-        (title, *(Value(value, quantity) for value in values), "" if total is None else Value(total, quantity))
-        for title, quantity, values, total in by_leg
-    ]
+            by_leg.append((name.replace("_", " "), SHARE, share["legs"], Value(share["any"], SHARE)))
+    rows = [(title, *(Value(value, quantity) for value in values), total) for title, quantity, values, total in by_leg]
     names = ("", *(f"{leg}" for leg in range(1, 7)), "all")
     return [*tables, Table("Legs", tuple(map(Column, names)), tuple(rows))]
