@@ -21,12 +21,12 @@ from gough_stewart.harness.ensemble.workers import Workers, chunks_here
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import Members, varying_members
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.folding import FoldsOfRows
+from gough_stewart.harness.loop.rows import FoldsOfRows
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.plants.open import cached_build
 from gough_stewart.harness.plants.unit import FmuPlant
-from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
+from gough_stewart.harness.results.metric_folds import metric_folds, metric_kernels
 
 ROUNDS, MEMBERS = 3, 1000
 VARIED = "ensemble.platform_mass={factor={uniform=[0.8,1.3]}}"
@@ -52,15 +52,17 @@ def simulated_seconds(members: Members, stepping: Stepping) -> tuple[float, floa
     rounds = []
     for _ in range(ROUNDS):
         running = batch.in_parallel(stepping)
-        folds = folds_of_loop(running.loop, limits_of_members(batch, running.size))
+        limits = limits_of_members(batch, running.size)
+        folds = metric_folds(running.loop.timing.times, running.loop.reference, limits)
         rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
         start = time.perf_counter()
         with running.plant:
             observe(running.plant, running.law_from, running.loop, rows)
         many = time.perf_counter() - start
-        with FmuPlant(cached_build("3.0"), single.machine, single.start) as plant:
+        unit = FmuPlant(cached_build("3.0"), single.machine, single.start)
+        with unit as plant, single.law_in_a_run() as law_from:
             start = time.perf_counter()
-            simulate(plant, single.law, single.loop)
+            simulate(plant, law_from, single.loop)
             alone = time.perf_counter() - start
             rounds.append((SIZE * duration / many, single.loop.timing.duration / alone))
     return max(each[0] for each in rounds), max(each[1] for each in rounds)

@@ -39,11 +39,12 @@ def seconds_a_step(version: str) -> tuple[float, float]:
     steps = prepared.loop.timing.steps
     rounds = []
     for _ in range(ROUNDS):
-        with FmuPlant(cached_build(version), prepared.platform, prepared.start) as plant:
+        unit = FmuPlant(cached_build(version), prepared.platform, prepared.start)
+        with unit as plant, prepared.law_in_a_run() as law_from:
             inside = Stopwatch(plant._unit.do_step)
             plant._unit.do_step = inside  # type: ignore[method-assign, assignment]
             start = time.perf_counter()
-            simulate(plant, prepared.law, prepared.loop)
+            simulate(plant, law_from, prepared.loop)
             rounds.append(((time.perf_counter() - start) / steps, inside.seconds / steps))
     return min(rounds, key=lambda both: both[0] - both[1])
 
@@ -56,12 +57,13 @@ def seconds_in_machine_code(name: str) -> tuple[float, float]:
     ours = []
     for _ in range(ROUNDS):
         start = time.thread_time()
-        with BatchPlant([prepared.machine], [prepared.start], tolerance=1e-8, kernel=kernel) as plant:
-            simulate(plant, prepared.law, prepared.loop)
+        batch = BatchPlant([prepared.machine], [prepared.start], tolerance=1e-8, kernel=kernel)
+        with batch as plant, prepared.law_in_a_run() as law_from:
+            simulate(plant, law_from, prepared.loop)
         ours.append(time.thread_time() - start)
     start = time.thread_time()
-    with ModelPlant(prepared.machine, prepared.start) as model:
-        simulate(model, prepared.law, prepared.loop)
+    with ModelPlant(prepared.machine, prepared.start) as model, prepared.law_in_a_run() as law_from:
+        simulate(model, law_from, prepared.loop)
     return min(ours) / steps, (time.thread_time() - start) / steps
 
 
@@ -82,11 +84,12 @@ def seconds_of_many() -> tuple[float, float, float]:
         observe(plant, law_from, loop, Nothing())
         whole = time.perf_counter() - start
         in_plant = sum(each.seconds for each in inside)
-        with FmuPlant(cached_build("3.0"), prepared.platform, prepared.start) as single:
+        unit = FmuPlant(cached_build("3.0"), prepared.platform, prepared.start)
+        with unit as single, prepared.law_in_a_run() as law_of_one:
             step = Stopwatch(single._unit.do_step)
             single._unit.do_step = step  # type: ignore[method-assign, assignment]
             start = time.perf_counter()
-            simulate(single, prepared.law, prepared.loop)
+            simulate(single, law_of_one, prepared.loop)
             alone = time.perf_counter() - start - step.seconds
         rounds.append(((whole - in_plant) / steps / n, in_plant / steps / n, alone / steps))
     return tuple(min(each) for each in zip(*rounds, strict=True))

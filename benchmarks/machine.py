@@ -24,10 +24,10 @@ from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import varying_members
 from gough_stewart.harness.experiment.preparation import Batch
-from gough_stewart.harness.loop.folding import FoldsOfRows
+from gough_stewart.harness.loop.rows import FoldsOfRows
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
+from gough_stewart.harness.results.metric_folds import metric_folds, metric_kernels
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 
@@ -104,7 +104,8 @@ def batch_of(kind: dict[str, Any], members: int) -> Batch:
 def run(batch: Batch, tolerance: float) -> tuple[float, FloatArray]:
     """Seconds of the loop with its metrics, and the poses at its end."""
     running = batch.in_parallel(Stepping(tolerance=tolerance))
-    folds = folds_of_loop(running.loop, limits_of_members(batch, running.size))
+    limits = limits_of_members(batch, running.size)
+    folds = metric_folds(running.loop.timing.times, running.loop.reference, limits)
     rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
     start = time.perf_counter()
     with running.plant as plant:

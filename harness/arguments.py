@@ -22,10 +22,6 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function with its arguments checked and converted; its signature and help stay."""
     signature, name = inspect.signature(function), function.__name__
 
-    def taken(parameter: str, value: Any, default: Any = None) -> Any:
-        take = _OF_FUNCTION.get((name, parameter)) or _TAKES.get(parameter)
-        return value if take is None or value is default else take(parameter, value)
-
     @functools.wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
         parameters = signature.parameters
@@ -36,10 +32,14 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
             call = f"{name}({', '.join(text for text in written if text != 'options')})"
             raise ArgumentError(f"{name}: {error}; expected {call}") from None
         for key, value in bound.arguments.items():
-            if parameters[key].kind is inspect.Parameter.VAR_KEYWORD:
-                bound.arguments[key] = {option: taken(option, setting) for option, setting in value.items()}
-            else:
-                bound.arguments[key] = taken(key, value, parameters[key].default)
+            are_options = parameters[key].kind is inspect.Parameter.VAR_KEYWORD
+            default = None if are_options else parameters[key].default
+            converted = dict(value) if are_options else {key: value}
+            for parameter, argument in converted.items():
+                take = _OF_FUNCTION.get((name, parameter)) or _TAKES.get(parameter)
+                if take is not None and argument is not default:
+                    converted[parameter] = take(parameter, argument)
+            bound.arguments[key] = converted if are_options else converted[key]
         if "orientation" in bound.arguments:
             _check_poses(bound.arguments)
         return function(*bound.args, **bound.kwargs)

@@ -2,12 +2,16 @@
 
 Of CSV: encodings, separators, decimal commas, comments, a row of units; what could mean two things is refused. Headings
 have a name, and a unit in brackets, as in "leg_length[1] [mm]" or "time (ms)".
+
+Paths that are not UTF-8, which Polars refuses, go through memory, and interrupts wait for its end. The surrogates that
+stand for bytes of other encodings are not printable. A `KeyboardInterrupt` in one of the Python functions that Polars
+calls from Rust becomes a panic.
 """
 
 import math
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from importlib.resources.abc import Traversable
 from io import BytesIO
@@ -18,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import TableError
-from gough_stewart.harness.polars_paths import read_parquet
+from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.units import UNITS, unit_typed
 from gough_stewart.model.vectors import FloatArray
 
@@ -240,3 +244,35 @@ def _columns_of(text: str) -> "polars.DataFrame":
                 raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
         table.columns = names
     return table
+
+
+def readable(path: Path) -> Path | BytesIO:
+    """What Polars reads a file from."""
+    return path if str(path).isprintable() else BytesIO(path.read_bytes())
+
+
+@interrupts_held_back()
+def read_parquet(path: Path | BytesIO) -> "polars.DataFrame":
+    """The table in a Parquet file; `*` and `[1]` are parts of a name."""
+    import polars
+
+    return polars.read_parquet(path if isinstance(path, BytesIO) else readable(path), glob=False)
+
+
+@interrupts_held_back()
+def scan_parquet(path: Path) -> "polars.LazyFrame":
+    """The table in a Parquet file as a lazy frame, whose columns are read when they are used."""
+    import polars
+
+    return polars.scan_parquet(readable(path), glob=False)
+
+
+@interrupts_held_back()
+def write_to(path: Path | BytesIO, write: Callable[[Path | BytesIO], None]) -> None:
+    """Let Polars write a file, or into memory."""
+    if isinstance(path, BytesIO) or str(path).isprintable():
+        write(path)
+        return
+    content = BytesIO()
+    write(content)
+    path.write_bytes(content.getvalue())

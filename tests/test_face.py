@@ -1,5 +1,6 @@
 """What `import gough_stewart as gs` offers: these names, explained, typed, and loaded only when they are used."""
 
+import ast
 import doctest
 import inspect
 import io
@@ -52,6 +53,15 @@ def python(*arguments: str) -> str:
     done = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def test_a_public_class_name_stands_in_one_file() -> None:
+    """Expected: no two classes of one name, so that a name leads to one place."""
+    files = [path for folder in ("model", "fmu_build", "harness") for path in (ROOT / folder).rglob("*.py")]
+    statements = [statement for path in files for statement in ast.parse(path.read_text("utf-8")).body]
+    names = [statement.name for statement in statements if isinstance(statement, ast.ClassDef)]
+    public = sorted(name for name in names if not name.startswith("_"))
+    assert public == sorted({*public})
 
 
 def test_pages_and_examples_use_nothing_else() -> None:

@@ -16,8 +16,7 @@ from gough_stewart.harness.control.component import Signals, Stepped
 from gough_stewart.harness.errors import MotionError, TableError
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Reference, coordinates_of, end_of, motion_of
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.quantities import Frequency, PositiveNumber, PositiveTime
-from gough_stewart.harness.section import ByType, FileName, TableSection
+from gough_stewart.harness.section import ByType, FileName, Frequency, PositiveNumber, PositiveTime, TableSection
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform

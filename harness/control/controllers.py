@@ -28,16 +28,17 @@ from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.motion.motion import Motion, distinct_rows
-from gough_stewart.harness.quantities import (
+from gough_stewart.harness.section import (
     DerivativeGains,
+    FileName,
     Frequency,
     IntegralGains,
+    Kind,
     LegForces,
     Number,
     PositiveTime,
     ProportionalGains,
 )
-from gough_stewart.harness.section import FileName, Kind
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.interface import State
 from gough_stewart.model.platform import Platform
@@ -149,14 +150,14 @@ class SixChannels(ControllerChoice):
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
         """Discretised by `discretisation`, followed by its links; an anti-windup takes at least one sample."""
-        gains = self.gains(platform)
-        tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
+        channels = channels_of(self.gains(platform))
+        tracking = float(channels.tracking_time[channels.integrates].min(initial=np.inf))
         if tracking < sample_time:
             raise ControllerError(
                 f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since "
                 "the controller receives the effect of the limits one sample late"
             )
-        continuous = channel_matrices(channels_of(gains), self.derivative_on)
+        continuous = channel_matrices(channels, self.derivative_on)
         discrete = discretised(continuous, sample_time, self.discretisation)
         links = []
         for link in self.links:

@@ -14,8 +14,7 @@ from pydantic import Field, model_validator
 
 from gough_stewart.harness.control.loop_margins import ComplexArray
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.quantities import Band, PositiveForce, PositiveTime
-from gough_stewart.harness.section import Kind
+from gough_stewart.harness.section import Band, Kind, PositiveForce, PositiveTime
 from gough_stewart.model.vectors import FloatArray
 
 ModeName = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
-from gough_stewart.harness.quantities import plain
+from gough_stewart.harness.section import plain
 from gough_stewart.model.vectors import FloatArray
 
 _GRID = 600

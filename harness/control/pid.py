@@ -11,6 +11,7 @@ error as e [m, rad] and a wrench [N, N m] instead of F.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -163,15 +164,16 @@ def gains_from_bandwidth(
     return Gains(kp, kd, ki, derivative_filter, anti_windup_time)
 
 
+@lru_cache(4)  # members that differ in their bandwidth have the same platform
 def modal_masses(platform: Platform, space: Space) -> FloatArray:
-    """The mass m of each channel (6,) [kg], or of task space [kg, kg m²], see `gains_from_bandwidth`."""
+    """The mass m of each channel (6,) [kg], or of task space [kg, kg m²], see `gains_from_bandwidth`; read-only."""
     home = platform.home_position, platform.home_orientation
     M = mass_matrix(platform, *home)
     if space == "task":
-        return np.diag(M)
+        return np.diag(M)  # a view that cannot be written to
     # row k of the solution is J⁻ᵀ e_k, so the rows form J⁻¹; at rest and without gravity (J⁻ᵀ M J⁻¹) L̈ = F
     J_inverse = solve_leg_forces(leg_jacobian(platform, *home).T, np.eye(6))
-    return np.full(6, np.linalg.eigvalsh(J_inverse.T @ M @ J_inverse).max())
+    return np.broadcast_to(np.linalg.eigvalsh(J_inverse.T @ M @ J_inverse).max(), 6)
 
 
 def gains_of_masses(m: Any, bandwidth: Any, damping_ratio: Any, integral_time: Any) -> tuple[Any, Any, Any]:

@@ -18,15 +18,13 @@ from gough_stewart.harness.errors import ControllerError, SharedMemoryError, Uns
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
-from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.folds import Fold, KeptRows, State
-from gough_stewart.harness.loop.loop import LENGTHS
-from gough_stewart.harness.loop.rows import Outcome
+from gough_stewart.harness.loop.loop import LENGTHS, Timing
+from gough_stewart.harness.loop.rows import FoldsOfRows, Outcome
 from gough_stewart.harness.loop.run import observe, samples_of_rows
-from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
-from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
+from gough_stewart.harness.results.metric_folds import columns_of, metric_folds, metric_kernels
 from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.parameters import LIMITS
@@ -130,7 +128,8 @@ def reduced(
 ) -> Reduced:
     """Run members in parallel; `folds` keep more of their rows, `names` are the only metrics, to save time."""
     n, running = len(batch), batch.in_parallel(stepping)
-    metrics = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
+    times, limits = running.loop.timing.times, limits_of_members(batch, running.size)
+    metrics = metric_folds(times, running.loop.reference, limits, wanted=names)
     rows = FoldsOfRows(running.loop, [*metrics, *folds], running.size, metric_kernels())
     with running.plant:
         outcomes = observe(
@@ -204,7 +203,8 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 def metrics_of(batch: Batch) -> list[str]:
     """The paths of the metrics of runs."""
     loop = batch.member(0).loop
-    return [*columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits_of_members(batch, 1))).results())]
+    folds = metric_folds(loop.timing.times, loop.reference, limits_of_members(batch, 1))
+    return [*columns_of(FoldsOfRows(loop, folds).results())]
 
 
 def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, FloatArray], BandSamples]:

@@ -17,7 +17,6 @@ from gough_stewart.harness.ensemble.ensemble_report import Ensemble, ensemble_nu
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_of
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import SHARE, fine
@@ -26,6 +25,7 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.harness.table_file import write_to
 from gough_stewart.harness.view.view import differ_in, differing
 from gough_stewart.model.process.files import write_files
 

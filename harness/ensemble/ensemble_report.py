@@ -14,7 +14,6 @@ from gough_stewart.harness.ensemble.charts import ensemble_charts, quantity_of_i
 from gough_stewart.harness.ensemble.member_table import BANDS, FINAL, MEMBERS, METADATA, PEAK, SAMPLES, MemberTable
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_of
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity, fine
@@ -25,7 +24,8 @@ from gough_stewart.harness.report.words import about, at_least, at_most, listed,
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS
 from gough_stewart.harness.results.metric_folds import metric_of
-from gough_stewart.harness.results.run_charts import faults_of
+from gough_stewart.harness.results.record_data import faults_of
+from gough_stewart.harness.table_file import read_parquet
 from gough_stewart.model.vectors import FloatArray
 
 # The share of the machines about which the verdict speaks.

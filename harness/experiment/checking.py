@@ -1,6 +1,5 @@
 """Whether a platform can follow the motion of an experiment, what the motion needs, and how it would fit."""
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,7 +21,7 @@ from gough_stewart.harness.experiment.preparation import (
     timing_of,
 )
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.loop import Timing
 from gough_stewart.harness.motion.limits.needs import (
     LEGS,
     OF_LIMIT,
@@ -44,7 +43,6 @@ from gough_stewart.harness.motion.limits.shares import (
 )
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, slower
 from gough_stewart.harness.motion.references import Sine
-from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import (
     Note,
@@ -62,6 +60,7 @@ from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import AXES
+from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import condition_number_bound, leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
@@ -500,6 +499,6 @@ def check_files(result: MotionCheck) -> dict[str, bytes]:
     }
     columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
     return {
-        "check.json": (json.dumps(plain(numbers), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
+        "check.json": readable_json(plain(numbers)),
         "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
     }

@@ -12,9 +12,9 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
+from gough_stewart.harness.control.linear import loop_transfer
 from gough_stewart.harness.control.linear_controller import controller_of, linear_of
 from gough_stewart.harness.control.loop_margins import ComplexArray, is_stable, response
-from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.errors import ControllerError, RecordError
 from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.schema import Experiment

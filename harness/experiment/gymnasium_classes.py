@@ -16,9 +16,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.random import SeedSequence
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.harness.control.component import N_FAULTS, Drive, ForceLimits
 from gough_stewart.harness.control.laws_of_members import LinearLaw, laws_of
 from gough_stewart.harness.control.linear_controller import LinearController
-from gough_stewart.harness.control.machine_parts import N_FAULTS, Drive, ForceLimits
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values

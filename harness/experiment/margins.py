@@ -9,7 +9,17 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
-from gough_stewart.harness.control.linear import Mode, modes
+from gough_stewart.harness.control.linear import (
+    MOST_STATES,
+    LoopStructure,
+    Mode,
+    feedback_part,
+    held_plant,
+    loop_transfer,
+    modes,
+    structural_modes,
+    structure_of,
+)
 from gough_stewart.harness.control.linear_controller import LinearController, linear_of
 from gough_stewart.harness.control.loop_margins import (
     ClassicalMargins,
@@ -24,15 +34,6 @@ from gough_stewart.harness.control.loop_margins import (
     response,
     sensitivities,
 )
-from gough_stewart.harness.control.loop_transfer import (
-    MOST_STATES,
-    LoopStructure,
-    feedback_part,
-    held_plant,
-    loop_transfer,
-    structural_modes,
-    structure_of,
-)
 from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace
@@ -41,7 +42,6 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import Prepared, platforms_of, prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.quantities import plain
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
@@ -50,6 +50,7 @@ from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, N
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, counted, listed, sentence
 from gough_stewart.harness.results.run_report import Robustness
+from gough_stewart.harness.section import plain
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import RIGID
 from gough_stewart.model.platform import Platform

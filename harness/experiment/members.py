@@ -1,26 +1,42 @@
 """The members of an ensemble: what varies, their drawn values, and the plan that determines all results."""
 
+import dis
+import hashlib
+import inspect
 import json
-from collections.abc import Callable, Mapping, Sequence
+import pickle
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import ceil, prod
 from pathlib import Path
+from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.linear_controller import LinearController
+from gough_stewart.harness.control.makers import name_of
+from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import digests, experiment_from
-from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.overrides import Place, Values, place_of
 from gough_stewart.harness.experiment.preparation import Batch, Preparation, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.harness.sampling.design import SamplingDesign, correlated, correlation_of, reordered
-from gough_stewart.harness.sampling.variation import MEMBERS, EnsembleChoice, Spread, VariedValue, normal
-from gough_stewart.model.platform import Platform
+from gough_stewart.harness.sampling.variation import (
+    MEMBERS,
+    EnsembleChoice,
+    SamplingDesign,
+    Spread,
+    VariedValue,
+    correlated,
+    correlation_of,
+    normal,
+    reordered,
+)
 from gough_stewart.model.units import PLAIN
 from gough_stewart.model.vectors import FloatArray
 
@@ -29,6 +45,7 @@ FORMAT = 2
 _AMONG = 64
 # A value outside of all but this share of a distribution, on either side, is none of its values.
 _RARE = 1e-6
+_PACKAGE = __name__.partition(".")[0]
 
 
 @dataclass(frozen=True)
@@ -101,13 +118,14 @@ class Members:
             raise self._error("limits.stroke", "is 'stop', which is for single runs only; expected 'warn' or 'ignore'")
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
+        self.platforms = platforms_of(experiment)  # the nominal model and the machine, without what varies
 
         # inputs in order of their places, independent of the order in the file
         inputs = list[Input]()
 
         def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
             try:
-                place = self.place_of(key)
+                place = place_of(key, experiment, *self.platforms)
                 inputs.append(Input(key, place, spread(place.target)))
             except ValueError as error:
                 raise self._error(key, str(error)) from None
@@ -168,15 +186,6 @@ class Members:
             self.design = SamplingDesign(choice.sampling, self.seed, self.count, places, sizes, self.groups)
         except ValueError as error:
             raise self._error("", str(error)) from None
-
-    def place_of(self, key: str) -> Place:
-        """The place that a key of `[ensemble]` or a search names; a `ValueError` if it is none, or common to all."""
-        return place_of(key, self.nominal, *self.platforms)
-
-    @cached_property
-    def platforms(self) -> tuple[Platform, Platform]:
-        """The nominal model and the machine, without what varies."""
-        return platforms_of(self.nominal)
 
     def check_acts(self, key: str, place: Place) -> None:
         """Refuse a key of a controller that another one replaces."""
@@ -321,3 +330,93 @@ def decisive(plan: Mapping[str, Any]) -> dict[str, Any]:
         raise ValueError("a plan of another version")
     names = ("experiment", "members", "seed", "files", *(("controller",) if plan["controller"] else ()))
     return {name: plan[name] for name in names}
+
+
+# --- controllers from Python -----------------------------------------------------------------------------------------
+
+
+def fingerprint(controller: Any) -> str:
+    """What a controller is in words, and a hash: the same in another process for the same code and values.
+
+    Code of other modules does not count.
+    """
+    digest = hashlib.sha256()
+    for part in _parts(controller, set()):
+        digest.update(part + b"\0")
+    name = str(controller) if isinstance(controller, str | Path) else ""
+    if isinstance(controller, LinearController) or is_control_system(controller):
+        name = type(controller).__name__
+    return f"{name or name_of(controller)}, {digest.hexdigest()[:16]}"
+
+
+def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:  # noqa: PLR0912 - a section for each kind
+    if id(thing) in seen:
+        return
+    seen.add(id(thing))
+    if isinstance(thing, MethodType):
+        yield from _parts(thing.__self__, seen)
+        yield from _parts(thing.__func__, seen)
+    elif isinstance(thing, FunctionType):
+        yield from _of_code(thing.__code__)
+        # what it encloses and reads, its defaults and attributes: values, and functions of the same module
+        code, known_globals = thing.__code__, thing.__globals__
+        names, codes = set[str](), [code]
+        while codes:  # the globals that it names, also in the functions inside it
+            inside = codes.pop()
+            steps = dis.get_instructions(inside)
+            names |= {step.argval for step in steps if step.opname.endswith(("_GLOBAL", "_NAME"))}
+            codes += [constant for constant in inside.co_consts if isinstance(constant, CodeType)]
+        held: list[tuple[str, Any]] = [(name, known_globals[name]) for name in sorted(names & known_globals.keys())]
+        for name, cell in zip(code.co_freevars, thing.__closure__ or (), strict=True):
+            with suppress(ValueError):  # not bound yet
+                held.append((name, cell.cell_contents))
+        held += [("default", value) for value in thing.__defaults__ or ()]
+        held += [*(thing.__kwdefaults__ or {}).items(), *vars(thing).items()]
+        for name, value in held:
+            # objects of this package, such as platforms, are constant, but keep what they compute on demand
+            is_ours = type(value).__module__.partition(".")[0] == _PACKAGE
+            is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known_globals
+            if not (is_ours or is_elsewhere or isinstance(value, type | ModuleType | BuiltinFunctionType)):
+                yield name.encode()
+                yield from _parts(value, seen) if isinstance(value, FunctionType) else _of_value(value)
+    elif inspect.isclass(thing):
+        yield thing.__qualname__.encode()
+        for base in thing.__mro__:
+            yield from _parts(base, seen)
+        for name, value in vars(thing).items():
+            if not name.startswith("__") or isinstance(value, FunctionType):
+                yield name.encode()
+                function = getattr(value, "__func__", getattr(value, "fget", value))
+                yield from _parts(function, seen) if isinstance(function, FunctionType) else _of_value(function)
+    elif isinstance(thing, LinearController):
+        yield repr((thing.signals, thing.space)).encode()
+        yield from _parts(thing.system, seen)
+    elif all(hasattr(thing, name) for name in "ABCD"):
+        yield repr([np.asarray(getattr(thing, name)).tolist() for name in "ABCD"] + [thing.dt]).encode()
+    else:
+        if not is_control_system(thing):
+            yield from _parts(type(thing), seen)
+        yield from _of_value(thing)
+
+
+def _of_code(code: CodeType) -> Iterator[bytes]:
+    """Instructions and constants, without line numbers and file names."""
+    yield code.co_code
+    yield repr((code.co_names, code.co_varnames, code.co_freevars)).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _of_code(constant)
+        else:
+            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant).encode()
+
+
+def _of_value(value: Any, outer: tuple[int, ...] = ()) -> Iterator[bytes]:
+    try:
+        yield pickle.dumps(value)
+    except Exception:
+        # an object of a class that no module has, such as one of a function or a notebook
+        yield type(value).__qualname__.encode()
+        if id(value) not in outer and not isinstance(value, type | ModuleType):
+            for name, inner in getattr(value, "__dict__", {}).items():
+                yield name.encode()
+                yield from _of_value(inner, (*outer, id(value)))

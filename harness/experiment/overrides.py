@@ -17,11 +17,10 @@ from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
-from gough_stewart.harness.quantities import Vector, quantity_in
 from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.sampling.variation import EnsembleChoice, VariedValue
-from gough_stewart.harness.section import TableSection, complaints
+from gough_stewart.harness.section import TableSection, Vector, complaints, quantity_in
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
@@ -133,21 +132,19 @@ def table_with(experiment: Experiment, name: str, values: Values) -> Any:
         parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
         return table.model_copy(update={"parameters": parameters})
 
-    def validated(name: str, table: TableSection, values: Values) -> TableSection:
-        plain = table.model_dump(exclude_unset=True)
-        for path, value in values.items():
+    is_list = isinstance(table, list)
+    elements: dict[str, TableSection] = {str(k): part for k, part in enumerate(table, 1)} if is_list else {"": table}
+    for number, of_element in by_table(values).items() if is_list else [("", values)]:
+        element = elements[number]
+        plain = element.model_dump(exclude_unset=True)
+        for path, value in of_element.items():
             set_key(plain, experiment.where, ".".join(path), value)
         try:
-            return type(table).built().model_validate(plain)
+            elements[number] = type(element).built().model_validate(plain)
         except ValidationError as error:
-            raise ExperimentError(experiment.where, name, complaints(error, type(table), plain)) from None
-
-    if not isinstance(table, list):
-        return validated(name, table, values) if values else table
-    elements = list(table)
-    for number, of_element in by_table(values).items():
-        elements[int(number) - 1] = validated(f"{name}.{number}", table[int(number) - 1], of_element)
-    return elements
+            where = f"{name}.{number}".rstrip(".")
+            raise ExperimentError(experiment.where, where, complaints(error, type(element), plain)) from None
+    return [*elements.values()] if is_list else elements[""]
 
 
 @dataclass(frozen=True)

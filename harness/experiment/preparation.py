@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.by_hand import HandMotion
+from gough_stewart.harness.control.component import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, laws_of
+from gough_stewart.harness.control.laws_of_members import KnownAhead, LawFrom, SeparateLaws, laws_of
 from gough_stewart.harness.control.linear_controller import Controller, LinearController, controller_of, linear_of
-from gough_stewart.harness.control.machine_parts import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.own_law import LinearForm, linearised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
@@ -33,10 +33,13 @@ from gough_stewart.harness.loop.loop import (
     Limits,
     Loop,
     LoopSettings,
+    Seed,
+    Seeds,
     Sensors,
+    Timing,
+    as_numbers,
     changes_of_members,
 )
-from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, distinct_rows, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
@@ -109,21 +112,17 @@ class Prepared(Setup):
         """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         return loop_kernel(Variant.of(self.machine)) if are_compiled([self.controller]) else None
 
-    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
-        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
-        if self.controller is None:
-            raise ControllerError("an open loop has no control law")
-        laws = laws_of([self.controller], self.loop.timing.sample_time, self.jacobians, [self.known])
-        return laws(reference, measured)
-
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
-        """The factory of the control law; resources are closed at the end."""
+        """The factory of the control law, None of an open loop; resources are closed at the end."""
+        sample_time = self.loop.timing.sample_time
         if isinstance(self.controller, UnitController):
-            with closing(self.controller.open(self.loop.timing.sample_time)) as law:
+            with closing(self.controller.open(sample_time)) as law:
                 yield lambda _reference, _measured: SeparateLaws([law])
+        elif self.controller is None:
+            yield None
         else:
-            yield None if self.controller is None else self.law
+            yield laws_of([self.controller], sample_time, self.jacobians, [self.known])
 
     def linear_form(self) -> LinearForm | None:
         """The linear controller, or the small signals of another at rest in the first pose; None of loops without."""
@@ -191,32 +190,29 @@ class Batch:
     def loop(self) -> Loop:
         """The loop of all; of one member alone without a member axis."""
         setups, sensors, timing = self.setups, self.sensors, self.setups[0].timing
-        limits = [setup.limits for setup in setups]
-
-        def seeds(are_random: Sequence[bool], common: Seeds) -> Seeds:
-            """Of each member, the common one of those without random numbers; one if all are the same."""
-            of_members = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
+        limits, jitter = [setup.limits for setup in setups], [setup.timing.jitter for setup in setups]
+        # noise and quantisation by signal
+        sizes = dict[str, dict[str, PerMember]]()
+        for kind in ("noise", "quantisation"):
+            of_sensors = [getattr(sensor, kind) for sensor in sensors]
+            names = dict.fromkeys(name for by_signal in of_sensors for name in by_signal)
+            sizes[kind] = {name: one_or_each([by_signal.get(name, 0.0) for by_signal in of_sensors]) for name in names}
+        # seeds of jitter and noise: the common one of members without random numbers, and only one if all are the same
+        seeds = list[Seeds]()
+        for common, are_random in (
+            (timing.seed, [bool(late) for late in jitter]),
+            (sensors[0].seed, [any(sensor.noise.values()) for sensor in sensors]),
+        ):
+            of_members: Any = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
             first = as_numbers(of_members[0])
             is_one = not any(are_random) or all(as_numbers(seed) == first for seed in of_members)
-            return of_members[0] if is_one else tuple(of_members)  # type: ignore[arg-type]
-
-        def by_signal(sizes: Sequence[Mapping[str, PerMember]]) -> dict[str, PerMember]:
-            names = dict.fromkeys(name for size in sizes for name in size)
-            return {name: one_or_each([size.get(name, 0.0) for size in sizes]) for name in names}
-
-        jitter = [setup.timing.jitter for setup in setups]
+            seeds.append(of_members[0] if is_one else tuple(of_members))
         return Loop(
-            timing=replace(timing, jitter=one_or_each(jitter), seed=seeds([*map(bool, jitter)], timing.seed)),
+            timing=replace(timing, jitter=one_or_each(jitter), seed=seeds[0]),
             reference=one_or_stacked([setup.signals for setup in setups]),
             feedforward=one_or_stacked([setup.known.feedforward for setup in setups]),
             start_force=self.start_force[0] if len(setups) == 1 else self.start_force,
-            sensors=Sensors(
-                by_signal([sensor.noise for sensor in sensors]),
-                by_signal([sensor.quantisation for sensor in sensors]),
-                sensors[0].sample_time,
-                seeds([any(sensor.noise.values()) for sensor in sensors], sensors[0].seed),
-                sensors[0].side,
-            ),
+            sensors=Sensors(**sizes, sample_time=sensors[0].sample_time, seed=seeds[1], side=sensors[0].side),
             actuators=Actuators(
                 *(
                     one_or_each([getattr(setup.actuators, name) for setup in setups], np.inf)
@@ -295,7 +291,7 @@ def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
     Legs that nearly touch, joints in a bad order, a motion after the end, coarse sensors, faults that change nothing.
     """
     platform = prepared.platform
-    length = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+    length = home_leg_length(platform)
     scales = {"m": length, "rad": 1.0, "m/s": length / _TIME, "rad/s": 1.0 / _TIME}
     coarse = [
         f"sensors.{kind}.{variable.name} is {value:g} {variable.unit}, {value / scales[variable.unit]:.3g} of the "
@@ -334,6 +330,7 @@ class Preparation:
 
     def __init__(self, experiment: Experiment, controller: Any = None) -> None:
         self.experiment, self.controller, self._where = experiment, controller, experiment.where
+        self._tables = dict(experiment)
         # results of stages, and the parts that they were made from, by the identity of these
         self._known = dict[str, dict[tuple[object, ...], tuple[Sequence[object], Any]]]()
 
@@ -468,7 +465,7 @@ class Preparation:
 
     def _believed(self, changed: Mapping[str, Values]) -> _Believed:
         experiment = self.experiment
-        tables = dict(experiment) | {
+        tables = self._tables | {
             name: self._once(table_with, experiment, name, values) for name, values in changed.items()
         }
         nominal = self._once(nominal_platform, experiment, tables["platform"])
@@ -494,7 +491,7 @@ class Preparation:
         planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
 
         # the start, with angles in the turns of the reference
-        stated = {name: np.array(value) for name, value in tables["start"].model_dump(exclude_none=True).items()}
+        stated = {name: np.array(value) for name, value in tables["start"] if value is not None}
         start = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
         if planned.motion is not None:
             start = State(*(values[0] for values in planned.motion[:4]))
@@ -560,7 +557,7 @@ class Preparation:
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
         if bound is None and planned.reference is not None and is_closed:
-            bound = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+            bound = once(home_leg_length, platform)
         force_limit, rate_limit = limited.actuator_force_max, drives.rate_limit
         low, high = platform.leg_length_min, platform.leg_length_max
         return Setup(
@@ -736,6 +733,11 @@ def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
     parameters = experiment.plant.parameters
     with part_of(experiment.where, "plant"):
         return nominal, base.with_parameters(parameters) if parameters else base
+
+
+def home_leg_length(platform: Platform) -> float:
+    """The mean length of the legs at home [m]."""
+    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
 
 
 def limited_platform(platform: Platform, force_limit: float | str) -> Platform:

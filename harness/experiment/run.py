@@ -12,21 +12,19 @@ import numpy as np
 import polars
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.component import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.laws_of_members import LawFrom
-from gough_stewart.harness.control.machine_parts import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, experiment_of
-from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.margins import growing_of
-from gough_stewart.harness.experiment.members import Members, varying_members
+from gough_stewart.harness.experiment.members import Members, fingerprint, varying_members
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between
-from gough_stewart.harness.loop.loop import LENGTHS
+from gough_stewart.harness.loop.loop import LENGTHS, as_numbers
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.timing import as_numbers
 from gough_stewart.harness.plants import PlantKind, signals
 from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import open_plant
@@ -37,10 +35,11 @@ from gough_stewart.harness.report.quantities import LENGTH
 from gough_stewart.harness.report.requirements import Required, with_requirements
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import METRICS
-from gough_stewart.harness.results.metrics import metrics, metrics_json
+from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.oscillation import FAULTS, MANUAL
-from gough_stewart.harness.results.record import Record, columns, plain, platform_of
+from gough_stewart.harness.results.record import Record, columns, platform_of
 from gough_stewart.harness.results.run_report import Robustness
+from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model import interface
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.process.files import Content, check_output_folder, file_set
@@ -302,8 +301,8 @@ def record_of(
         "plant_step": timing.plant_step,
         "seed": as_numbers(prepared.loop.sensors.seed),
         "force_limit": None if (most := prepared.loop.actuators.force_limit) is None else np.squeeze(most).tolist(),
-        "platform": plain(prepared.platform),
-        "machine": plain(prepared.machine),
+        "platform": plain(prepared.platform.as_dict()),
+        "machine": plain(prepared.machine.as_dict()),
         "versions": versions(),
     }
     return Record(table, metadata)
@@ -376,7 +375,7 @@ def write_results(
         }
         measured = metrics(record)
         written = [aside.submit(files.add, first)]
-        written.append(aside.submit(files.add, {"metrics.json": metrics_json(measured)}))
+        written.append(aside.submit(files.add, {"metrics.json": readable_json(measured)}))
         report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
         report = replace(report, notes=(*report.notes, *notes))
         if requirements:

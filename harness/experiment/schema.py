@@ -9,19 +9,23 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
+from gough_stewart.harness.control.component import ActuatorChoice, FaultChoice, ForceLimit, PerSignal, SensorChoice
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.machine_parts import ActuatorChoice, FaultChoice, ForceLimit, PerSignal, SensorChoice
 from gough_stewart.harness.motion.limits.reach import WhenBeyond
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
 from gough_stewart.harness.motion.paths import via_path  # noqa: F401 - likewise
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants import PlantKind
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.harness.quantities import (
+from gough_stewart.harness.report.requirements import required
+from gough_stewart.harness.sampling.variation import EnsembleChoice
+from gough_stewart.harness.section import (
     ZEROS,
     Angle,
     AngularVelocity,
+    ByType,
+    FileName,
     Force,
     LegForces,
     Number,
@@ -29,13 +33,11 @@ from gough_stewart.harness.quantities import (
     Position,
     PositiveLength,
     PositiveTime,
+    TableSection,
     Time,
     Torque,
     Velocity,
 )
-from gough_stewart.harness.report.requirements import required
-from gough_stewart.harness.sampling.variation import EnsembleChoice
-from gough_stewart.harness.section import ByType, FileName, TableSection
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Pairing

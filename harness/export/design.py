@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
+from gough_stewart.harness.control.component import Drive, ForceLimits, Sensor
 from gough_stewart.harness.control.controllers import PD, PID, Feedforward
 from gough_stewart.harness.control.linear_controller import LinearController, fresh_controller
-from gough_stewart.harness.control.machine_parts import Drive, ForceLimits, Sensor
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.own_law import traced_function
 from gough_stewart.harness.control.unit_controller import UnitController

@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from gough_stewart.fmu_build.cache import digest_of
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.by_hand import HAND_FILTERS, Smoothing
-from gough_stewart.harness.control.component import Notch
+from gough_stewart.harness.control.component import N_FAULTS, Notch
 from gough_stewart.harness.control.controllers import Feedforward, OpenLoop, SixChannels
+from gough_stewart.harness.control.linear import held_plant, space_of
 from gough_stewart.harness.control.linear_controller import linear_of
-from gough_stewart.harness.control.loop_transfer import held_plant, space_of
-from gough_stewart.harness.control.machine_parts import N_FAULTS
 from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, channels_of, modal_masses
 from gough_stewart.harness.control.state_space import METHODS, Method
 from gough_stewart.harness.errors import ControllerError, ExportError

@@ -13,8 +13,7 @@ import numpy as np
 from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.fmu_build.sources import defines
 from gough_stewart.harness.control.by_hand import Smoothing
-from gough_stewart.harness.control.component import Notch, Stepped, with_links
-from gough_stewart.harness.control.machine_parts import ForceLimits, Sensor
+from gough_stewart.harness.control.component import ForceLimits, Notch, Sensor, Stepped, with_links
 from gough_stewart.harness.control.pid import (
     ChannelGains,
     channel_matrices,

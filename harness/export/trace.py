@@ -12,10 +12,9 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.control.by_hand import HandMotion
-from gough_stewart.harness.control.component import Stepped
+from gough_stewart.harness.control.component import Drive, ForceLimits, Sensor, Stepped
 from gough_stewart.harness.control.controllers import Feedforward
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
-from gough_stewart.harness.control.machine_parts import Drive, ForceLimits, Sensor
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed

@@ -22,7 +22,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.codegen import Types, function_source
 from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
-from gough_stewart.harness.control.machine_parts import TRANSFER_TIME
+from gough_stewart.harness.control.component import TRANSFER_TIME
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design import Designed

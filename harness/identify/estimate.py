@@ -1,6 +1,5 @@
 """The result of an identification: values with their uncertainty, identifiability, and residuals."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +13,7 @@ from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.lack_of_fit import FITS, LEVEL, LackOfFit
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.regressor import unit_of, value_of, with_values
-from gough_stewart.harness.quantities import plain
+from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -312,7 +311,7 @@ class Estimate(_WithCovariance):
             "notes": self.notes,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
-        return (json.dumps(plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        return readable_json(plain(parts))
 
 
 def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:

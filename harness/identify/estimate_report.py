@@ -34,8 +34,9 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.run_report import run_numbers
+from gough_stewart.harness.section import plain
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
@@ -358,7 +359,7 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
 
     def designed(**platforms: Platform) -> Experiment:
         numbers = {
-            f"{key}.parameters": {name: value for name, value in plain(platform).items() if name in TABLE}
+            f"{key}.parameters": {name: value for name, value in plain(platform.as_dict()).items() if name in TABLE}
             for key, platform in platforms.items()
         }
         return experiment_of(chosen, numbers)

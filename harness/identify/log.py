@@ -17,13 +17,13 @@ from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.motion.recorded.columns import other_headings
 from gough_stewart.harness.motion.recorded.recording import converted
 from gough_stewart.harness.plants.signals import Side
-from gough_stewart.harness.polars_paths import readable
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention, RotationAbout, check_convention
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.table_file import (
     Heading,
     numbers_of,
     read_table,
+    readable,
     times_of,
     timestamps_of,
     without_repeated_rows,

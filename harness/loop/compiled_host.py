@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
+from gough_stewart.harness.control.component import CUT, FROZEN, Drive, ForceLimits, Sensor, Takeover
 from gough_stewart.harness.control.laws_of_members import LinearLaw, rests_of
-from gough_stewart.harness.control.machine_parts import CUT, FROZEN, Drive, ForceLimits, Sensor, Takeover
 from gough_stewart.harness.control.state_space import stacked_blocks
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
@@ -153,12 +153,13 @@ class CompiledHost:
             laws = [*law.matrices, *(stacked_blocks(s.system) for s in turned if s.system is not None)]
             entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
             c.entries = len(entry_row)
-            c.entry_row, c.entry_column = self._indices(entry_row), self._indices(entry_column)
+            c.entry_row, c.entry_column = self._address(entry_row, np.int64), self._address(entry_column, np.int64)
             c.values = self._table(np.ascontiguousarray(law.matrices[:, entry_row, entry_column].T))
             if loop.has_switch:
                 rest_row, rest_column = self.rest_entries = np.indices(law.rests.shape[1:]).reshape(2, -1)
                 c.rest_entries = len(rest_row)
-                c.rest_row, c.rest_column = self._indices(rest_row), self._indices(rest_column + c.n_states)
+                c.rest_row = self._address(rest_row, np.int64)
+                c.rest_column = self._address(rest_column + c.n_states, np.int64)
                 c.rests = self._table(np.ascontiguousarray(law.rests[:, rest_row, rest_column].T))
             if law.jacobians is not None and law.inverses is not None:
                 lengths[:, :n] = law.lengths
@@ -167,7 +168,7 @@ class CompiledHost:
                 c.inverse = self._table(law.inverses.reshape(m, 36, -1))
         else:
             memory, positions = rows(1), np.zeros(0, np.int64)
-        c.size, c.used = len(positions), self._indices(positions)
+        c.size, c.used = len(positions), self._address(positions, np.int64)
 
         # sensors
         every = [sensors, *(settings.sensors for settings in turned)]
@@ -183,9 +184,9 @@ class CompiledHost:
         streams = rows(4).view(np.int64)
         if noisy:
             streams[:, :n] = streams_of(sensors.seed)
-            c.noisy = self._indices(np.array([(at.start, at.stop - at.start) for at in noisy.values()]))
+            c.noisy = self._address(np.array([(at.start, at.stop - at.start) for at in noisy.values()]), np.int64)
             c.deviations = self._table(tables["deviations"])
-        c.senses, c.n_noisy = self._indices(senses), len(noisy)
+        c.senses, c.n_noisy = self._address(senses, np.int64), len(noisy)
 
         # actuators
         every_path = [loop.actuators, *(settings.actuators for settings in turned)]
@@ -228,13 +229,12 @@ class CompiledHost:
         for name, array in self._memory.items():
             setattr(c, name, self._address(array))
 
-    def _address(self, array: NDArray[Any]) -> int:
+    def _address(self, values: NDArray[Any], kind: type | None = None) -> int:
+        """The address of an array as it is, or of its numbers as those of a kind; 0 if there are none."""
+        array = values if kind is None else np.ascontiguousarray(values, kind)
         if array.size:
             self.arrays[array.ctypes.data] = array
         return array.ctypes.data if array.size else 0
-
-    def _indices(self, values: NDArray[Any]) -> int:
-        return self._address(np.ascontiguousarray(values, np.int64))
 
     def _table(self, values: FloatArray | None) -> _Table:
         """Numbers (elements, N) in one row, or (rows, elements, N); (…, 1) common to all members."""

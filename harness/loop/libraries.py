@@ -17,9 +17,8 @@ import numpy as np
 from gough_stewart.fmu_build.cache import BuildError, state_of_files
 from gough_stewart.fmu_build.libraries import WIDTH, law_library, loop_sources, machine_code, vector_library
 from gough_stewart.fmu_build.toolchain import Library
-from gough_stewart.harness.control.component import Stepped
+from gough_stewart.harness.control.component import Cut, Drive, ForceLimits, Freeze, Sensor, Stepped, Takeover
 from gough_stewart.harness.control.linear_controller import Controller, LinearController
-from gough_stewart.harness.control.machine_parts import Cut, Drive, ForceLimits, Freeze, Sensor, Takeover
 from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
 from gough_stewart.harness.errors import ControllerError
@@ -43,7 +42,7 @@ _COMPONENTS: tuple[tuple[str, str, type[Stepped], int], ...] = (
 )
 # Sources besides those of the plant's machine code.
 _SOURCES = (
-    ("gough_stewart.harness.control", "component.py", "machine_parts.py"),
+    ("gough_stewart.harness.control", "component.py"),
     (str(__package__), "folds.py", "libraries.py"),
 )
 # Share of the largest number by which a law's machine code may differ from its function; they differ by rounding.

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import Law
-from gough_stewart.harness.control.machine_parts import (
+from gough_stewart.harness.control.component import (
     CUT,
     FROZEN,
     Cut,
@@ -22,12 +21,12 @@ from gough_stewart.harness.control.machine_parts import (
     Sensor,
     Takeover,
 )
+from gough_stewart.harness.control.laws_of_members import Law
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel
-from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
+from gough_stewart.harness.loop.loop import Loop, ScheduledChanges, Seeds
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor
-from gough_stewart.harness.loop.timing import Seeds
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
 from gough_stewart.harness.plants.signals import MOTORS, N_LEGS, PerMember
@@ -64,6 +63,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
     sampled_together = sampled.tolist() if sampled.ndim == 1 else None  # a list, since Python reads it faster
     inputs, forces, cut = changes.inputs, changes.inputs[:, :N_LEGS], changes.faults[:, CUT]
     has_motors, reads_motors = MOTORS in plant.columns, loop.sensors.side == "motor"
+    has_faults, has_switch = loop.has_faults, loop.has_switch
     reading = readings.latest
 
     # limits, a line of forces (slots, 6, N) that wait for their delay, and drives; members last. NumPy is twice as fast
@@ -111,7 +111,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                 # the command; the controller counts nominal samples, regardless of jitter, and may end members
                 due = _due_and_going(due, monitor)
                 off = None
-                if switched_off.any():
+                if has_switch and switched_off.any():
                     off = switched_off if due is None else switched_off & due
                 new = loop.feedforward[j] if loop.injection is None else loop.feedforward[j] + loop.injection[j]
                 if law is not None and loop.reference is not None:
@@ -121,17 +121,16 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                         monitor.end(member, monitor.n_rows, "stopped", str(error))
                     due = _due_and_going(due, monitor)
                     new = new + force
-                if loop.has_switch:
-                    wanted = np.broadcast_to(new, command.shape).T
-                    lacked, (taken,) = Takeover.step(
-                        takeover, transfer, (wanted, manual_force, switched_off.astype(float))
-                    )
+                new = new if new.shape == command.shape else np.broadcast_to(new, command.shape)
+                if has_switch:
+                    is_off = switched_off.astype(float)
+                    lacked, (taken,) = Takeover.step(takeover, transfer, (new.T, manual_force, is_off))
                     new = taken.T
                     transfer = lacked if due is None else (np.where(due, lacked[0], transfer[0]),)
                 if due is not None:
                     # a member's command stays until its next sample; that of an ended member is cleared
                     new = np.where(due[:, None], new, np.where(going[:, None], command, 0.0))
-                command, commanded = np.broadcast_to(new, command.shape), due
+                command, commanded = new, due
                 if not signals.all_below(command.T, LARGEST_NUMBER):
                     beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
                     for member in np.flatnonzero(beyond).tolist():  # with this row, before its limits are checked
@@ -160,11 +159,9 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                 if not monitor.all_go:
                     force_limited = force_limited & going[:, None]
                 if isinstance(monitor.rows, AllRows):
-                    of_due = slice(None) if commanded is None else commanded
-                    rows = monitor.rows
-                    rows.measured[j][:, of_due], rows.state[j][:, of_due] = reading.T[:, of_due], state.T[:, of_due]
-                    rows.command[j][:, of_due] = command.T[:, of_due]
-                    rows.limited[j][:, of_due] = force_limited.T[:, of_due]
+                    rows, of_due = monitor.rows, ... if commanded is None else (slice(None), commanded)
+                    rows.measured[j][of_due], rows.state[j][of_due] = reading.T[of_due], state.T[of_due]
+                    rows.command[j][of_due], rows.limited[j][of_due] = command.T[of_due], force_limited.T[of_due]
                 if not monitor.all_go and not (monitor.counting > row).any():
                     # all controllers have failed: this row does not count
                     if law is not None and isinstance(plant, PlantOfOne) and not row:
@@ -179,7 +176,7 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
             else:
                 np.copyto(forces, mean.T, where=going[:, None])
                 rate_limited = rate_limited & going[:, None]
-        if loop.has_faults:
+        if has_faults:
             _, (left,) = Cut.step(_NO_COEFFICIENTS, (), (forces, cut))
             np.copyto(forces, left, where=going[:, None])
         plant.set_inputs(inputs)

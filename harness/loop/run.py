@@ -12,10 +12,9 @@ from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLa
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.compiled_host import CompiledHost
 from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_together
-from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
+from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges, Timing
 from gough_stewart.harness.loop.python_host import SensorReadings, run_in_python
 from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
-from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
 from gough_stewart.model.errors import StepError
@@ -91,7 +90,8 @@ def observe(
             raise
         monitor.end(slice(None), monitor.n_rows, "interrupted", "interrupted by the user")
     monitor.pass_on()
-    return monitor.outcomes()
+    completed = Outcome("completed", float(loop.timing.times[-1]), None)
+    return tuple(monitor.outcomes.get(member, completed) for member in range(len(monitor.going)))
 
 
 @dataclass(frozen=True)

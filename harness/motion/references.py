@@ -24,11 +24,13 @@ from gough_stewart.harness.motion.recorded.recording import (
     recording_path,
 )
 from gough_stewart.harness.pose_convention import QUATERNION, PoseConvention, RotationAbout
-from gough_stewart.harness.quantities import (
+from gough_stewart.harness.section import (
     ZEROS,
     Angle,
     AnyTime,
+    FileName,
     Frequency,
+    Kind,
     Number,
     Orientation,
     Position,
@@ -37,7 +39,6 @@ from gough_stewart.harness.quantities import (
     PositiveTime,
     Time,
 )
-from gough_stewart.harness.section import FileName, Kind
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray, maximum, minimum, reached
 

@@ -22,7 +22,8 @@ from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane,
 from gough_stewart.harness.report.document import Report, versions
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, files_of
-from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.section import plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
 from gough_stewart.model.formulations.kane import KaneTrajectory
@@ -213,7 +214,7 @@ def reproduce(
             "plant": "task-space kernel under DOP853",
             "outcome": {"status": "completed", "time": case.duration, "cause": None},
             "duration": case.duration,
-            "platform": plain(case.platform),
+            "platform": plain(case.platform.as_dict()),
             "versions": versions(),
         }
         record = Record(table.hstack(polars.DataFrame(inputs, schema=_INPUT_COLUMNS)), metadata)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.loop.folds import ERRORS, ROW, KeptRows, State
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.loop import Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.interface import BY_NAME, nearest
 from gough_stewart.model.vectors import FloatArray

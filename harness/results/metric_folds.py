@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from gough_stewart.fmu_build.cache import state_of_files
 from gough_stewart.fmu_build.libraries import folds_sources, machine_code, vector_library
 from gough_stewart.fmu_build.toolchain import Library
-from gough_stewart.harness.loop.folding import FoldKernels
 from gough_stewart.harness.loop.folds import (
     FORCES,
     MOTORS,
@@ -25,7 +24,7 @@ from gough_stewart.harness.loop.folds import (
     TermFold,
     TermRow,
 )
-from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.rows import FoldKernels
 from gough_stewart.harness.plants.signals import of_legs
 from gough_stewart.harness.report.quantities import (
     ANGLE,
@@ -397,20 +396,18 @@ class StepResponse(TermFold):
             # a constant reference has values that are equal only up to rounding
             is_near = np.abs(part.last - last[members]) <= 1e-9 * np.maximum(1.0, np.abs(last[members]))
             exists[members] &= part.exists & (part.start == start[members]) & is_near
-
-        def since_start(row: FloatArray) -> FloatArray:
-            # in a part of the run without a step, rows may be beyond its end; of a level that was not reached, infinite
-            return self._time[np.minimum(np.maximum(row, start), rows - 1).astype(np.intp)] - began
-
         began, rose = self._time[np.minimum(start, rows - 1)], highest >= HIGH
         settled = np.maximum(settled, start)
+        # in a part of the run without a step, rows may be beyond its end; of a level that was not reached, infinite
+        places = [np.minimum(np.maximum(row, start), rows - 1).astype(np.intp) for row in (low, high, settled)]
+        to_low, to_high, to_rest = (self._time[row] - began for row in places)
         numbers: tuple[Any, ...] = (
             first,
             last,
             began,
             np.where(rose, 100 * np.maximum(highest - 1, 0.0), 0.0),
-            np.where(rose, since_start(high) - since_start(low), np.nan),
-            np.where(rose & (settled < rows), since_start(settled), np.nan),
+            np.where(rose, to_high - to_low, np.nan),
+            np.where(rose & (settled < rows), to_rest, np.nan),
             last - pose,
         )
         return _named(self.metrics, numbers, exists)
@@ -472,11 +469,6 @@ METRICS = (
     Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
 )
 _BY_PATH = {metric.path: metric for metric in METRICS}
-
-
-def folds_of_loop(loop: Loop, limits: Mapping[str, Any], wanted: Collection[str] | None = None) -> list[Fold]:
-    """The metrics of the members of a loop, all or those that are wanted; limits as of `metric_folds`."""
-    return metric_folds(loop.timing.times, loop.reference, limits, wanted=wanted)
 
 
 def columns_of(results: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

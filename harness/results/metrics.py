@@ -1,7 +1,6 @@
 """Metrics of a run as numbers and as tables: tracking, step responses, forces, power, energy, saturation, stroke."""
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from html import escape
 from typing import Any
@@ -10,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache import BuildError
-from gough_stewart.harness.loop.folding import Folding
 from gough_stewart.harness.loop.folds import ERRORS
+from gough_stewart.harness.loop.rows import Folding
 from gough_stewart.harness.report.quantities import ANGLE, ENERGY, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
@@ -137,11 +136,6 @@ def metrics(record: RecordData) -> Metrics:
     return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
 
 
-def metrics_json(metrics: dict[str, Any]) -> bytes:
-    """Readable JSON."""
-    return (json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
 def finite_part(record: RecordData) -> RecordData:
     """The rows before the first one with values of the plant that are not finite."""
     fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
@@ -158,21 +152,21 @@ def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     A list by leg or axis is reduced to its largest value; `stroke.shortest` and `limits.….first_exceeded` to the least.
     Undefined metrics are None, also lists with an undefined element, except `first_exceeded`. The outcome is left out.
     """
-
-    def leaves(path: str, value: Any) -> Iterator[tuple[str, float | None]]:
+    parts = [(name, part) for name, part in metrics.items() if name not in ("outcome", "step_response")]
+    for step in metrics["step_response"] or ():
+        parts += [(f"step_response.{step['axis']}.{name}", value) for name, value in step.items() if name != "axis"]
+    flat = dict[str, float | None]()
+    while parts:
+        path, value = parts.pop(0)
         if isinstance(value, dict):
-            for name, part in value.items():
-                yield from leaves(f"{path}.{name}" if path else name, part)
+            parts[:0] = [(f"{path}.{name}", part) for name, part in value.items()]
         elif isinstance(value, list):
             numbers = [number for number in value if number is not None]
             is_defined = numbers and (len(numbers) == len(value) or path.endswith(".first_exceeded"))
-            yield path, (min if metric_of(path).is_least else max)(numbers) if is_defined else None
+            flat[path] = (min if metric_of(path).is_least else max)(numbers) if is_defined else None
         elif value is not None or "." in path:
-            yield path, value
-
-    parts = {name: part for name, part in metrics.items() if name not in ("outcome", "step_response")}
-    steps = {step["axis"]: {k: v for k, v in step.items() if k != "axis"} for step in metrics["step_response"] or ()}
-    return dict(leaves("", {**parts, "step_response": steps}))
+            flat[path] = value
+    return flat
 
 
 def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 - a section for each table
@@ -207,28 +201,25 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
         tables.append(Table("Step response", columns, tuple(rows)))
     if not metrics["force"]:
         return tables
-    # by leg: what stands under "all", if anything
-    rows, energy, stroke = [], metrics["energy"], metrics["stroke"]
-
-    def add(title: str, quantity: Quantity, values: Sequence[float | None], total: Cell = "") -> None:
-        rows.append((title, *(Value(value, quantity) for value in values), total))
-
+    # by leg, and what stands under "all", if anything
+    energy, stroke = metrics["energy"], metrics["stroke"]
+    by_leg = list[tuple[str, Quantity, list[float | None], Cell]]()
     for kind, title in (("rms", "RMS error"), ("peak", "peak error")) if "leg_length" in tracking else ():
-        add(title, LENGTH, tracking["leg_length"][kind])
-    for title in ("shortest", "longest"):
-        add(title, POSITION, stroke[title])
+        by_leg.append((title, LENGTH, tracking["leg_length"][kind], ""))
+    by_leg += [(title, POSITION, stroke[title], "") for title in ("shortest", "longest")]
     for path in ("force.peak", "force.rms", "power.peak", "power.mean"):
         metric, (group, name) = metric_of(path), path.split(".")
-        add(metric.text, metric.quantity, metrics[group][name])
+        by_leg.append((metric.text, metric.quantity, metrics[group][name], ""))
     for name, title in (("net", "net work"), ("absolute", "work, absolute")):
-        add(title, ENERGY, energy[name], Value(energy[f"{name}_total"], ENERGY))
+        by_leg.append((title, ENERGY, energy[name], Value(energy[f"{name}_total"], ENERGY)))
     for name, part in (metrics["limits"] or {}).items():
         for number in ("used", "first_exceeded"):
             if number == "used" or any(time is not None for time in part[number]):
                 metric = metric_of(f"limits.{name}.{number}")
-                add(metric.text, metric.quantity, part[number])
+                by_leg.append((metric.text, metric.quantity, part[number], ""))
     for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}.items():
         if share and share["any"]:  # rows of zeros say nothing
-            add(name.replace("_", " "), SHARE, share["legs"], Value(share["any"], SHARE))
+            by_leg.append((name.replace("_", " "), SHARE, share["legs"], Value(share["any"], SHARE)))
+    rows = [(title, *(Value(value, quantity) for value in values), total) for title, quantity, values, total in by_leg]
     names = ("", *(f"{leg}" for leg in range(1, 7)), "all")
     return [*tables, Table("Legs", tuple(map(Column, names)), tuple(rows))]

@@ -29,7 +29,7 @@ _LASTS, _STEADY, _GROWS = 0.9, 1.3, 2.0
 _BLOCKS = 6
 _USED = ("error.leg_length", "reference.leg_length", "leg_length")
 _INPUTS = ("reference.leg_length", "controller.injection", "external_force", "external_torque")
-# What fails, by leg or element of a signal, as the flags of `control/machine_parts.py`.
+# What fails, by leg or element of a signal, as the flags of `control/component.py`.
 FAULTS = ("flag.force_cut", *(f"flag.frozen_{name}" for name in NAMES))
 # While the controller is off.
 MANUAL = "flag.manual"

@@ -14,11 +14,12 @@ import polars
 from pydantic import BaseModel, ConfigDict, ValidationError, WrapValidator
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME, fine, fineness_of_record
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.oscillation import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
+from gough_stewart.harness.section import readable_json
+from gough_stewart.harness.table_file import read_parquet, readable, write_to
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
@@ -186,14 +187,15 @@ class Record(RecordData):
 
     def write_parquet(self, file: Path | BytesIO) -> None:
         """Write Parquet to a file without holding all of it in memory."""
+        text = json.dumps(self.metadata, ensure_ascii=False, allow_nan=False)
         try:
-            write_to(file, partial(self.table.write_parquet, metadata={_METADATA_KEY: _json(self.metadata)}))
+            write_to(file, partial(self.table.write_parquet, metadata={_METADATA_KEY: text}))
         except polars.exceptions.PolarsError as error:  # raised by polars when the disk is full
             raise OSError(None, str(error)) from error
 
     def to_metadata(self) -> bytes:
         """The metadata as readable JSON."""
-        return (_json(self.metadata, indent=2) + "\n").encode()
+        return readable_json(self.metadata)
 
 
 def read_record(path: Path | str) -> Record:
@@ -258,11 +260,6 @@ def columns(prefix: str, size: int) -> list[str]:
     return [f"{prefix}[{k + 1}]" for k in range(size)]
 
 
-def plain(platform: Platform) -> dict[str, Any]:
-    """A platform in plain types, as stored in metadata."""
-    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
-
-
 def machine_of(record: Record) -> Platform:
     """The platform that was simulated; the nominal one if the metadata have only that."""
     return platform_of(record, "machine" if "machine" in record.metadata else "platform")
@@ -275,10 +272,6 @@ def platform_of(record: Record, key: str = "platform") -> Platform:
     except (KeyError, TypeError) as error:
         missing = f"the metadata have no platform ({error})"
         raise RecordError(f"{missing}; expected what `gough-stewart run` writes") from error
-
-
-def _json(data: dict[str, Any], indent: int | None = None) -> str:
-    return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False)
 
 
 def contents(folder: Path) -> str:

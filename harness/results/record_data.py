@@ -1,4 +1,4 @@
-"""The rows of a run as a table, one per time, in SI units, and how much they use of the limits of drives and legs."""
+"""The rows of a run as a table, one per time, in SI units; how much they use of limits, and what failed in them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ import polars
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.plants.signals import AT_MOTORS
 from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
+from gough_stewart.harness.report.words import listed
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.parameters import of_legs
@@ -115,3 +116,35 @@ def nearness_to_limits(record: RecordData, platform: Platform) -> dict[str, Floa
         angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
         nearness["joint angle"] = np.maximum(*angles) / platform.joint_angle_max
     return nearness
+
+
+class FaultSpan(NamedTuple):
+    """A fault of an experiment, or its controller off: what failed, and when."""
+
+    text: str  # "leg 3 without force"
+    begin: float  # [s]
+    end: float | None  # [s]; None if it lasts
+
+    def __str__(self) -> str:
+        return f"{self.text} from {self.begin:.4g}{'' if self.end is None else f' to {self.end:.4g}'} s"
+
+
+def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
+    """Of a run's or ensemble's metadata, the faults and when the controller is off, in order of time."""
+    spans, experiment = list[FaultSpan](), metadata.get("experiment") or {}
+    switches = [change for change in experiment.get("change") or () if change.get("enabled") is not None]
+    begin: float | None = None
+    for change in sorted(switches, key=lambda change: float(change["at"])):
+        if change["enabled"] and begin is not None:
+            spans.append(FaultSpan("controller off", begin, float(change["at"])))
+        begin = None if change["enabled"] else float(change["at"]) if begin is None else begin
+    spans += [] if begin is None else [FaultSpan("controller off", begin, None)]
+    for fault in experiment.get("fault") or ():
+        cut, texts = fault.get("cut") or [], list[str]()
+        if cut:
+            texts.append(f"{'leg' if len(cut) == 1 else 'legs'} {listed(list(map(str, cut)))} without force")
+        for name, elements in (fault.get("freeze") or {}).items():
+            texts.append(f"{name} {listed(list(map(str, elements)))} frozen")
+        end = None if fault.get("duration") is None else fault["at"] + fault["duration"]
+        spans.append(FaultSpan(listed(texts), float(fault["at"]), end))
+    return sorted(spans, key=lambda span: span.begin)

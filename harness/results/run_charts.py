@@ -13,9 +13,14 @@ from gough_stewart.harness.report.chart import Axis, Chart, Flag, Mark, Scene, S
 from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, fineness_of, of_unit
-from gough_stewart.harness.report.words import listed
 from gough_stewart.harness.results.metrics import finite_part
-from gough_stewart.harness.results.record_data import RecordData, column_of_drives, nearness_to_limits, shares_of_limits
+from gough_stewart.harness.results.record_data import (
+    RecordData,
+    column_of_drives,
+    faults_of,
+    nearness_to_limits,
+    shares_of_limits,
+)
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.parameters import of_legs
@@ -234,41 +239,6 @@ def _signals(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
     groups, order = list(_GROUPED), [*FIRST, *_SECOND]
     signals.sort(key=lambda s: (order.index(s.name) if s.name in order else len(order), groups.index(s.group)))
     return {signal.name: signal for signal in signals if any(values is not None for values in signal.values)}
-
-
-# --- what acts -------------------------------------------------------------------------------------------------------
-
-
-class FaultSpan(NamedTuple):
-    """A fault of an experiment, or its controller off: what failed, and when."""
-
-    text: str  # "leg 3 without force"
-    begin: float  # [s]
-    end: float | None  # [s]; None if it lasts
-
-    def __str__(self) -> str:
-        return f"{self.text} from {self.begin:.4g}{'' if self.end is None else f' to {self.end:.4g}'} s"
-
-
-def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
-    """Of a run's or ensemble's metadata, the faults and when the controller is off, in order of time."""
-    spans, experiment = list[FaultSpan](), metadata.get("experiment") or {}
-    switches = [change for change in experiment.get("change") or () if change.get("enabled") is not None]
-    begin: float | None = None
-    for change in sorted(switches, key=lambda change: float(change["at"])):
-        if change["enabled"] and begin is not None:
-            spans.append(FaultSpan("controller off", begin, float(change["at"])))
-        begin = None if change["enabled"] else float(change["at"]) if begin is None else begin
-    spans += [] if begin is None else [FaultSpan("controller off", begin, None)]
-    for fault in experiment.get("fault") or ():
-        cut, texts = fault.get("cut") or [], list[str]()
-        if cut:
-            texts.append(f"{'leg' if len(cut) == 1 else 'legs'} {listed(list(map(str, cut)))} without force")
-        for name, elements in (fault.get("freeze") or {}).items():
-            texts.append(f"{name} {listed(list(map(str, elements)))} frozen")
-        end = None if fault.get("duration") is None else fault["at"] + fault["duration"]
-        spans.append(FaultSpan(listed(texts), float(fault["at"]), end))
-    return sorted(spans, key=lambda span: span.begin)
 
 
 # --- charts ----------------------------------------------------------------------------------------------------------

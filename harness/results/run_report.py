@@ -1,7 +1,7 @@
 """What a run found, as a report: whether it follows its reference, what of the drives it uses, when it settles."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,8 +26,8 @@ from gough_stewart.harness.report.words import about, at_least, at_most, percent
 from gough_stewart.harness.results.metric_folds import AXES, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
 from gough_stewart.harness.results.oscillation import Oscillation, outcome_of, outcome_text
-from gough_stewart.harness.results.record_data import DRIVE_LIMITS, RecordData, nearness_to_limits
-from gough_stewart.harness.results.run_charts import FLAGS, faults_of, run_charts, scenes, shown
+from gough_stewart.harness.results.record_data import DRIVE_LIMITS, RecordData, faults_of, nearness_to_limits
+from gough_stewart.harness.results.run_charts import FLAGS, run_charts, scenes, shown
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import first_of_largest
@@ -67,7 +67,9 @@ class _VerdictPart(NamedTuple):
     number: Number | None = None
 
 
-def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None) -> Verdict:
+def run_verdict(  # noqa: PLR0912, PLR0915 - a section for each part of the sentence
+    record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None
+) -> Verdict:
     """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is."""
     outcome, metadata = measured["outcome"], record.metadata
     faults = [str(fault) for fault in faults_of(metadata) if fault.begin <= outcome["time"]]
@@ -78,8 +80,70 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
         ended = f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"
         return Verdict(sentence([ended, *faults]), "bad")
     length, angle = (fine(quantity, fineness_of_record(metadata)) for quantity in (LENGTH, ANGLE))
-    parts = [*_tracking(record, measured, length, angle), *_drives(record, measured, length)]
-    steps = measured["step_response"] or ()
+    tracking, steps, parts = measured["tracking"] or {}, measured["step_response"] or (), list[_VerdictPart]()
+
+    # how far the platform is from its reference; of a run without one, how far it goes
+    if "position" in tracking:
+        kind, text = "norm_peak", "follows within {}"
+        places = {axis: (signal, place) for axis, signal, place in AXES}
+        for step in steps:
+            signal, place = places[step["axis"]]
+            changes = np.abs(np.diff(record[f"reference.{signal}"][:, place]))
+            # of a jump, the error is the step itself at first: what is left at the end counts
+            if changes.max(initial=0.0) >= _JUMP * abs(step["to"] - step["from"]):
+                kind, text = "norm_final", "ends within {} of its reference after the step"
+        position, orientation = tracking["position"][kind], tracking.get("orientation", {}).get(kind)
+        metric = metric_of(f"tracking.position.{kind}")
+        number = Number(metric.path, metric.text, position, metric.quantity)
+        if position is None:
+            parts.append(_VerdictPart("its error at the end is not known", True, number))
+        else:
+            size = at_most(length, position)
+            # an angle matters by what it moves at the joints
+            lever = float(np.linalg.norm(metadata["platform"]["platform_points"], axis=1).mean())
+            if orientation is not None and orientation * lever > _SMALL * position:
+                size += f" and {at_most(angle, orientation)}"
+            parts.append(_VerdictPart(text.format(size), number=number))
+    elif "position" in record and len(record["position"]):
+        distance = float(np.linalg.norm(record["position"] - record["position"][0], axis=1).max())
+        parts.append(_VerdictPart(f"open loop: the platform moves up to {at_most(length, distance)} from its start"))
+
+    # the limit of which the legs use most; the forces if no limit is stated; what was saturated or left its stroke
+    if measured["force"]:
+        saturation, limits = measured["saturation"] or {}, measured["limits"] or {}
+        shares = {
+            limit: [share or 0.0 for share in limits[limit.name]["used"]]
+            for limit in DRIVE_LIMITS
+            if limit.name in limits
+        }
+        if force_limit := metadata.get("force_limit"):  # of the run's actuators, which may be less than the platform's
+            force = next(limit for limit in DRIVE_LIMITS if limit.name == "actuator_force_max")
+            most = np.broadcast_to(force_limit, 6).tolist()
+            shares[force] = [(peak or 0.0) / limit for peak, limit in zip(measured["force"]["peak"], most, strict=True)]
+        limited = {name: (saturation.get(name) or {}).get("any") for name in ("force_limited", "rate_limited")}
+        if shares and not limited["force_limited"]:
+            limit, of_legs = max(shares.items(), key=lambda used: max(used[1]))
+            share, leg = max(of_legs), int(first_of_largest(np.array(of_legs))) + 1
+            path, name = f"limits.{limit.name}.used", f"{limit.text}, of its limit"
+            text = f"leg {leg} uses {percent(share)} of its {_LIMITED[limit.name]}"
+            if limit.name == "actuator_force_max":
+                text = f"forces {percent(share)} of what the drives have"
+            number = Number(path, name, share, SHARE, limit=1.0, margin=1 - share)
+            parts.append(_VerdictPart(text, share > _NEAR, number))
+        elif not limited["force_limited"]:
+            peak = max(force for force in measured["force"]["peak"] if force is not None)
+            text = f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known"
+            parts.append(_VerdictPart(text, number=Number("force.peak", "peak force", peak, FORCE)))
+        for name, words in (("force_limited", "limit"), ("rate_limited", "rate limit")):
+            if share_of_time := limited[name]:
+                text = f"forces at the drives' {words} for {percent(share_of_time)} of the time"
+                parts.append(_VerdictPart(text, True))
+        margin = (measured["stroke"] or {}).get("margin")
+        if margin is not None and margin < 0:
+            number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)
+            parts.append(_VerdictPart(f"a leg is {at_most(length, -margin)} beyond its stroke", True, number))
+
+    # when it settles, and how robust its loop is
     late = next((step for step in steps if step["settling_time"] is None), None)
     if steps:
         step = late or max(steps, key=lambda step: step["settling_time"])
@@ -95,6 +159,8 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
         parts.append(_VerdictPart(f"{size} to the disk margin", robustness.alpha < _FRAIL, number))
     if not parts:
         parts = [_VerdictPart(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")]
+
+    # what its loop does without input, which comes first
     oscillation = Oscillation(**outcome["oscillation"]) if outcome.get("oscillation") else None
     if oscillation is not None:
         size = at_most(length, oscillation.amplitude)
@@ -111,73 +177,6 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
     elif any(part.is_marginal for part in parts):
         status = "marginal"
     return Verdict(sentence([*faults, *(part.text for part in parts)]), status, numbers)
-
-
-def _tracking(
-    record: RecordData, measured: Mapping[str, Any], length: Quantity, angle: Quantity
-) -> Iterator[_VerdictPart]:
-    """How far the platform is from its reference; of a run without one, how far it goes."""
-    tracking = measured["tracking"] or {}
-    if "position" not in tracking:
-        if "position" in record and len(record["position"]):
-            distance = float(np.linalg.norm(record["position"] - record["position"][0], axis=1).max())
-            yield _VerdictPart(f"open loop: the platform moves up to {at_most(length, distance)} from its start")
-        return
-    kind, text = "norm_peak", "follows within {}"
-    places = {axis: (signal, place) for axis, signal, place in AXES}
-    for step in measured["step_response"] or ():
-        signal, place = places[step["axis"]]
-        changes = np.abs(np.diff(record[f"reference.{signal}"][:, place]))
-        # of a jump, the error is the step itself at first: what is left at the end counts
-        if changes.max(initial=0.0) >= _JUMP * abs(step["to"] - step["from"]):
-            kind, text = "norm_final", "ends within {} of its reference after the step"
-    position, orientation = tracking["position"][kind], tracking.get("orientation", {}).get(kind)
-    metric = metric_of(f"tracking.position.{kind}")
-    number = Number(metric.path, metric.text, position, metric.quantity)
-    if position is None:
-        yield _VerdictPart("its error at the end is not known", True, number)
-        return
-    size = at_most(length, position)
-    # an angle matters by what it moves at the joints
-    lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
-    if orientation is not None and orientation * lever > _SMALL * position:
-        size += f" and {at_most(angle, orientation)}"
-    yield _VerdictPart(text.format(size), number=number)
-
-
-def _drives(record: RecordData, measured: Mapping[str, Any], length: Quantity) -> Iterator[_VerdictPart]:
-    """The limit of which the legs use most; the forces if no limit is stated; what was saturated or left its stroke."""
-    if not measured["force"]:
-        return
-    saturation, limits = measured["saturation"] or {}, measured["limits"] or {}
-    force_limit = record.metadata.get("force_limit")
-    shares = {
-        limit: [share or 0.0 for share in limits[limit.name]["used"]] for limit in DRIVE_LIMITS if limit.name in limits
-    }
-    if force_limit:  # of the run's actuators, which may be less than the platform's
-        force = next(limit for limit in DRIVE_LIMITS if limit.name == "actuator_force_max")
-        most = np.broadcast_to(force_limit, 6).tolist()
-        shares[force] = [(peak or 0.0) / limit for peak, limit in zip(measured["force"]["peak"], most, strict=True)]
-    limited = {name: (saturation.get(name) or {}).get("any") for name in ("force_limited", "rate_limited")}
-    if shares and not limited["force_limited"]:
-        limit, of_legs = max(shares.items(), key=lambda used: max(used[1]))
-        share, leg = max(of_legs), int(first_of_largest(np.array(of_legs))) + 1
-        path, name = f"limits.{limit.name}.used", f"{limit.text}, of its limit"
-        text = f"leg {leg} uses {percent(share)} of its {_LIMITED[limit.name]}"
-        if limit.name == "actuator_force_max":
-            text = f"forces {percent(share)} of what the drives have"
-        yield _VerdictPart(text, share > _NEAR, Number(path, name, share, SHARE, limit=1.0, margin=1 - share))
-    elif not limited["force_limited"]:
-        peak = max(force for force in measured["force"]["peak"] if force is not None)
-        text = f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known"
-        yield _VerdictPart(text, number=Number("force.peak", "peak force", peak, FORCE))
-    for name, text in (("force_limited", "limit"), ("rate_limited", "rate limit")):
-        if share_of_time := limited[name]:
-            yield _VerdictPart(f"forces at the drives' {text} for {percent(share_of_time)} of the time", True)
-    margin = (measured["stroke"] or {}).get("margin")
-    if margin is not None and margin < 0:
-        number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)
-        yield _VerdictPart(f"a leg is {at_most(length, -margin)} beyond its stroke", True, number)
 
 
 def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = None) -> tuple[Number, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from gough_stewart.harness.ensemble.member_table import SHORT
 from gough_stewart.harness.errors import RequirementError, SearchError
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.overrides import Place
+from gough_stewart.harness.experiment.overrides import Place, place_of
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
 from gough_stewart.harness.report.requirements import Required, required
 from gough_stewart.harness.report.words import exactly
@@ -85,7 +85,7 @@ def axes_of(  # noqa: PLR0912 - one check after the other
             raise SearchError(f"--vary {text}: expected KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
         low_text, low_unit, high_text, unit, log = parts.groups()
         try:
-            place = members.place_of(key)
+            place = place_of(key, members.nominal, *members.platforms)
         except ValueError as error:
             raise SearchError(f"--vary {text}: {key}: {error}") from None
         members.check_acts(key, place)

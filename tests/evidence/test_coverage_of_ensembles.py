@@ -13,7 +13,7 @@ from gough_stewart import Ensemble
 from gough_stewart.harness.ensemble.ensemble_report import ensemble_numbers
 from gough_stewart.harness.report.document import Number
 from gough_stewart.harness.report.requirements import judge, required
-from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
+from gough_stewart.harness.sampling.variation import Sampling, SamplingDesign
 from tests.support.arrays import FloatArray
 
 pytestmark = pytest.mark.evidence

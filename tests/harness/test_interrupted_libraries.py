@@ -10,8 +10,8 @@ from typing import Any
 import polars
 import pytest
 
-from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
 from gough_stewart.harness.section import TableSection
+from gough_stewart.harness.table_file import read_parquet, scan_parquet, write_to
 
 TABLE = polars.DataFrame({"time": [7.3, 7.4], "F*[1]": [1.0, -2.0]})
 

@@ -1,7 +1,6 @@
 """The tables of metrics and of components in a page, written from their declarations."""
 
-from gough_stewart.harness.control.component import Component, Notch
-from gough_stewart.harness.control.machine_parts import Drive, ForceLimits, Sensor
+from gough_stewart.harness.control.component import Component, Drive, ForceLimits, Notch, Sensor
 from gough_stewart.harness.plants.signals import NAMES
 from gough_stewart.harness.results.metric_folds import AXES, METRICS, Metric
 from tools.pages.blocks import ROOT, text_of

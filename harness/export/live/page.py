@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.by_hand import lengths_for_hands
+from gough_stewart.harness.control.component import N_FAULTS
 from gough_stewart.harness.control.controllers import OpenLoop
-from gough_stewart.harness.control.machine_parts import N_FAULTS
 from gough_stewart.harness.experiment.file import without_none
 from gough_stewart.harness.experiment.overrides import with_settings
 from gough_stewart.harness.experiment.preparation import Prepared
@@ -36,8 +36,7 @@ from gough_stewart.harness.report import page as report_page
 from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.offline import asset, document, three, three_licence
 from gough_stewart.harness.report.palette import THEMES
-from gough_stewart.harness.results.record import plain
-from gough_stewart.harness.section import file_names
+from gough_stewart.harness.section import file_names, plain
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import StepError
@@ -212,8 +211,8 @@ def _download(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
             "experiment": experiment.model_dump(mode="json"),
             "sample_time": prepared.loop.timing.sample_time,
             "force_limit": prepared.loop.actuators.force_limit,
-            "platform": plain(prepared.platform),
-            "machine": plain(prepared.machine),
+            "platform": plain(prepared.platform.as_dict()),
+            "machine": plain(prepared.machine.as_dict()),
             "versions": versions(),
         },
     }

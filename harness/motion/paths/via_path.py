@@ -22,8 +22,7 @@ from gough_stewart.harness.motion.paths.time_law import (
 from gough_stewart.harness.motion.recorded.recording import converted, read_poses
 from gough_stewart.harness.motion.references import WrittenPoses
 from gough_stewart.harness.pose_convention import OURS
-from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
-from gough_stewart.harness.section import FileName
+from gough_stewart.harness.section import FileName, Share, Time, positive_or_word, vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle, orientation_from_matrix
 

@@ -405,7 +405,7 @@ def test_figures_that_fail_cost_no_record(
     def fails(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("gough_stewart.harness.experiment.run.metrics_json", fails)
+    monkeypatch.setattr("gough_stewart.harness.experiment.run.readable_json", fails)
     done = invoke("run", "heave_step", *SHORT.split(), "--out", "out", "--figures")
     assert done.exit_code == code
     assert f"{said}; out has record.parquet" in done.stderr

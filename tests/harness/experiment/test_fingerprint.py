@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.fingerprint import fingerprint
+from gough_stewart.harness.experiment.members import fingerprint
 
 SOURCE = """
 class Base:
