@@ -117,6 +117,7 @@ def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sa
             r"time \[h\] has the unit 'h'; expected one of s, ms",
         ),
         ({k: v[:1] for k, v in table().items()}, "1 rows; expected a log of some seconds"),  # type: ignore[index]
+        ({k: v[:0] for k, v in table().items()}, "has a header, and no rows below it"),  # type: ignore[index]
     ],
 )
 def test_what_is_no_log_is_refused_with_its_place(columns: dict[str, object], message: str, tmp_path: Path) -> None:
