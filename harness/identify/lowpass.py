@@ -20,6 +20,8 @@ LOWEST = 2.0  # cut-off [Hz]
 # Power of noise in a bin that is not the motion's: times the median of all legs, and of the noisiest leg alone, whose
 # power varies more.
 _FLOOR, _FLOOR_OF_ONE = 10.0, 26.0
+# Or times the largest: of a motion that repeats, an encoder without noise rounds alike, which makes lines.
+_OF_LINES = 2.0
 # Median of |x| of the standard normal distribution.
 _MEDIAN = 0.6744897501960817
 # Correlations below this share of the largest are cut off; the kernels' windows make them vanish.
@@ -96,7 +98,11 @@ def cutoff_of(leg_length: FloatArray, step: float) -> float:
     power, frequency = of_legs.sum(axis=1), np.fft.rfftfreq(len(leg_length), step)
     # encoder noise is white: its power is estimated from the upper half
     upper = slice(len(power) // 2, None)
-    floor = max(_FLOOR * float(np.median(power[upper])), _FLOOR_OF_ONE * float(np.median(of_legs[upper], axis=0).max()))
+    floor = max(
+        _FLOOR * float(np.median(power[upper])),
+        _FLOOR_OF_ONE * float(np.median(of_legs[upper], axis=0).max()),
+        _OF_LINES * float(power[upper].max()),
+    )
     of_acceleration = np.maximum(power - floor, 0.0) * frequency**4
     share = np.cumsum(of_acceleration) / max(float(of_acceleration.sum()), 1e-300)
     return max(_ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 1 - _BEYOND))]), LOWEST)
