@@ -172,6 +172,8 @@ def without_repeated_rows(since: FloatArray, values: FloatArray, first: float = 
 
     Two rows of one time with different values are refused.
     """
+    if not since.size:
+        raise TableError("has a header, and no rows below it")
     same_time = np.diff(since) == 0
     differ = ~((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))).all(axis=1)
     contradicting = np.flatnonzero(same_time & differ)

@@ -139,6 +139,8 @@ def evaluate_poses(
     ------
     ArgumentError
         An argument of another type, shape or unit.
+    WorkspaceError
+        A pose that is not finite.
 
     See Also
     --------
@@ -152,6 +154,10 @@ def evaluate_poses(
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     shape = position.shape[:-1]
     positions, orientations = position.reshape(-1, 3), orientation.reshape(-1, 3)
+    undefined = np.flatnonzero(~np.isfinite(np.hstack([positions, orientations])).all(axis=1))
+    if undefined.size:
+        pose = [*positions[undefined[0]].tolist(), *orientations[undefined[0]].tolist()]
+        raise WorkspaceError(f"pose {undefined[0] + 1} is {pose}; expected finite numbers: leave such poses out")
     parts = []
     # without poses, there is one empty chunk
     for first in range(0, max(len(positions), 1), CHUNK):

@@ -102,6 +102,7 @@ def state_space_of(system: Any, role: str = "controller") -> Any:
     raise ControllerError(
         f"{role} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"
+        + ("; settings take it: {'controller': …}" if hasattr(system, "feedforward") else "")
     )
 
 

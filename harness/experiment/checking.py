@@ -433,11 +433,13 @@ def check(
     """
     experiment_checked = experiment_of(experiment, settings)
     nominal = nominal_platform(experiment_checked, experiment_checked.platform)
+    try:
+        mass, above = number(0.0 if payload is None else payload, "kg"), number(payload_height, "m")
+    except ValueError as error:
+        raise MotionError(f"payload of {payload} at a height of {payload_height}: {error}") from None
+    if payload is None and above:
+        raise MotionError(f"payload_height is {payload_height}, but there is no payload; expected its mass, too")
     if payload is not None:  # mass, centre of mass, and inertia about it
-        try:
-            mass, above = number(payload, "kg"), number(payload_height, "m")
-        except ValueError as error:
-            raise MotionError(f"payload of {payload} at a height of {payload_height}: {error}") from None
         if not (math.isfinite(mass) and mass > 0 and math.isfinite(above)):
             raise MotionError(f"payload is {mass:g} kg at a height of {above:g} m; expected a mass > 0, finite numbers")
         places = [np.asarray(nominal.platform_com), np.array([0.0, 0.0, above])]

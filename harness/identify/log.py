@@ -51,6 +51,7 @@ _QUANTITIES = {
     "orientation": (("measured.orientation", "orientation"), 3, "rad"),
     "quaternion": (("quaternion",), 4, ""),
 }
+_NAMES = {name for names, _, _ in _QUANTITIES.values() for name in names}
 # Only records of runs have it: their forces are held from row to row.
 _OF_RUNS = "controller.force[1]"
 _REMEDY = ": cut the log there, or fill the gap where it was recorded"
@@ -59,6 +60,13 @@ _JITTER = 0.1  # of a row's time, in samples
 _SLOWEST_SAMPLES = 0.1  # [s]
 # Share of each log, taken from its end, that validates the fit.
 VALIDATION = 0.2
+
+
+# Of a row of a log's arrays.
+_SIZES: dict[str, tuple[int, ...]] = {
+    **{"leg_length": (6,), "time": (), "actuator_force": (6,), "position": (3,)},
+    **{"orientation": (3,), "motor_position": (6,)},
+}
 
 
 class _Rows:
@@ -95,6 +103,21 @@ class Log(_Rows):
     """The motors' side of elastic legs (n, 6) [m], where both sides were measured."""
     convention: PoseConvention = OURS
     """In which the file had the poses."""
+
+    def __post_init__(self) -> None:
+        """Convert the arrays, and refuse shapes that do not belong together."""
+        rows: tuple[int, ...] = ()
+        for name, size in _SIZES.items():
+            if (value := getattr(self, name)) is None and rows:
+                continue
+            try:
+                values = np.asarray(value, dtype=float)
+            except (ValueError, TypeError):  # ragged, or no numbers
+                raise LogError(f"{self.where}: {name} is {value!r:.60}; expected an array of numbers") from None
+            rows = rows or values.shape[:1]
+            if values.shape != (*rows, *size):
+                raise LogError(f"{self.where}: {name} has the shape {values.shape}; expected {(*rows, *size)}")
+            object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -241,7 +264,9 @@ def _log_of(  # noqa: PLR0912, PLR0915 - one quantity after the other
         match = _ELEMENT.fullmatch(heading.name)
         if match is not None:
             name, bracket, tail = match.groups()
-            elements[name, int(bracket or tail or 1)] = heading
+            element = name, int(bracket or tail or 1)
+            if (other := elements.setdefault(element, heading)) is not heading and name in _NAMES:
+                raise LogError(f"has {other.column} and {heading.column}, which mean the same; remove one of them")
     columns: dict[str, list[tuple[str, float]]] = {}  # of each quantity, with factors to SI units
     for quantity, (names, size, unit) in _QUANTITIES.items():
         name = next((name for name in names if any((name, k) in elements for k in range(1, size + 1))), None)

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import oaconvolve
 
 from gough_stewart.harness.errors import LogError
@@ -19,6 +20,8 @@ LOWEST = 2.0  # cut-off [Hz]
 # Power of noise in a bin that is not the motion's: times the median of all legs, and of the noisiest leg alone, whose
 # power varies more.
 _FLOOR, _FLOOR_OF_ONE = 10.0, 26.0
+# Or times the largest: of a motion that repeats, an encoder without noise rounds alike, which makes lines.
+_OF_LINES = 2.0
 # Median of |x| of the standard normal distribution.
 _MEDIAN = 0.6744897501960817
 # Correlations below this share of the largest are cut off; the kernels' windows make them vanish.
@@ -83,14 +86,23 @@ def kernel_of(step: float, cutoff: float, derivative: int = 0, delay: float = 0.
 def cutoff_of(leg_length: FloatArray, step: float) -> float:
     """A cut-off above the motion of a log [Hz]; accelerations matter, since they carry the masses and most noise.
 
-    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise.
+    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise. Of a log
+    that is cut out of a motion a cubic with the values and the slopes of its ends is taken away: what it leaks through
+    the window would look like fast motion.
     """
-    window = np.hanning(len(leg_length))[:, None]
-    of_legs = np.abs(np.fft.rfft((leg_length - leg_length.mean(axis=0)) * window, axis=0)) ** 2
+    rows, k = np.arange(len(leg_length)), max(2, len(leg_length) // 50)
+    slopes, values = np.moveaxis([np.polyfit(end, leg_length[end], 1) for end in (rows[:k], rows[-k:])], 1, 0)
+    cubic = CubicHermiteSpline(rows[[0, -1]], values + slopes * rows[[0, -1], None], slopes)
+    swings, window = leg_length - cubic(rows), np.hanning(len(rows))[:, None]
+    of_legs = np.abs(np.fft.rfft((swings - swings.mean(axis=0)) * window, axis=0)) ** 2
     power, frequency = of_legs.sum(axis=1), np.fft.rfftfreq(len(leg_length), step)
     # encoder noise is white: its power is estimated from the upper half
     upper = slice(len(power) // 2, None)
-    floor = max(_FLOOR * float(np.median(power[upper])), _FLOOR_OF_ONE * float(np.median(of_legs[upper], axis=0).max()))
+    floor = max(
+        _FLOOR * float(np.median(power[upper])),
+        _FLOOR_OF_ONE * float(np.median(of_legs[upper], axis=0).max()),
+        _OF_LINES * float(power[upper].max()),
+    )
     of_acceleration = np.maximum(power - floor, 0.0) * frequency**4
     share = np.cumsum(of_acceleration) / max(float(of_acceleration.sum()), 1e-300)
     return max(_ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 1 - _BEYOND))]), LOWEST)

@@ -223,7 +223,8 @@ def _verdict(workspace: Workspace) -> Verdict:
     reached, code = workspace.qualities.reachable, workspace.qualities.limit
     share = float(reached.mean())
     # margins end at the border
-    numbers = tuple(n for n in _numbers(workspace) if not n.path.endswith("_margin") or "force" in n.path)
+    defined = (n for n in _numbers(workspace) if n.value is not None)
+    numbers = tuple(n for n in defined if not n.path.endswith("_margin") or "force" in n.path)
     shares = {limit: float((code == limit).mean()) for limit in Limit if limit != Limit.NONE}
     first = max(shares, key=lambda limit: shares[limit])
     why = _WHY.get(first, f"because of {first.text}")
@@ -267,13 +268,13 @@ def _numbers(workspace: Workspace) -> tuple[Number, ...]:
             explanation=f"{poses}; the ranges decide what it is a share of",
         )
     ]
-    for result in _results(workspace) if reached.any() else ():
-        values = np.where(reached, result.values, np.nan)
+    for result in _results(workspace):
+        values = result.values[reached]
         numbers.append(
             Number(
                 f"worst.{result.name}",
                 f"{result.title} at the worst pose",
-                float(np.nanmax(values) if result.is_best_low else np.nanmin(values)),
+                float(np.nanmax(values) if result.is_best_low else np.nanmin(values)) if values.size else None,
                 result.shown.quantity(),
                 explanation=f"Over all poses that can be reached. {result.note}",
             )

@@ -292,6 +292,7 @@ def test_a_transfer_function_with_more_zeros_than_poles_is_refused_with_the_reme
         ((static(3, 6),), "3 outputs"),
         ((pid(PD_GAINS),), "continuous time; expected discrete time: sample it"),
         ((np.eye(6),), "controller is ndarray; expected a control.StateSpace"),
+        ((gs.PD(bandwidth=2),), "controller is PD; .*; settings take it: {'controller': …}"),
         ((None,), "NoneType"),
         ((control.ss([], [], [], np.full((6, 6), np.nan), T),), "matrix D has elements that are not finite"),
         ((static(6, 6), ("leg_lenght",)), r"no signal 'leg_lenght'; did you mean 'leg_length'"),

@@ -19,6 +19,7 @@ from tests.harness.identify.machine_logs import (
     force_of,
     machine_log,
     perfect_estimate,
+    value_of,
 )
 
 OTHER = Course(duration=4.0, swing=Swing(seed=9))
@@ -144,6 +145,24 @@ def _with_nan(values: Any) -> Any:
     wrong = values.copy()
     wrong[70, ...] = np.nan
     return wrong
+
+
+@pytest.mark.parametrize(
+    ("swing", "sensing", "rows"),
+    [
+        # cut out of a motion: the ends move, and differ by far more than noise, which leaks through a window
+        (Swing(frequency=0.05), Sensing(), slice(3500, 6500)),
+        # whole periods and an encoder without noise, whose rounding then has lines instead of being white
+        (Swing(frequency=1.0, harmonics=3, size=0.01), Sensing(length_noise=0.0), slice(1000, 9000)),
+    ],
+)
+def test_the_cut_off_is_that_of_the_motion_alone(swing: Swing, sensing: Sensing, rows: slice) -> None:
+    """Expected: the machine's values within four standard errors, that of the mass below 1 kg; no alarm."""
+    estimate = identify(machine_log(course=Course(swing), sensing=sensing).rows(rows), NOMINAL, NAMES)
+    assert not estimate.alarms
+    true = [value_of(MACHINE, name) for name in estimate.names]
+    assert (np.abs(estimate.values - true) < 4 * estimate.standard_errors)[np.isfinite(estimate.standard_errors)].all()
+    assert estimate.standard_errors[0] < 1.0
 
 
 def test_units_are_not_doubted_between_a_third_and_three_times_and_times_may_be_coarse() -> None:

@@ -14,6 +14,9 @@ LENGTHS = 0.31 + 0.017 * np.sin(np.outer(np.arange(8), [1.0, 1.3, 1.7, 2.1, 2.3,
 FORCES = 40.0 + 13.0 * np.cos(np.outer(np.arange(8), [0.7, 1.1, 1.9, 2.2, 2.6, 3.1]))
 
 
+SIZES: dict[str, tuple[int, ...]] = {"time": (), "position": (3,), "orientation": (3,)}
+
+
 def written(path: Path, columns: dict[str, object]) -> Path:
     polars.DataFrame(columns).write_csv(path)
     return path
@@ -30,7 +33,7 @@ def table(**changes: object) -> dict[str, object]:
 def test_some_rows_of_a_log_are_those_of_all_its_readings() -> None:
     """Expected: the rows of every array; what is not an array stays."""
     arrays: dict[str, Any] = {
-        row.name: np.random.default_rng(k).normal(size=(9,) if row.name == "time" else (9, 3))
+        row.name: np.random.default_rng(k).normal(size=(9, *SIZES.get(row.name, (6,))))
         for k, row in enumerate(fields(Log))
         if "float64" in str(row.type)
     }
@@ -39,6 +42,12 @@ def test_some_rows_of_a_log_are_those_of_all_its_readings() -> None:
     for name, values in arrays.items():
         np.testing.assert_array_equal(getattr(some, name), values[[2, 5]])
     assert (some.holds_force, some.where, some.side) == (True, "here", "motor")
+    plain = Log(**{name: values.tolist() for name, values in arrays.items()})
+    np.testing.assert_array_equal(plain.position, arrays["position"])
+    for name, values in arrays.items():
+        for wrong in (values[:-1], values[..., None], [*values[:-1].tolist(), "x"]):
+            with pytest.raises(GoughStewartError, match=r"expected (an array of numbers|.[0-9])"):
+                Log(**arrays | {name: wrong})
 
 
 def test_units_in_the_header_become_si(tmp_path: Path) -> None:
@@ -101,12 +110,14 @@ def test_a_record_gives_what_encoders_measured_and_forces_held_from_sample_to_sa
             table(**{"leg_length[3]": [0.3, 0.3, "x", "nan", 0.3, 0.3, 0.3, 0.3]}),
             r"leg_length\[3\] in row 3 is 'x', and 1 more in this column",
         ),
+        (table(leg_length_2=LENGTHS[:, 0]), r"has leg_length\[2\] and leg_length_2, which mean the same; remove one"),
         ({k: v for k, v in table().items() if k != "actuator_force[4]"}, r"no column actuator_force\[4\]"),
         (
             {"time [h]": np.arange(8.0)} | six("leg_length", LENGTHS),
             r"time \[h\] has the unit 'h'; expected one of s, ms",
         ),
         ({k: v[:1] for k, v in table().items()}, "1 rows; expected a log of some seconds"),  # type: ignore[index]
+        ({k: v[:0] for k, v in table().items()}, "has a header, and no rows below it"),  # type: ignore[index]
     ],
 )
 def test_what_is_no_log_is_refused_with_its_place(columns: dict[str, object], message: str, tmp_path: Path) -> None:

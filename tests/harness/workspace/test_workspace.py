@@ -350,6 +350,11 @@ def test_the_limit_that_keeps_from_all_poses_is_named_with_its_number(tmp_path: 
         assert int(said[3]) == int(pick(length)) + 1
         assert float(said[4]) == pytest.approx(length[pick(length)], rel=2e-4)
         assert (said[5], float(said[6])) == (word, limit)
+    # known, so that a requirement on it is inconclusive
+    numbers = {
+        number["path"]: number.get("value") for number in report_of(UNEVEN, tmp_path, _NEAR, {"z": 1.0})["numbers"]
+    }
+    assert numbers["worst.condition_number"] is None
     tight = replace(UNEVEN, joint_angle_max=0.1, leg_length_min=None, leg_length_max=None)
     for at, word in (({"x": 1.1, "z": 2.9}, "base"), ({"x": 0.08, "yaw": 0.3}, "platform")):
         text = notice(tight, {"y": (-0.05, 0.0), "roll": (0.04, 0.05)}, at)
