@@ -482,7 +482,7 @@ def turning(experiment: Experiment, prepared: Prepared, host: str = "a page") ->
         (_, readings), to_force = space_of(prepared.platform, linear, *pose)
         n, both = plant.nstates, plant.nstates + linear.system.nstates
         most = both + N_LEGS * max(int(actuators.delay), MOST_DELAY)
-        work = 2 * most * (2 * most + 3 * N_LEGS + 1)
+        work = 2 * (2 * both * (both + 2 * N_LEGS) + most**2 + most)
         values |= {"n_plant": n, "A": plant.A, "B": plant.B, "C": readings @ plant.C, "to_force": to_force}
         values |= {"work": np.zeros(work), "results": np.zeros(POLES + 4 * most), "most_states": most}
     return values

@@ -15,6 +15,7 @@
 #include "plan.h"
 
 #define N_REFERENCE 30
+#define FIRST_OF_LENGTHS 12 /* of all signals */
 
 /* What a machine follows, computed at each row: the reference, and forces along it. */
 typedef struct {
@@ -73,7 +74,6 @@ int64_t machine_open(int64_t *block, int64_t words)
     machine *m = machine_of(block);
     const int64_t *fields = block + MACHINE_FIELDS;
     MACHINE_READ
-    m->next_change = 0;
     block[2] = 1;
     return 0;
 }
@@ -146,16 +146,14 @@ void machine_take(int64_t *block)
 /* New parameters, inputs and faults from a row on. */
 static void change(machine *m)
 {
-    const double *p = m->change_parameters + m->next_change * N_PARAMETERS;
-    const double *u = m->change_inputs + m->next_change * N_INPUTS;
-    memcpy((double *)m->members.parameters, p, N_PARAMETERS * sizeof *p);
-    memcpy((double *)m->members.inputs, u, N_INPUTS * sizeof *u);
+    int64_t k = m->next_change++;
+    memcpy((double *)m->members.parameters, m->change_parameters + k * N_PARAMETERS, N_PARAMETERS * sizeof(double));
+    memcpy((double *)m->members.inputs, m->change_inputs + k * N_INPUTS, N_INPUTS * sizeof(double));
     if (m->loop.cut && m->change_faults) {
-        const double *failed = m->change_faults + m->next_change * (N_LEGS + N_SIGNALS);
+        const double *failed = m->change_faults + k * (N_LEGS + N_SIGNALS);
         memcpy(m->loop.cut, failed, N_LEGS * sizeof *failed);
         memcpy(m->loop.frozen, failed + N_LEGS, N_SIGNALS * sizeof *failed);
     }
-    m->next_change++;
 }
 
 /* A table whose first row is that of an index. */
@@ -234,8 +232,6 @@ int64_t machine_ended(const int64_t *block) { return machine_of(block)->loop.end
 int64_t machine_failure(const int64_t *block) { return machine_of(block)->members.failure[0]; }
 
 /* ---- settings -------------------------------------------------------------------------------------------------------- */
-
-enum { FIRST_OF_LENGTHS = 12, OF_ENCODERS = 6 };
 
 /* Above 0, or from 0 on. */
 static int bounded(const turning *t, const loop *l, int which, double value)
@@ -321,12 +317,14 @@ int64_t machine_turn(int64_t *block)
     m->plan.ahead = (wanted[DELAY] + 0.5) * t->sample_time;
     for (int k = 0; l->limits.at && k < 2 * N_LEGS; k++) /* of all legs the lowest, then the highest */
         ((double *)l->limits.at)[k] = k < N_LEGS ? -wanted[FORCE_LIMIT] : wanted[FORCE_LIMIT];
-    if (l->n_noisy && l->sensors.at) {
-        double c[SENSOR_COEFFICIENTS];
-        *(double *)l->deviations.at = wanted[NOISE];
+    for (int64_t k = 0; l->sensors.at && k < l->n_noisy; k++) {
+        double c[SENSOR_COEFFICIENTS], *lengths = (double *)l->sensors.at + FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS;
+        if (l->noisy[2 * k] != FIRST_OF_LENGTHS)
+            continue;
+        ((double *)l->deviations.at)[k] = wanted[NOISE];
         design_sensor(wanted + QUANTISATION, c);
-        for (int i = 0; i < OF_ENCODERS * SENSOR_COEFFICIENTS; i++)
-            ((double *)l->sensors.at)[FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS + i] = c[i % SENSOR_COEFFICIENTS];
+        for (int i = 0; i < N_LEGS * SENSOR_COEFFICIENTS; i++)
+            lengths[i] = c[i % SENSOR_COEFFICIENTS];
     }
     if (!l->at_row[0] && l->kinds) {
         if (m->plan.kind >= 0)

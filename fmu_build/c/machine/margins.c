@@ -46,9 +46,7 @@ static void balance(int64_t n, int64_t m, double complex *A, double complex *B, 
     }
 }
 
-typedef struct {
-    double complex c, s;
-} rotation;
+typedef struct { double complex c, s; } rotation;
 
 /* What turns the second one of two numbers to 0. */
 static rotation rotation_of(double complex x, double complex y)
@@ -157,22 +155,23 @@ static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
 
 /* ---- the loop -------------------------------------------------------------------------------------------------- */
 
-/* The closed loop from disturbing forces w to those that act, w - C x, with x+ = A x + B w: states of the plant, of the
-   law, then forces under way, the latest first. */
+/* The loop as if nothing were late, from disturbing forces w to those that act, w - C x, with x+ = A x + B w: states of
+   the plant, then of the law; and the samples by which forces are late. */
 typedef struct {
     double sample_time;
-    int64_t n;
+    int64_t n, delay;
     double complex *A, *B, *C;         /* (n, n), (n, 6), (6, n) */
     double complex *resolvent, *right; /* room for z - A and for B */
 } closed_loop;
 
-/* Of errors the measurements enter the law with their sign, of readings with the other. */
-static void close_loop(closed_loop *s, const turning *t, const loop *l)
+/* Also the states' matrix with the delay (m, m), at whose end are the forces under way, the latest first. Of errors the
+   measurements enter the law with their sign, of readings with the other. */
+static void close_loop(closed_loop *s, const turning *t, const loop *l, int64_t m, double complex *late)
 {
-    int64_t n = s->n, np = t->n_plant, late = np + l->n_states, last = n - N_LEGS;
-    int64_t readings = l->n_states + (l->kinds == 1 ? 0 : l->size);
+    int64_t n = s->n, np = t->n_plant, readings = l->n_states + (l->kinds == 1 ? 0 : l->size);
     double sign = l->kinds == 1 ? 1 : -1;
     memset(s->A, 0, (size_t)(n * (n + 2 * N_LEGS)) * sizeof *s->A); /* B and C follow */
+    memset(late, 0, (size_t)(m * m) * sizeof *late);
     for (int64_t i = 0; i < np * np; i++)
         s->A[i / np * n + i % np] = t->A[i];
     for (int64_t i = 0; i < np * N_LEGS; i++)
@@ -180,7 +179,7 @@ static void close_loop(closed_loop *s, const turning *t, const loop *l)
     for (int64_t k = 0; k < l->entries; k++) {
         int64_t row = l->entry_row[k], column = l->entry_column[k], signal = column - readings;
         double value = l->values.at[k];
-        for (int64_t j = 0; j < late; j++) {
+        for (int64_t j = 0; j < n; j++) {
             double part = j == np + column ? value : 0; /* of x_j in the law's output or next state */
             if (j < np && signal >= 0 && signal < l->size)
                 part = sign * value * t->C[signal * np + j];
@@ -190,38 +189,43 @@ static void close_loop(closed_loop *s, const turning *t, const loop *l)
                 s->C[i * n + j] += t->to_force[i * N_LEGS + row] * part;
         }
     }
-    for (int64_t k = 0; late < n && k < N_LEGS; k++) {
-        for (int64_t j = 0; j < late; j++) {
-            s->A[(late + k) * n + j] = -s->C[k * n + j];
-            s->C[k * n + j] = 0;
-        }
-        s->C[k * n + last + k] = -1;
-    }
-    for (int64_t i = late + N_LEGS; i < n; i++)
-        s->A[i * n + i - N_LEGS] = 1;
-    for (int64_t i = 0; i < np; i++)
-        for (int64_t k = 0; k < N_LEGS; k++)
-            for (int64_t j = 0; j < n; j++)
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            double complex open = s->A[i * n + j];
+            for (int64_t k = 0; k < N_LEGS; k++)
                 s->A[i * n + j] -= s->B[i * N_LEGS + k] * s->C[k * n + j];
+            late[i * m + j] = m > n ? open : s->A[i * n + j];
+        }
+    for (int64_t k = 0; m > n && k < N_LEGS; k++)
+        for (int64_t i = 0; i < n; i++) {
+            late[i * m + m - N_LEGS + k] = s->B[i * N_LEGS + k];
+            late[(n + k) * m + i] = -s->C[k * n + i];
+        }
+    for (int64_t i = n + N_LEGS; i < m; i++)
+        late[i * m + i - N_LEGS] = 1;
     balance(n, N_LEGS, s->A, s->B, s->C);
     reduce(n, N_LEGS, s->A, s->B, s->C);
 }
 
-/* S = 1 - C (z - A)^-1 B (6, 6) at a frequency [rad/s]. */
+/* S (6, 6) at a frequency [rad/s]: (S0 + z^-delay (1 - S0))^-1 S0 with that of no delay, S0 = 1 - C (z - A)^-1 B. */
 static void sensitivity_at(const closed_loop *s, double omega, double complex S[])
 {
     int64_t n = s->n;
-    double complex z = cexp(I * omega * s->sample_time);
+    double complex z = cexp(I * omega * s->sample_time), lag = cexp(-I * omega * s->sample_time * (double)s->delay);
+    double complex M[N_LEGS * N_LEGS];
     for (int64_t i = 0; i < n * n; i++)
         s->resolvent[i] = (i % (n + 1) == 0 ? z : 0) - s->A[i];
     memcpy(s->right, s->B, (size_t)(n * N_LEGS) * sizeof *s->B);
     solve(n, N_LEGS, s->resolvent, s->right);
     for (int64_t i = 0; i < N_LEGS; i++)
         for (int64_t k = 0; k < N_LEGS; k++) {
-            S[i * N_LEGS + k] = i == k;
+            double complex T = 0;
             for (int64_t j = 0; j < n; j++)
-                S[i * N_LEGS + k] -= s->C[i * n + j] * s->right[j * N_LEGS + k];
+                T += s->C[i * n + j] * s->right[j * N_LEGS + k];
+            S[i * N_LEGS + k] = (i == k) - T;
+            M[i * N_LEGS + k] = S[i * N_LEGS + k] + lag * T;
         }
+    solve(N_LEGS, N_LEGS, M, S);
 }
 
 /* The loop broken at one leg, the others closed: S_kk = 1 / (1 + L_k). */
@@ -321,13 +325,6 @@ static void take_end(const closed_loop *s, int leg, double near, double far, leg
         take_gain(margins, beyond);
 }
 
-static double gain_at(const closed_loop *s, int is_complementary, double omega)
-{
-    double complex S[N_LEGS * N_LEGS];
-    sensitivity_at(s, omega, S);
-    return largest_gain(S, is_complementary);
-}
-
 /* The largest gain between the neighbours of the largest on the grid, by golden sections. */
 static double peak(const closed_loop *s, int is_complementary, const double omega[], const double gains[], int64_t n)
 {
@@ -337,7 +334,10 @@ static double peak(const closed_loop *s, int is_complementary, const double omeg
     double a = log(omega[best > 0 ? best - 1 : 0]), b = log(omega[best + 1 < n ? best + 1 : n - 1]), most = gains[best];
     for (int k = 0; k < 40; k++) {
         double x = b - 0.6180339887498949 * (b - a), y = a + 0.6180339887498949 * (b - a);
-        double f = gain_at(s, is_complementary, exp(x)), g = gain_at(s, is_complementary, exp(y));
+        double complex at_x[N_LEGS * N_LEGS], at_y[N_LEGS * N_LEGS];
+        sensitivity_at(s, exp(x), at_x);
+        sensitivity_at(s, exp(y), at_y);
+        double f = largest_gain(at_x, is_complementary), g = largest_gain(at_y, is_complementary);
         most = fmax(most, fmax(f, g));
         if (f > g)
             b = y;
@@ -362,11 +362,11 @@ static void insert(double rows[], int64_t n, int size, const double row[])
 }
 
 /* From a thousandth of the slowest pole to half the sample rate, and dense about poles that are lightly damped. */
-static int64_t grid(const closed_loop *s, const double complex poles[], double omega[])
+static int64_t grid(const closed_loop *s, const double complex poles[], int64_t n_poles, double omega[])
 {
     double top = PI / s->sample_time, slowest = INFINITY;
     int64_t n = 0;
-    for (int64_t k = 0; k < s->n; k++) {
+    for (int64_t k = 0; k < n_poles; k++) {
         double rate = cabs(rate_of(poles[k], s->sample_time));
         slowest = rate > 1e-6 && rate < slowest ? rate : slowest;
     }
@@ -374,7 +374,7 @@ static int64_t grid(const closed_loop *s, const double complex poles[], double o
     top *= 1 - 1e-9;
     for (int k = 0; k < POINTS; k++)
         omega[n++] = low * exp(log(top / low) * k / (POINTS - 1));
-    for (int64_t k = 0; k < s->n; k++) {
+    for (int64_t k = 0; k < n_poles; k++) {
         double complex rate = rate_of(poles[k], s->sample_time);
         if (!(cimag(poles[k]) > 0 && fabs(creal(rate)) <= 0.5 * cimag(rate)))
             continue;
@@ -400,13 +400,13 @@ static int64_t modes_of(double h, const double complex poles[], int64_t n, doubl
     return n_modes;
 }
 
-/* Margins of each leg, and peaks, of a loop with these poles. */
-static void find_margins(const closed_loop *s, const double complex poles[], double results[])
+/* Margins of each leg, and peaks, of a loop with these poles (m). */
+static void find_margins(const closed_loop *s, const double complex poles[], int64_t m, double results[])
 {
     double omega[MOST_POINTS], gains[2][MOST_POINTS];
     double complex S[N_LEGS * N_LEGS], at[N_LEGS][2];
     leg_margins *legs = (leg_margins *)(results + LEG_MARGINS);
-    int64_t points = grid(s, poles, omega);
+    int64_t points = grid(s, poles, m, omega);
     for (int64_t k = 0; k < points; k++) {
         sensitivity_at(s, omega[k], S);
         for (int leg = 0; leg < N_LEGS; leg++) {
@@ -430,29 +430,31 @@ static void find_margins(const closed_loop *s, const double complex poles[], dou
 
 int64_t turn_margins(turning *t, const loop *l)
 {
-    int64_t n = t->n_plant + l->n_states + N_LEGS * (int64_t)l->delay.at[0];
+    closed_loop s = {.sample_time = t->sample_time, .n = t->n_plant + l->n_states, .delay = (int64_t)l->delay.at[0]};
+    int64_t n = s.n, m = n + N_LEGS * s.delay;
     double *results = t->results;
-    if (!t->n_plant || !l->kinds || l->law || n > t->most_states)
+    if (!t->n_plant || !l->kinds || l->law || m > t->most_states)
         return 1;
-    closed_loop s = {.sample_time = t->sample_time, .n = n, .A = (double complex *)(void *)t->work};
+    s.A = (double complex *)(void *)t->work;
     s.B = s.A + n * n;
     s.C = s.B + n * N_LEGS;
     s.resolvent = s.C + n * N_LEGS;
     s.right = s.resolvent + n * n;
-    double complex *poles = s.right + n * N_LEGS;
-    close_loop(&s, t, l);
-    memcpy(s.resolvent, s.A, (size_t)(n * n) * sizeof *s.A);
-    if (eigenvalues(n, s.resolvent, poles))
+    double complex *late = s.right + n * N_LEGS, *poles = late + m * m;
+    close_loop(&s, t, l, m, late);
+    balance(m, 0, late, NULL, NULL);
+    reduce(m, 0, late, NULL, NULL);
+    if (eigenvalues(m, late, poles))
         return 1;
-    memcpy(results + POLES, poles, (size_t)n * sizeof *poles);
-    results[N_POLES] = (double)n;
-    results[N_MODES] = (double)modes_of(t->sample_time, poles, n, results + POLES + 2 * t->most_states);
+    memcpy(results + POLES, poles, (size_t)m * sizeof *poles);
+    results[N_POLES] = (double)m;
+    results[N_MODES] = (double)modes_of(t->sample_time, poles, m, results + POLES + 2 * t->most_states);
     results[RADIUS] = 0;
-    for (int64_t k = 0; k < n; k++)
+    for (int64_t k = 0; k < m; k++)
         results[RADIUS] = fmax(results[RADIUS], cabs(poles[k]));
     for (int k = PEAK_S; k < N_MODES; k++)
         results[k] = NAN;
     if (results[RADIUS] < 1)
-        find_margins(&s, poles, results);
+        find_margins(&s, poles, m, results);
     return 0;
 }
