@@ -270,26 +270,20 @@ outcome component_step(component *c, double time, double step, const step_observ
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-void component_save(const component *c, double saved[]) { memcpy(saved, &c->s, sizeof c->s); }
+_Static_assert(offsetof(component, s) == 0 && offsetof(controller_state, stop_time) == STOP_TIME * sizeof(double),
+               "the state is where component.h says");
 
 int component_can_restore(const double saved[])
 {
     controller_state s;
     memcpy(&s, saved, sizeof s);
-    for (size_t k = 0; k < N_SAVED; k++)
-        if (k != offsetof(controller_state, stop_time) / sizeof(double) ? !isfinite(saved[k]) : isnan(saved[k]))
-            return 0;
     for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
         if ((is_parameter(slot) || slot == OUTPUT_DELAY) && expected_value(slot, s.slots[slot]))
             return 0;
     return s.memory.samples >= 0;
 }
 
-void component_restore(component *c, const double saved[])
-{
-    memcpy(&c->s, saved, sizeof c->s);
-    c->is_prepared = 0;
-}
+void component_forget(component *c) { c->is_prepared = 0; }
 
 /* ---- not called: there are no continuous states --------------------------------------------------------------- */
 

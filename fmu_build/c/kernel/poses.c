@@ -26,17 +26,10 @@ static void legs_at(const geometry *g, const double pose[6], double length[6], d
 }
 
 /* Replaces b by the solution of A x = b; returns the sign of det A, or 0 if A is singular. */
-static int solve(double A[6][6], double b[6])
+static int solved(double A[6][6], double b[6])
 {
-    double determinant = factorise(A, b);
-    for (int k = 5; k >= 0; k--) {
-        if (!(fabs(A[k][k]) > SMALLEST_PIVOT))
-            return 0;
-        for (int j = k + 1; j < 6; j++)
-            b[k] -= A[k][j] * b[j];
-        b[k] /= A[k][k];
-    }
-    return determinant > 0 ? 1 : -1;
+    double determinant = solve(A, SMALLEST_PIVOT, 1, b);
+    return (determinant > 0) - (determinant < 0);
 }
 
 /* Moves a pose by a twist [v; rho w], shortened to LARGEST_STEP; the angles by their rates. */
@@ -68,7 +61,7 @@ static double found_pose(const geometry *g, int side, double tolerance, const do
             error[leg] = length[leg] - at[leg];
             largest = fmax(largest, fabs(error[leg]));
         }
-        if (solve(jacobian, error) != side || !(fabs(pose[4]) < LARGEST_PITCH))
+        if (solved(jacobian, error) != side || !(fabs(pose[4]) < LARGEST_PITCH))
             return NAN;
         if (largest <= tolerance * longest)
             return largest;
@@ -90,7 +83,7 @@ OFFERED size_t poses_of_lengths(const double base[6][3], const double platform[6
     memcpy(g.p + P_PLATFORM_POINTS, platform, 18 * sizeof(double));
     memcpy(last, guess, sizeof last);
     legs_at(&g, guess, at, jacobian, &rho);
-    int side = solve(jacobian, at);
+    int side = solved(jacobian, at);
     for (size_t k = 0; k < rows; k++) {
         int is_known = 1;
         for (int leg = 0; leg < 6; leg++)

@@ -249,7 +249,7 @@ static double largest_gain(const double complex S[], int is_complementary)
         for (int j = 0; j < N_LEGS; j++)
             for (int k = 0; k < N_LEGS; k++)
                 square[i * N_LEGS + j] += conj(M[k * N_LEGS + i]) * M[k * N_LEGS + j];
-    reduce(N_LEGS, 0, square, NULL, NULL);
+    reduce(N_LEGS, 0, square, square, square);
     if (eigenvalues(N_LEGS, square, values))
         return NAN;
     for (int i = 0; i < N_LEGS; i++)
@@ -442,8 +442,8 @@ int64_t turn_margins(turning *t, const loop *l)
     s.right = s.resolvent + n * n;
     double complex *late = s.right + n * N_LEGS, *poles = late + m * m;
     close_loop(&s, t, l, m, late);
-    balance(m, 0, late, NULL, NULL);
-    reduce(m, 0, late, NULL, NULL);
+    balance(m, 0, late, late, late);
+    reduce(m, 0, late, late, late);
     if (eigenvalues(m, late, poles))
         return 1;
     memcpy(results + POLES, poles, (size_t)m * sizeof *poles);

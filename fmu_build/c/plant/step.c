@@ -467,6 +467,6 @@ outcome component_step(component *c, double time, double step, const step_observ
         checked = explain_failure(&run, how, end);
     }
     c->s = before;
-    forget_results(c);
+    component_forget(c);
     return checked;
 }

@@ -66,12 +66,13 @@ outcome component_reverse(component *c, const double wxdot[], const double wy[],
 /* d(results)/dt with the inputs changing at their rates. */
 outcome component_result_rates(component *c, double rates[]);
 
-/* The complete state, as numbers. */
+/* The complete state: so many numbers, with which a component begins. They are finite; but the stop time may be infinite. */
 extern const size_t N_SAVED;
-void component_save(const component *c, double saved[]);
-/* Whether a component can be in this state; 1 for everything that `component_save` has written. */
+enum { STOP_TIME = 2 };
+/* Whether a component can be in a state, all of whose numbers are as they should be; it can be in its own. */
 int component_can_restore(const double saved[]);
-void component_restore(component *c, const double saved[]);
+/* To be called after the state has been replaced. */
+void component_forget(component *c);
 
 /* ---- what components share ------------------------------------------------------------------------------------ */
 
