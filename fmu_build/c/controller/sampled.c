@@ -134,12 +134,7 @@ outcome component_check_parameters(component *c)
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
 {
     (void)tolerance; /* nothing is integrated */
-    outcome checked = check_experiment(start_time, stop_time, c->message);
-    if (checked != DONE)
-        return checked;
-    c->s.time = c->s.start_time = start_time;
-    c->s.stop_time = stop_time;
-    return DONE;
+    return start_experiment(&c->s.time, start_time, stop_time, c->message);
 }
 
 outcome component_begin(component *c) { return component_check_parameters(c); }

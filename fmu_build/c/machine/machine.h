@@ -22,11 +22,11 @@ OFFERED int64_t machine_run(int64_t *block, int64_t to);
 /* From now on the reference is where a hand wants the platform, MACHINE_PLAN_TARGET (6), through a filter with limits that
    begins in the motion of now; if there is a plan. */
 OFFERED void machine_take(int64_t *block);
-/* Takes over what MACHINE_TURN_WANTED holds, see turning.h: gains, delay, force limit, noise, quantisation. Returns 0, or 1 and the
-   position of the first value that is refused; then nothing has changed. */
+/* Takes over what MACHINE_TURN_WANTED holds, see turning.h: gains, delay, force limit, noise, quantisation. Returns 0, or 1
+   and the position of the first value that is refused; then nothing has changed. */
 OFFERED int64_t machine_turn(int64_t *block);
-/* Poles, modes and margins of the linear loop as it is now, in MACHINE_TURN_RESULTS, see turning.h. Returns 0, or 1 if there
-   are none. */
+/* Poles, modes and margins of the linear loop as it is now, in MACHINE_TURN_RESULTS, see turning.h. Returns 0, or 1 if
+   there are none. */
 OFFERED int64_t machine_margins(int64_t *block);
 /* The row at which it ended, or -1; and why: 0, or a FAILURE of lanes_table.h. */
 OFFERED int64_t machine_ended(const int64_t *block);

@@ -70,10 +70,7 @@ void component_put(component *c, int slot, double value)
     }
 }
 
-void component_put_input_rate(component *c, int slot, double rate)
-{
-    c->s.input_rates[slot - FIRST_INPUT] = rate;
-}
+void component_put_input_rate(component *c, int slot, double rate) { c->s.input_rates[slot - FIRST_INPUT] = rate; }
 
 /* ---- results -------------------------------------------------------------------------------------------------- */
 
@@ -191,13 +188,10 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE))
         return write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
                              SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE), MISUSE;
-    outcome checked = check_experiment(start_time, stop_time, c->message);
-    if (checked != DONE)
-        return checked;
-    c->s.tolerance = tolerance;
-    c->s.time = c->s.start_time = start_time;
-    c->s.stop_time = stop_time;
-    return DONE;
+    outcome started = start_experiment(&c->s.time, start_time, stop_time, c->message);
+    if (started == DONE)
+        c->s.tolerance = tolerance;
+    return started;
 }
 
 outcome check_pose(component *c, double *handedness)

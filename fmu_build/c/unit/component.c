@@ -72,14 +72,14 @@ outcome refuse_value(int slot, double value, const char *expected, char message[
                          expected);
 }
 
-outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE])
+outcome start_experiment(double state[], double start_time, double stop_time, char message[MESSAGE_SIZE])
 {
-    if (isfinite(start_time) && stop_time >= start_time)
-        return DONE;
-    write_message(message,
-                  "start time %g s, stop time %g s rejected; expected a finite start time and a stop time not before it",
-                  start_time, stop_time);
-    return MISUSE;
+    if (!isfinite(start_time) || !(stop_time >= start_time))
+        return write_message(message, "start time %g s, stop time %g s rejected; expected a finite start time and a stop "
+                                      "time not before it", start_time, stop_time), MISUSE;
+    state[NOW] = state[START_TIME] = start_time;
+    state[STOP_TIME] = stop_time;
+    return DONE;
 }
 
 outcome check_step(double now, double stop_time, double time, double step, char message[MESSAGE_SIZE])

@@ -41,23 +41,10 @@ FUNCTION(FMI(SetDebugLogging), (void *instance, FMI(Boolean) loggingOn, size_t n
 
 void FMI(FreeInstance)(void *instance) { free(instance); }
 
-FMI(Status) FMI(ExitInitializationMode)(void *instance)
-{
-    fmi_instance *i = called(instance, __func__);
-    fmi_mode next = i && i->kind == MODEL_EXCHANGE ? EVENT : STEP;
-    return AS_FMI(change_mode(i, CALL_EXIT_INITIALIZATION, next, component_begin));
-}
-
+FUNCTION(FMI(ExitInitializationMode), (void *instance),
+         change_mode(i, CALL_EXIT_INITIALIZATION, i && i->kind == MODEL_EXCHANGE ? EVENT : STEP, component_begin))
 FUNCTION(FMI(Terminate), (void *instance), change_mode(i, CALL_TERMINATE, TERMINATED, NULL))
-
-FMI(Status) FMI(Reset)(void *instance)
-{
-    fmi_instance *i = called(instance, __func__);
-    if (!is_allowed(i, CALL_RESET))
-        return FMI(Error);
-    begin_anew(i);
-    return FMI(OK);
-}
+FUNCTION(FMI(Reset), (void *instance), is_allowed(i, CALL_RESET) ? begin_anew(i) : STATUS_ERROR)
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
@@ -93,13 +80,8 @@ FMI(Status) FMI(CompletedIntegratorStep)(void *instance, FMI(Boolean) noSetFMUSt
     return FMI(OK);
 }
 
-FMI(Status) FMI(SetTime)(void *instance, double time)
-{
-    fmi_instance *i = called(instance, __func__);
-    if (!is_allowed(i, CALL_SET_TIME))
-        return FMI(Error);
-    return AS_FMI(conclude(i, CALL_SET_TIME, component_set_time(i->core, time)));
-}
+FUNCTION(FMI(SetTime), (void *instance, double time),
+         is_allowed(i, CALL_SET_TIME) ? conclude(i, CALL_SET_TIME, component_set_time(i->core, time)) : STATUS_ERROR)
 
 FMI(Status) FMI(SetContinuousStates)(void *instance, const double x[], size_t n)
 {
@@ -124,13 +106,10 @@ FMI(Status) FMI(GetContinuousStates)(void *instance, double x[], size_t n)
     return FMI(OK);
 }
 
-FMI(Status) FMI_GET_DERIVATIVES(void *instance, double derivatives[], size_t n)
-{
-    fmi_instance *i = called(instance, __func__);
-    if (!has_states(i, CALL_GET_CONTINUOUS_STATES, derivatives, n))
-        return FMI(Error);
-    return AS_FMI(conclude(i, CALL_GET_CONTINUOUS_STATES, component_derivatives(i->core, derivatives)));
-}
+FUNCTION(FMI_GET_DERIVATIVES, (void *instance, double derivatives[], size_t n),
+         has_states(i, CALL_GET_CONTINUOUS_STATES, derivatives, n)
+             ? conclude(i, CALL_GET_CONTINUOUS_STATES, component_derivatives(i->core, derivatives))
+             : STATUS_ERROR)
 
 FMI(Status) FMI(GetNominalsOfContinuousStates)(void *instance, double nominals[], size_t n)
 {
@@ -142,4 +121,5 @@ FMI(Status) FMI(GetNominalsOfContinuousStates)(void *instance, double nominals[]
 }
 
 FUNCTION(FMI(GetEventIndicators), (void *instance, double indicators[], size_t n),
-         is_allowed(i, CALL_GET_CONTINUOUS_STATES) && has_length(i, n, 0, "event indicators") ? STATUS_OK : STATUS_ERROR)
+         is_allowed(i, CALL_GET_CONTINUOUS_STATES) && has_length(i, n, 0, "event indicators") ? STATUS_OK
+                                                                                              : STATUS_ERROR)

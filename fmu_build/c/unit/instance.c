@@ -30,10 +30,7 @@ static const char *name_of_mode(fmi_mode mode)
     return names[k];
 }
 
-const char *name_of_kind(fmi_kind kind)
-{
-    return kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation";
-}
+const char *name_of_kind(fmi_kind kind) { return kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation"; }
 
 /* Errors are always logged, as in FMI 2.0 (2.1.3) and in FMI 3.0 from 3.0.3 on (2.2.3). */
 fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...)
@@ -120,12 +117,12 @@ fmi_status set_logging(fmi_instance *i, int on, size_t n, const char *const cate
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
-void begin_anew(fmi_instance *i)
+fmi_status begin_anew(fmi_instance *i)
 {
     component_reset(i->core);
     i->mode = INSTANTIATED;
-    i->step_status = STATUS_OK;
     i->last_successful_time = 0;
+    return i->step_status = STATUS_OK;
 }
 
 fmi_instance *new_instance(fmi_instance *request, const char *name, const char *token)

@@ -85,8 +85,7 @@ fmi_status get_output_rates(fmi_instance *i, const uint32_t references[], size_t
 fmi_status set_input_rates(fmi_instance *i, const uint32_t references[], size_t n,
                            const int32_t orders[], const double values[]);
 
-/* Life cycle */
-void begin_anew(fmi_instance *i);
+fmi_status begin_anew(fmi_instance *i);
 fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined,
                           double tolerance, double start_time, int stop_time_defined, double stop_time);
 /* `check` may be NULL. */

@@ -89,19 +89,26 @@ static fmi_status check_set(fmi_instance *i, int slot, double value)
     return STATUS_ERROR;
 }
 
-fmi_status set_values(fmi_instance *i, const uint32_t references[], size_t n, const double values[], size_t n_values)
+/* Puts values into the slots of references if all of them are right. */
+static fmi_status put_all(fmi_instance *i, const uint32_t references[], size_t n, const double values[],
+                          fmi_status (*check)(fmi_instance *i, int slot, double value),
+                          void (*put)(component *c, int slot, double value))
 {
-    if (!is_allowed(i, CALL_SET) || !find_all(i, references, n, values, n_values, "values"))
-        return STATUS_ERROR;
     const double *value = values;
     for (slot_walk at = slots_of(i, references, n); next_slot(&at);) {
-        fmi_status checked = check_set(i, at.slot, *value++);
+        fmi_status checked = check(i, at.slot, *value++);
         if (checked != STATUS_OK)
             return checked;
     }
     for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
-        component_put(i->core, at.slot, *values++);
+        put(i->core, at.slot, *values++);
     return STATUS_OK;
+}
+
+fmi_status set_values(fmi_instance *i, const uint32_t references[], size_t n, const double values[], size_t n_values)
+{
+    int is_right = is_allowed(i, CALL_SET) && find_all(i, references, n, values, n_values, "values");
+    return is_right ? put_all(i, references, n, values, check_set, component_put) : STATUS_ERROR;
 }
 
 fmi_status no_such_type(fmi_instance *i, size_t n)
@@ -157,62 +164,57 @@ fmi_status differentiate(fmi_instance *i, int is_adjoint, const uint32_t unknown
     double in[N_SLOTS] = {0}, out[N_SLOTS] = {0}, of_parameters[N_PARAMETERS];
     for (slot_walk at = is_adjoint ? slots_of(i, unknowns, n_unknowns) : slots_of(i, knowns, n_knowns); next_slot(&at);)
         in[at.slot] += *seed++;
-    if (is_adjoint) {
-        outcome result = component_reverse(i->core, in + FIRST_DERIVATIVE, in + FIRST_RESULT, out + FIRST_RESULT,
-                                           out + FIRST_INPUT, of_parameters);
-        for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
-            if (parameter_at(slot) >= 0)
-                out[slot] = of_parameters[parameter_at(slot)];
-        return gather(i, CALL_SENSITIVITY, result, knowns, n_knowns, out, sensitivity);
-    }
     for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
         if (parameter_at(slot) >= 0)
             of_parameters[parameter_at(slot)] = in[slot];
-    outcome result = component_forward(i->core, in + FIRST_RESULT, in + FIRST_INPUT, of_parameters,
-                                       out + FIRST_DERIVATIVE, out + FIRST_RESULT);
-    return gather(i, CALL_SENSITIVITY, result, unknowns, n_unknowns, out, sensitivity);
+    outcome result = is_adjoint ? component_reverse(i->core, in + FIRST_DERIVATIVE, in + FIRST_RESULT, out + FIRST_RESULT,
+                                                    out + FIRST_INPUT, of_parameters)
+                                : component_forward(i->core, in + FIRST_RESULT, in + FIRST_INPUT, of_parameters,
+                                                    out + FIRST_DERIVATIVE, out + FIRST_RESULT);
+    for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
+        if (parameter_at(slot) >= 0)
+            out[slot] = of_parameters[parameter_at(slot)];
+    return is_adjoint ? gather(i, CALL_SENSITIVITY, result, knowns, n_knowns, out, sensitivity)
+                      : gather(i, CALL_SENSITIVITY, result, unknowns, n_unknowns, out, sensitivity);
 }
 
 /* ---- rates of inputs and outputs ------------------------------------------------------------------------------ */
 
-/* 1 if all orders are 1. */
-static int have_order_1(fmi_instance *i, const int32_t orders[], size_t n)
+/* 1 if a call is allowed with such rates, all of order 1. */
+static int are_rates(fmi_instance *i, fmi_call call, const uint32_t references[], size_t n, const double values[],
+                     size_t n_values, const int32_t orders[], int (*fits)(int slot), const char *place,
+                     const char *expected)
 {
+    if (!is_allowed(i, call) || !find_all(i, references, n, values, n_values, "values") ||
+        !has_array(i, orders, n, "orders") || !have_roles(i, references, n, fits, place, expected))
+        return 0;
     for (size_t k = 0; k < n; k++)
         if (orders[k] != 1)
             return report(i, STATUS_ERROR, "order %ld; only order 1 is available", (long)orders[k]), 0;
     return 1;
 }
 
-fmi_status get_output_rates(fmi_instance *i, const uint32_t references[], size_t n,
-                            const int32_t orders[], double values[], size_t n_values)
+fmi_status get_output_rates(fmi_instance *i, const uint32_t references[], size_t n, const int32_t orders[],
+                            double values[], size_t n_values)
 {
-    if (!is_allowed(i, CALL_GET_OUTPUT_RATES) || !find_all(i, references, n, values, n_values, "values") ||
-        !has_array(i, orders, n, "orders") ||
-        !have_roles(i, references, n, is_output, "output", "an output") ||
-        !have_order_1(i, orders, n))
+    fmi_call call = CALL_GET_OUTPUT_RATES;
+    if (!are_rates(i, call, references, n, values, n_values, orders, is_output, "output", "an output"))
         return STATUS_ERROR;
     double rates[N_SLOTS] = {0};
     outcome result = component_result_rates(i->core, rates + FIRST_RESULT);
-    return gather(i, CALL_GET_OUTPUT_RATES, result, references, n, rates, values);
+    return gather(i, call, result, references, n, rates, values);
+}
+
+static fmi_status check_rate(fmi_instance *i, int slot, double rate)
+{
+    return conclude(i, CALL_SET_INPUT_RATES, component_check(i->core, slot, rate));
 }
 
 /* A reference has one slot in FMI 2.0, the only version with this function. */
-fmi_status set_input_rates(fmi_instance *i, const uint32_t references[], size_t n,
-                           const int32_t orders[], const double values[])
+fmi_status set_input_rates(fmi_instance *i, const uint32_t references[], size_t n, const int32_t orders[],
+                           const double values[])
 {
-    if (!is_allowed(i, CALL_SET_INPUT_RATES) || !find_all(i, references, n, values, ONE_EACH, "values") ||
-        !has_array(i, orders, n, "orders") ||
-        !have_roles(i, references, n, is_input, "input", "an input") ||
-        !have_order_1(i, orders, n))
-        return STATUS_ERROR;
-    const double *value = values;
-    for (slot_walk at = slots_of(i, references, n); next_slot(&at);) {
-        outcome checked = component_check(i->core, at.slot, *value++);
-        if (checked != DONE)
-            return conclude(i, CALL_SET_INPUT_RATES, checked);
-    }
-    for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
-        component_put_input_rate(i->core, at.slot, *values++);
-    return STATUS_OK;
+    return are_rates(i, CALL_SET_INPUT_RATES, references, n, values, ONE_EACH, orders, is_input, "input", "an input")
+               ? put_all(i, references, n, values, check_rate, component_put_input_rate)
+               : STATUS_ERROR;
 }
