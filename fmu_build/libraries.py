@@ -215,7 +215,7 @@ def machine_library(sources: Sources, target: Target) -> Library:
     """The description of the library of c/machine for a target; a WebAssembly module imports nothing."""
     flags: tuple[str, ...] = ("-s", "-shared")
     if target is WEB_ASSEMBLY:
-        offered = re.findall(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
+        offered = re.findall(r"^OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
         exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
         flags = ("-mexec-model=reactor", "-Wl,--no-entry", "-s", *exports)
     return Library("machine", lambda: sources, digest_of_texts(sources.files), (*_MACHINE_FLAGS, *flags))

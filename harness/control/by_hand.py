@@ -56,6 +56,7 @@ class Smoothing(Stepped):
     inputs: ClassVar[tuple[str, ...]] = ("target",)
     outputs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[tuple[str, ...]] = ("value", "rate", "acceleration")
+    by_channel: ClassVar[tuple[str, ...]] = SmoothingCoefficients._fields[1:]
 
     @staticmethod
     def prepare(values: Mapping[str, Any], period: Any) -> SmoothingCoefficients:

@@ -48,9 +48,8 @@ HEAD, ROOM, _VERSION = 4, 352, 4
 # The last row of a machine without an end.
 _NEVER = 2**53
 N_MOTION = 18
-# Places in the results of `machine_margins`, see machine.h, and the points of its grid of frequencies.
+# Places in the results of `machine_margins`, see machine.h.
 POLES = 4 + 5 * N_LEGS + 1
-_POINTS = 900
 # Samples of delay for which there is room.
 MOST_DELAY = 12
 # What may be turned, in the order of C.
@@ -95,11 +94,11 @@ _PLAN_FIELDS = {
     ),
 }
 _TURN_FIELDS = {
-    "WHOLE": ("variant", "n_plant", "n_work", "most_states"),
+    "WHOLE": ("variant", "n_plant", "most_states"),
     "NUMBER": ("sample_time", "filter_time", "tracking_time"),
     "PLACE": (
         *("channels", "masses", "gains", "notch", "wanted", "used"),
-        *("A", "B", "C", "to_space", "to_force", "work", "results"),
+        *("A", "B", "C", "to_force", "work", "results"),
     ),
 }
 
@@ -328,7 +327,8 @@ def _planned(experiment: Experiment, prepared: Prepared, kept: int) -> dict[str,
     samples = kept // every + 2
     parameters = [np.ravel(getattr(prepared.platform, v.name)) for v in interface.PLATFORM_PARAMETERS]
     maps = ("jacobians", "inverses") if getattr(prepared.controller, "space", "leg") == "task" else ()
-    filters = [{key: np.array([getattr(choice, key)]) for key in Smoothing.keys} for choice in HAND_FILTERS]
+    # of positions, then of angles
+    filters = {key: np.repeat([[getattr(choice, key)] for choice in HAND_FILTERS], 3, axis=0) for key in Smoothing.keys}
     return {
         **motion,
         "n_pieces": len(motion["begins"]),
@@ -338,7 +338,7 @@ def _planned(experiment: Experiment, prepared: Prepared, kept: int) -> dict[str,
         "given": np.zeros(N_MOTION),
         "given_at": np.zeros(1),
         "target": np.zeros(6),
-        "smoothing": np.concatenate([coefficients_of(Smoothing, values, T)[:, 0] for values in filters]),
+        "smoothing": coefficients_of(Smoothing, filters, T)[:, 0],
         "smoothed": np.zeros(18),
         "samples": -np.ones(1, np.int64),
         "reference": np.zeros((kept + every, 30)),
@@ -481,7 +481,7 @@ def turning(experiment: Experiment, prepared: Prepared, host: str = "a page") ->
         (_, readings), to_force = space_of(prepared.platform, linear, *pose)
         n, both = plant.nstates, plant.nstates + linear.system.nstates
         most = both + N_LEGS * max(int(actuators.delay), MOST_DELAY)
-        work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS
-        values |= {"n_plant": n, "A": plant.A, "B": plant.B, "C": plant.C, "to_space": readings, "to_force": to_force}
-        values |= {"work": np.zeros(work), "n_work": work, "results": np.zeros(POLES + 4 * most), "most_states": most}
+        work = 2 * (2 * both * (both + 2 * N_LEGS) + most**2 + most)
+        values |= {"n_plant": n, "A": plant.A, "B": plant.B, "C": readings @ plant.C, "to_force": to_force}
+        values |= {"work": np.zeros(work), "results": np.zeros(POLES + 4 * most), "most_states": most}
     return values

@@ -13,7 +13,8 @@ import numpy as np
 from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.fmu_build.sources import defines
 from gough_stewart.harness.control.by_hand import Smoothing
-from gough_stewart.harness.control.component import ForceLimits, Notch, Sensor, Stepped, with_links
+from gough_stewart.harness.control.component import Notch, Sensor, with_links
+from gough_stewart.harness.control.laws_of_members import rest
 from gough_stewart.harness.control.pid import (
     ChannelGains,
     channel_matrices,
@@ -23,14 +24,15 @@ from gough_stewart.harness.control.pid import (
 )
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.machine import N_MOTION, VARIANTS, keys_of, motion_variants
+from gough_stewart.harness.export.machine import N_MOTION, REQUESTED, VARIANTS, keys_of, motion_variants
 from gough_stewart.harness.export.trace import feedforward_of, motion_in, solve_by_orthogonal, vector_of
-from gough_stewart.harness.loop.libraries import traced, widths_of
+from gough_stewart.harness.loop.libraries import traced
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import coordinates_of, extrapolated, motion_of
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.operations import greater, where
 
 # ---- plan.h ----
 
@@ -80,14 +82,23 @@ def plan_header() -> str:
     functions.append(casadi.Function("coordinates", [vector], [coordinates], ["motion"], ["coordinates"]))
     of_pose = vector_of(motion_of(*map(symbols.row, parts.values())))
     functions.append(casadi.Function("motion_of_pose", [*parts.values()], [of_pose], [*parts], ["motion"]))
+    arguments = [casadi.SX.sym(name, n) for name, n in (("piece", 36), ("since", 1), ("moves", 1))]
+    piece, since, moves = map(symbols.elements, arguments)
+    half = slope = value = np.zeros(6)
+    for of_power in piece.reshape(6, 6).T:  # Horner
+        half, slope, value = half * since + slope, slope * since + value, value * since + of_power
+    of_piece = vector_of(motion_of(value[None], moves * slope[None], moves * 2 * half[None]))
+    functions.append(casadi.Function("piece", arguments, [of_piece], ["piece", "since", "moves"], ["motion"]))
 
     texts = [in_lanes(function, "static void plan_", exact=True) for function in functions]
     names = ", ".join(["0", "0", *motions])
-    by_hand, size, _ = traced(Smoothing, "smoothing", 3)
+    by_hand, *_ = traced(Smoothing, "smoothing", N_LEGS)
     return (
-        f"#define N_SMOOTHING {size}\n{by_hand}"
+        by_hand
         + "".join(texts)
         + f"\nstatic void (*const MOTIONS[])(const double[], const double[], double[]) = {{{names}}};\n"
+        + "static void (*const FEEDFORWARD[])(const double[], const double[], double[]) = "
+        + "{0, plan_gravity, plan_computed_torque};\n"
     )
 
 
@@ -96,7 +107,7 @@ def plan_header() -> str:
 
 def design_header() -> str:
     """`design.h`."""
-    # laws: (kp, kd, ki, Tf, Tt) of a channel, its notch, the sample time -> its [C D; A B], row by row
+    # laws: (kp, kd, ki, Tf, Tt) of a channel, its notch, the sample time -> its [C D; A B] and rests, row by row
     laws = []
     for number, variant in enumerate(VARIANTS):
         values, notch, T = (
@@ -110,35 +121,26 @@ def design_header() -> str:
         notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]
         s = with_links(channel, notches if variant.has_notch else [], period, symbols.solve)
         whole = np.concatenate([np.concatenate([s.C, s.D], axis=1), np.concatenate([s.A, s.B], axis=1)])
-        matrices = casadi.cse(casadi.densify(symbols.column(whole)))
+        integrating = np.diag([0.0, 1.0][: 1 + variant.integrates] + [0.0, 0.0] * variant.has_notch)
+        both = np.concatenate([np.ravel(whole), np.ravel(rest(s.A, integrating, s.B, symbols.solve))])
+        matrices = casadi.cse(casadi.densify(symbols.column(both)))
         names_in = ["values", "notch", "period"]
         laws.append(casadi.Function(f"law_{number}", [values, notch, T], [matrices], names_in, ["matrices"]))
 
     # gains and times of a design, and coefficients of components
-    masses = {"masses": N_LEGS, "bandwidth": 1, "damping": 1, "integral_time": 1}
-    functions = [
-        _of_elements("gains", masses, gains_of_masses, "gains"),
-        _of_elements(
-            *("times", dict.fromkeys(("kp", "kd", "ki"), N_LEGS)),
-            lambda kp, kd, ki: (filter_time_of(kp, kd), tracking_time_of(kp, kd, ki)),
-            "times",
-        ),
-    ]
-    kinds: list[tuple[str, type[Stepped]]] = [("limits", ForceLimits), ("sensor", Sensor)]
-    for name, kind in kinds:  # the values of a component's keys, and its period -> its coefficients
-
-        def prepared(*values: Any, kind: type[Stepped] = kind) -> Any:
-            return kind.prepare(dict(zip(kind.keys, values[:-1], strict=True)), values[-1])
-
-        functions.append(_of_elements(name, dict.fromkeys((*kind.keys, "period"), 1), prepared, "coefficients"))
+    sizes_of_used = {"masses": N_LEGS, "gains": 25, "wanted": len(REQUESTED), "filter_time": 1, "tracking_time": 1}
+    functions = [_of_elements("used", sizes_of_used, _used, "used")]
+    sensor = _of_elements("sensor", {"step": 1}, lambda step: Sensor.prepare({"quantisation": step}), "coefficients")
+    functions.append(sensor)
     functions += laws
     texts = [in_lanes(function, "static void design_", exact=True) for function in functions]
     states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
     tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)
     names = ", ".join(f"design_{law.name()}" for law in laws)
-    sizes = {"MOST_ELEMENTS_OF_CHANNEL": max(law.numel_out(0) for law in laws)}
-    for name, component in (("SENSOR", Sensor), ("LIMIT", ForceLimits)):
-        sizes[f"{name}_COEFFICIENTS"] = sum(widths_of(component, N_LEGS))
+    sizes = {
+        "MOST_ELEMENTS_OF_CHANNEL": max(law.numel_out(0) for law in laws),
+        "SENSOR_COEFFICIENTS": sensor.numel_out(0),
+    }
     signature = "const double[], const double[], const double[], double[]"
     return "\n".join(
         [
@@ -149,6 +151,21 @@ def design_header() -> str:
             f"static const int STATES[][2] = {{{states}}};",
             f"static void (*const LAWS[])({signature}) = {{{names}}};\n",
         ]
+    )
+
+
+def _used(masses: Any, gains: Any, wanted: Any, filter_time: Any, tracking_time: Any) -> tuple[Any, ...]:
+    """Gains and times (25) of what is wanted: those of a bandwidth, or the experiment's (25), and factors on them."""
+    bandwidth, damping_ratio, integral_time, wanted_filter = (wanted[k : k + 1] for k in range(4))
+    kp, kd, ki = gains_of_masses(masses, bandwidth, damping_ratio, integral_time)
+    designed = np.concatenate([kp, kd, where(greater(gains[12:18], 0.0), ki, 0.0)])
+    own = where(greater(bandwidth, 0.0), designed, gains[:18]) * np.repeat(wanted[4:7], N_LEGS)
+    kp, kd, ki = np.split(own, 3)
+    chosen = where(greater(wanted_filter, 0.0), wanted_filter, filter_time)
+    return (
+        own,
+        where(greater(chosen, 0.0), chosen, filter_time_of(kp, kd)),
+        where(greater(tracking_time, 0.0), tracking_time, tracking_time_of(kp, kd, ki)),
     )
 
 

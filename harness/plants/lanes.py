@@ -106,7 +106,6 @@ class CompiledLanes:
         for name, result, arguments in (
             ("check", count, tuple[Any, ...]()),
             ("step", count, (number, count, number, array)),
-            ("signals", None, (array,)),
             ("results", None, (array,)),
         ):
             function = getattr(self.library, f"lanes_{name}")
@@ -252,7 +251,7 @@ class BatchPlant(Plant):
 
     def signals(self) -> FloatArray:
         if self._steps == 0:  # later, the step provides them
-            self._kernel.library.lanes_signals(self.batch.reference, self._signals.ctypes.data)
+            self._find_signals()
         return self._signals[:, : self.shape[0]].T
 
     def results(self) -> FloatArray:
@@ -280,7 +279,11 @@ class BatchPlant(Plant):
         # what a step leaves to the next one
         batch.side[at] = batch.proposed[at] = 0.0
         batch.failure[at], batch.running[at] = Failure.GOES_ON, -1
-        self._kernel.library.lanes_signals(batch.reference, self._signals.ctypes.data)
+        self._find_signals()
+
+    def _find_signals(self) -> None:
+        """By a step of no duration."""
+        self._kernel.library.lanes_step(self.batch.reference, 0.0, 0, self.tolerance, self._signals.ctypes.data)
 
     def failure(self, k: int, begin: float) -> StepError:
         """The error of member k, whose `failure` is set, in a step that begins at a time [s]."""

@@ -134,12 +134,7 @@ outcome component_check_parameters(component *c)
 outcome component_set_experiment(component *c, double tolerance, double start_time, double stop_time)
 {
     (void)tolerance; /* nothing is integrated */
-    outcome checked = check_experiment(start_time, stop_time, c->message);
-    if (checked != DONE)
-        return checked;
-    c->s.time = c->s.start_time = start_time;
-    c->s.stop_time = stop_time;
-    return DONE;
+    return start_experiment(&c->s.time, start_time, stop_time, c->message);
 }
 
 outcome component_begin(component *c) { return component_check_parameters(c); }
@@ -270,26 +265,20 @@ outcome component_step(component *c, double time, double step, const step_observ
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-void component_save(const component *c, double saved[]) { memcpy(saved, &c->s, sizeof c->s); }
+_Static_assert(offsetof(component, s) == 0 && offsetof(controller_state, stop_time) == STOP_TIME * sizeof(double),
+               "the state is where component.h says");
 
 int component_can_restore(const double saved[])
 {
     controller_state s;
     memcpy(&s, saved, sizeof s);
-    for (size_t k = 0; k < N_SAVED; k++)
-        if (k != offsetof(controller_state, stop_time) / sizeof(double) ? !isfinite(saved[k]) : isnan(saved[k]))
-            return 0;
     for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
         if ((is_parameter(slot) || slot == OUTPUT_DELAY) && expected_value(slot, s.slots[slot]))
             return 0;
     return s.memory.samples >= 0;
 }
 
-void component_restore(component *c, const double saved[])
-{
-    memcpy(&c->s, saved, sizeof c->s);
-    c->is_prepared = 0;
-}
+void component_forget(component *c) { c->is_prepared = 0; }
 
 /* ---- not called: there are no continuous states --------------------------------------------------------------- */
 

@@ -76,19 +76,10 @@ static void add(const folds_of_members *block, const fold *f, int64_t vector, in
 /* Members with an element of a row that has to be finite and is not. */
 static mask broken(const folds_of_members *block, const lanes row[])
 {
-    const int64_t n = block->n_checked, *at = block->checked;
-    lanes a = (lanes)0.0, b = a, c = a, d = a;
-    int64_t i = 0;
-    for (; i + 4 <= n; i += 4) {
-        a += row[at[i]] * 0;
-        b += row[at[i + 1]] * 0;
-        c += row[at[i + 2]] * 0;
-        d += row[at[i + 3]] * 0;
-    }
-    for (; i < n; i++)
-        a += row[at[i]] * 0;
-    lanes sum = (a + b) + (c + d);
-    return sum != sum;
+    mask bad = (mask)(whole)0;
+    for (int64_t i = 0; i < block->n_checked; i++)
+        bad |= row[block->checked[i]] * 0 != 0;
+    return bad;
 }
 
 /* Adds rows of one vector to the states: (rows + 1, elements, 8), `elements` of a row, the first row being the one

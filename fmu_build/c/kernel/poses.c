@@ -25,20 +25,6 @@ static void legs_at(const geometry *g, const double pose[6], double length[6], d
     kernel_legs(x, g->p, length, rate, jacobian[0], rho);
 }
 
-/* Replaces b by the solution of A x = b; returns the sign of det A, or 0 if A is singular. */
-static int solve(double A[6][6], double b[6])
-{
-    double determinant = factorise(A, b);
-    for (int k = 5; k >= 0; k--) {
-        if (!(fabs(A[k][k]) > SMALLEST_PIVOT))
-            return 0;
-        for (int j = k + 1; j < 6; j++)
-            b[k] -= A[k][j] * b[j];
-        b[k] /= A[k][k];
-    }
-    return determinant > 0 ? 1 : -1;
-}
-
 /* Moves a pose by a twist [v; rho w], shortened to LARGEST_STEP; the angles by their rates. */
 static void move(const geometry *g, double pose[6], const double twist[6], double rho)
 {
@@ -55,8 +41,9 @@ static void move(const geometry *g, double pose[6], const double twist[6], doubl
 }
 
 /* The pose of one row from a guess, which it replaces: the largest length error, or NaN if none was found on the side
-   of the singular poses where `side` is the sign of det J. */
-static double found_pose(const geometry *g, int side, double tolerance, const double length[6], double pose[6], int *iterations)
+   of the singular poses where det J has the sign of `side`. */
+static double found_pose(const geometry *g, double side, double tolerance, const double length[6], double pose[6],
+                         int *iterations)
 {
     double longest = 0;
     for (int leg = 0; leg < 6; leg++)
@@ -68,7 +55,7 @@ static double found_pose(const geometry *g, int side, double tolerance, const do
             error[leg] = length[leg] - at[leg];
             largest = fmax(largest, fabs(error[leg]));
         }
-        if (solve(jacobian, error) != side || !(fabs(pose[4]) < LARGEST_PITCH))
+        if (!(solve(jacobian, SMALLEST_PIVOT, 1, error) * side > 0) || !(fabs(pose[4]) < LARGEST_PITCH))
             return NAN;
         if (largest <= tolerance * longest)
             return largest;
@@ -90,7 +77,7 @@ OFFERED size_t poses_of_lengths(const double base[6][3], const double platform[6
     memcpy(g.p + P_PLATFORM_POINTS, platform, 18 * sizeof(double));
     memcpy(last, guess, sizeof last);
     legs_at(&g, guess, at, jacobian, &rho);
-    int side = solve(jacobian, at);
+    double side = solve(jacobian, SMALLEST_PIVOT, 1, at);
     for (size_t k = 0; k < rows; k++) {
         int is_known = 1;
         for (int leg = 0; leg < 6; leg++)

@@ -3,8 +3,6 @@
 #define WIDTH 1
 #include "vectors.h"
 
-OFFERED int processor_level(void);
-
 #if defined(__x86_64__)
 #include <cpuid.h>
 
@@ -22,7 +20,7 @@ static uint64_t saved_registers(void)
     return (uint64_t)high << 32 | low;
 }
 
-int processor_level(void)
+OFFERED int processor_level(void)
 {
     unsigned a, b, c, d, b7 = 0, c_extended = 0, unused;
     if (!__get_cpuid(1, &a, &b, &c, &d))
@@ -43,6 +41,6 @@ int processor_level(void)
 
 #else
 
-int processor_level(void) { return 0; }
+OFFERED int processor_level(void) { return 0; }
 
 #endif

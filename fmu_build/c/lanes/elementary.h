@@ -41,18 +41,12 @@ static inline lanes wave(lanes r, mask quarters)
     return number(bits(w) ^ shifted(quarters & 2, 62));
 }
 
-static inline lanes sine(lanes x)
+/* sin(x + (number of quarter turns) pi/2) */
+static inline lanes sine(lanes x, int quarters_ahead)
 {
     mask quarters;
     lanes r = without_quarters(x, &quarters);
-    return wave(r, quarters);
-}
-
-static inline lanes cosine(lanes x)
-{
-    mask quarters;
-    lanes r = without_quarters(x, &quarters);
-    return wave(r, quarters + 1);
+    return wave(r, quarters + quarters_ahead);
 }
 
 /* exp(r) - 1, |r| <= ln(2)/2 */
@@ -114,8 +108,8 @@ static inline lanes remainder_of(lanes x, lanes y) { return x - nearest(x / y) *
 #define sign(x) sign_of(x)
 #ifndef WITH_C_LIBRARY
 #define sqrt(x) square_root(x)
-#define sin(x) sine(x)
-#define cos(x) cosine(x)
+#define sin(x) sine(x, 0)
+#define cos(x) sine(x, 1)
 #define tanh(x) hyperbolic_tangent(x)
 #define exp(x) exponential(x)
 #define fabs(x) magnitude(x)

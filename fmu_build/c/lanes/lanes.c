@@ -283,15 +283,6 @@ int64_t lanes_check(const batch *members)
 
 void find_results(const group *g, lanes results[]) { kernel_outputs(g->x, g->u, g->p, results); }
 
-void lanes_signals(const batch *members, double *signals)
-{
-    for (int64_t block = 0; block < members->blocks; block++) {
-        group g;
-        read_group(&g, members, block, N_GEOMETRY);
-        write_rows(signals + g.first, N_SIGNALS, g.at_x.signals, members->stride);
-    }
-}
-
 void lanes_results(const batch *members, double *results)
 {
     for (int64_t block = 0; block < members->blocks; block++) {

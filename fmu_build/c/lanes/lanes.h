@@ -24,9 +24,9 @@ typedef struct {
     double *internal_steps;   /* (M), internal steps so far, with those that were too large */
 } batch;
 
-/* A step under constant inputs. Returns the number of members that fail; their states do not change, and `failure` has
-   the reason. Poses are checked at the end of each internal step. Writes the signals at the end (N_SIGNALS, M) unless
-   NULL; computing them here is cheap.
+/* A step under constant inputs, also of no time. Returns the number of members that fail; their states do not change, and
+   `failure` has the reason. Poses are checked at the end of each internal step. Writes the signals at the end
+   (N_SIGNALS, M) unless NULL; computing them here is cheap.
 
    With `substeps` so many of classical RK4, each of `size` [s]. The error is max |x - x5| / (1 + |x|) with x5 of order 5
    by Cash and Karp (ACM Trans. Math. Softw. 16, 1990, 201-222) from the begin of each substep, the sum over them.
@@ -36,8 +36,6 @@ typedef struct {
 OFFERED int64_t lanes_step(const batch *members, double size, int64_t substeps, double tolerance, double *signals);
 /* Checks the current poses: like `lanes_step` of zero duration. */
 OFFERED int64_t lanes_check(const batch *members);
-/* (N_SIGNALS, M) */
-OFFERED void lanes_signals(const batch *members, double *signals);
 /* (N_RESULTS, M) */
 OFFERED void lanes_results(const batch *members, double *results);
 /* sin, cos and tanh of (8 `blocks`) numbers, (3, 8 `blocks`) */

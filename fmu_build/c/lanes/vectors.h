@@ -57,7 +57,6 @@ static inline lanes rounded_square_root(lanes x) { return sqrt(x); }
 /* of two the even one; larger numbers are whole, and NaN stays */
 static inline lanes nearest(lanes x) { return fabs(x) < 0x1p51 ? (x + 0x1.8p52) - 0x1.8p52 : x; }
 static inline lanes from_whole(mask x) { return (lanes)x; }
-static inline void put_flags(uint8_t *to, mask x) { *to = (uint8_t)(x & 1); }
 static inline mask to_whole(lanes x) { return (mask)x; }
 
 #else
@@ -73,7 +72,6 @@ typedef __typeof__(((mask)0)[0]) whole;
 typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
 typedef whole mask_anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
 typedef uint64_t words __attribute__((ext_vector_type(WIDTH)));
-typedef uint8_t flags __attribute__((ext_vector_type(WIDTH), aligned(1)));
 
 #define LANE(x, lane) (x)[lane]
 #define HOLDS(which, lane) (which)[lane]
@@ -120,13 +118,11 @@ static inline lanes rounded_square_root(lanes x) { return __builtin_elementwise_
 
 /* of two the even one */
 static inline lanes nearest(lanes x) { return __builtin_elementwise_roundeven(x); }
-static inline void put_flags(uint8_t *to, mask x) { *(flags *)to = __builtin_convertvector(x, flags); }
 static inline lanes from_whole(mask x) { return __builtin_convertvector(x, lanes); }
 static inline mask to_whole(lanes x) { return __builtin_convertvector(x, mask); }
 
 #endif
 
-static inline mask opposite(mask which) { return ~which; }
 static inline lanes smaller_of(lanes a, lanes b) { return choose(a < b, a, b); }
 static inline lanes larger_of(lanes a, lanes b) { return choose(a > b, a, b); }
 static inline lanes get(const double *from) { return *(const anywhere *)from; }

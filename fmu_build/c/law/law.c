@@ -8,21 +8,15 @@
 #pragma clang fp contract(off) reciprocal(off)
 #endif
 
-#define OF_ONE(name)                                                                                                   \
-    static inline lanes each_##name(lanes x)                                                                           \
+#define EACH(name, arguments, value)                                                                                   \
+    static inline lanes each_##name arguments                                                                          \
     {                                                                                                                  \
         for (int lane = 0; lane < WIDTH; lane++)                                                                       \
-            LANE(x, lane) = name(LANE(x, lane));                                                                       \
+            LANE(x, lane) = value;                                                                                     \
         return x;                                                                                                      \
     }
-
-#define OF_TWO(name)                                                                                                   \
-    static inline lanes each_##name(lanes x, lanes y)                                                                  \
-    {                                                                                                                  \
-        for (int lane = 0; lane < WIDTH; lane++)                                                                       \
-            LANE(x, lane) = name(LANE(x, lane), LANE(y, lane));                                                        \
-        return x;                                                                                                      \
-    }
+#define OF_ONE(name) EACH(name, (lanes x), name(LANE(x, lane)))
+#define OF_TWO(name) EACH(name, (lanes x, lanes y), name(LANE(x, lane), LANE(y, lane)))
 
 #include "law_step.h"
 

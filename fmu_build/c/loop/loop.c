@@ -88,16 +88,10 @@ static void write_numbers(const vector *v, const rows_out *to, int64_t row, int 
 
 static void write_flags(const vector *v, const rows_out *to, int64_t row, int n, const lanes x[], mask where)
 {
-    for (int i = 0; to->at && i < n; i++) {
-        uint8_t *place = (uint8_t *)to->at + row * to->row + i * to->element + v->first;
-        mask is_set = (x[i] != 0) & 1;
-        if (v->live == WIDTH && !any(~where))
-            put_flags(place, is_set);
-        else
-            for (int lane = 0; lane < v->live; lane++)
-                if (HOLDS(where, lane))
-                    place[lane] = (uint8_t)HOLDS(is_set, lane);
-    }
+    for (int i = 0; to->at && i < n; i++)
+        for (int lane = 0; lane < v->live; lane++)
+            if (HOLDS(where, lane))
+                ((uint8_t *)to->at)[row * to->row + i * to->element + v->first + lane] = LANE(x[i], lane) != 0;
 }
 
 /* Ends members at a row: it is their last one. */
@@ -303,7 +297,7 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
         nothing += command[i] * 0;
     }
     keep(v, l->command, N_LEGS, command, due);
-    end(v, due & opposite((most <= LARGEST_COMMAND) & (nothing == 0)), FAILURE_COMMAND, row);
+    end(v, due & ~((most <= LARGEST_COMMAND) & (nothing == 0)), FAILURE_COMMAND, row);
     if (l->limits.at) {
         lanes c[LIMIT_COEFFICIENTS], before[LIMIT_STATES], after[LIMIT_STATES];
         mask goes_on = due & v->plant.running;
@@ -431,7 +425,7 @@ static void check_limits(vector *v, int64_t row)
         lanes sum = (lanes)0.0;
         for (int i = 0; i < 3; i++)
             sum += sq(value_at(v, &l->reference, row, i) - remembered(v, l->signals, i));
-        end(v, opposite(square_root(sum) <= value_at(v, &l->farthest, 0, 0)), FAILURE_AWAY, row); /* also for NaN */
+        end(v, ~(square_root(sum) <= value_at(v, &l->farthest, 0, 0)), FAILURE_AWAY, row); /* also for NaN */
     }
 }
 

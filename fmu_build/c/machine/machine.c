@@ -15,6 +15,7 @@
 #include "plan.h"
 
 #define N_REFERENCE 30
+#define FIRST_OF_LENGTHS 12 /* of all signals */
 
 /* What a machine follows, computed at each row: the reference, and forces along it. */
 typedef struct {
@@ -29,13 +30,12 @@ typedef struct {
     double ahead;           /* [s] */
     double *given;          /* (18) pose, rates and accelerations that the caller writes, and their time [s] */
     double *given_at;
-    /* where a hand wants the platform: pose and angles (6), followed by a filter with limits, whose coefficients are those
-       of positions, then those of angles */
+    /* where a hand wants the platform: pose and angles (6), followed by a filter with limits */
     double *target;
     const double *smoothing;
     double *smoothed; /* (18) values, rates and accelerations */
     int64_t *samples; /* (1) that the filter has done; -1: what is given is not filtered */
-    double *reference, *forces, *jacobians, *inverses; /* for the rows of a call */
+    double *reference, *forces, *jacobians, *inverses; /* for the rows of a call; no feedforward leaves its forces 0 */
 } planned;
 
 /* What is made of a block's fields when it is opened; it stands before them. */
@@ -70,13 +70,12 @@ static void *place(int64_t *block, int64_t at) { return at ? block + at : 0; }
 int64_t machine_open(int64_t *block, int64_t words)
 {
     if (words < MACHINE_FIELDS || block[0] != MACHINE_VERSION || block[1] != words || block[2])
-        return MACHINE_OTHER;
+        return 1;
     machine *m = machine_of(block);
     const int64_t *fields = block + MACHINE_FIELDS;
     MACHINE_READ
-    m->next_change = 0;
     block[2] = 1;
-    return MACHINE_OPEN;
+    return 0;
 }
 
 /* ---- motions --------------------------------------------------------------------------------------------------------- */
@@ -86,8 +85,7 @@ enum { GIVEN, PIECES };
 /* The motion of the piece at a time, which may be the first one's or the last one's; at rest beyond. */
 static void piece_at(const planned *p, double time, double motion[])
 {
-    double first = p->begins[0], pose[6], rate[6], acceleration[6];
-    int moves = time >= first && time <= p->end + MOTION_ROUNDING;
+    double first = p->begins[0], moves = time >= first && time <= p->end + MOTION_ROUNDING;
     int64_t low = 0;
     time = larger_of(first, smaller_of(p->end, time));
     for (int64_t high = p->n_pieces; high - low > 1;) {
@@ -96,19 +94,7 @@ static void piece_at(const planned *p, double time, double motion[])
         high = is_later ? high : middle;
     }
     double since = time - p->begins[low];
-    for (int i = 0; i < 6; i++) {
-        const double *c = p->pieces + 36 * low + 6 * i;
-        double value = 0, slope = 0, half = 0;
-        for (int k = 0; k < 6; k++) {
-            half = half * since + slope;
-            slope = slope * since + value;
-            value = value * since + c[k];
-        }
-        pose[i] = value;
-        rate[i] = moves ? slope : 0;
-        acceleration[i] = moves ? 2 * half : 0;
-    }
-    plan_motion_of_pose(pose, rate, acceleration, motion);
+    plan_piece(p->pieces + 36 * low, &since, &moves, motion);
 }
 
 static void motion_at(const planned *p, double time, double motion[])
@@ -125,16 +111,11 @@ static void motion_at(const planned *p, double time, double motion[])
 /* What the hand's filter gives at a sample, once. */
 static void smooth(const planned *p, int64_t sample, double time)
 {
+    double after[N_MOTION];
     if (p->kind != GIVEN || !p->target || p->samples[0] < 0 || sample < p->samples[0])
         return;
-    for (int group = 0; group < 6; group += 3) {
-        double before[9], after[9];
-        for (int k = 0; k < 9; k++)
-            before[k] = p->smoothed[k / 3 * 6 + group + k % 3];
-        component_smoothing(p->smoothing + group / 3 * N_SMOOTHING, before, p->target + group, after);
-        for (int k = 0; k < 9; k++)
-            p->smoothed[k / 3 * 6 + group + k % 3] = after[k];
-    }
+    component_smoothing(p->smoothing, p->smoothed, p->target, after);
+    memcpy(p->smoothed, after, sizeof after);
     plan_motion_of_pose(p->smoothed, p->smoothed + 6, p->smoothed + 12, p->given);
     p->given_at[0] = time;
     p->samples[0] = sample + 1;
@@ -165,22 +146,20 @@ void machine_take(int64_t *block)
 /* New parameters, inputs and faults from a row on. */
 static void change(machine *m)
 {
-    const double *p = m->change_parameters + m->next_change * N_PARAMETERS;
-    const double *u = m->change_inputs + m->next_change * N_INPUTS;
-    memcpy((double *)m->members.parameters, p, N_PARAMETERS * sizeof *p);
-    memcpy((double *)m->members.inputs, u, N_INPUTS * sizeof *u);
+    int64_t k = m->next_change++;
+    memcpy((double *)m->members.parameters, m->change_parameters + k * N_PARAMETERS, N_PARAMETERS * sizeof(double));
+    memcpy((double *)m->members.inputs, m->change_inputs + k * N_INPUTS, N_INPUTS * sizeof(double));
     if (m->loop.cut && m->change_faults) {
-        const double *failed = m->change_faults + m->next_change * (N_LEGS + N_SIGNALS);
+        const double *failed = m->change_faults + k * (N_LEGS + N_SIGNALS);
         memcpy(m->loop.cut, failed, N_LEGS * sizeof *failed);
         memcpy(m->loop.frozen, failed + N_LEGS, N_SIGNALS * sizeof *failed);
     }
-    m->next_change++;
 }
 
 /* A table whose first row is that of an index. */
 static const double *beginning(const double *at, int64_t index, int64_t row)
 {
-    return (const double *)((uintptr_t)at - (uintptr_t)(index * row) * sizeof(double));
+    return at ? (const double *)((uintptr_t)at - (uintptr_t)(index * row) * sizeof(double)) : 0;
 }
 
 /* Computes the reference of rows and what their samples need. */
@@ -197,14 +176,10 @@ static void plan_rows(machine *m, int64_t row, int64_t to)
             motion_at(p, (double)at * l->plant_step, motion);
             plan_signals(motion, p->platform, p->reference + (at - first * l->every) * N_REFERENCE);
         }
-        motion_at(p, later < p->last || p->kind == GIVEN ? later : p->last, motion);
-        double *force = p->forces + (k - first) * N_LEGS;
-        if (p->feedforward == 1)
-            plan_gravity(motion, p->platform, force);
-        else if (p->feedforward == 2)
-            plan_computed_torque(motion, p->platform, force);
-        else
-            memset(force, 0, N_LEGS * sizeof *force);
+        if (p->feedforward) {
+            motion_at(p, later < p->last || p->kind == GIVEN ? later : p->last, motion);
+            FEEDFORWARD[p->feedforward](motion, p->platform, p->forces + (k - first) * N_LEGS);
+        }
         if (p->jacobians) {
             motion_at(p, time, motion);
             plan_maps(motion, p->platform, p->jacobians + (k - first) * 36, p->inverses + (k - first) * 36);
@@ -212,10 +187,8 @@ static void plan_rows(machine *m, int64_t row, int64_t to)
     }
     l->reference.at = beginning(p->reference, first * l->every, N_REFERENCE);
     l->feedforward.at = beginning(p->forces, first, N_LEGS);
-    if (p->jacobians) {
-        l->jacobian.at = beginning(p->jacobians, first, 36);
-        l->inverse.at = beginning(p->inverses, first, 36);
-    }
+    l->jacobian.at = beginning(p->jacobians, first, 36);
+    l->inverse.at = beginning(p->inverses, first, 36);
 }
 
 /* Samples and injections of rows that may be beyond the tables. */
@@ -229,8 +202,7 @@ static void sample_rows(machine *m, int64_t row, int64_t to)
             m->injections[(k - first) * N_LEGS + i] = k < m->n_samples ? m->injected[k * N_LEGS + i] : 0;
     }
     l->sampled.at = (const int64_t *)((uintptr_t)m->clock - (uintptr_t)first * sizeof(int64_t));
-    if (m->injected)
-        l->injection.at = beginning(m->injections, first, N_LEGS);
+    l->injection.at = beginning(m->injections, first, N_LEGS);
 }
 
 int64_t machine_run(int64_t *block, int64_t to)
@@ -261,8 +233,6 @@ int64_t machine_failure(const int64_t *block) { return machine_of(block)->member
 
 /* ---- settings -------------------------------------------------------------------------------------------------------- */
 
-enum { FIRST_OF_LENGTHS = 12, OF_ENCODERS = 6 };
-
 /* Above 0, or from 0 on. */
 static int bounded(const turning *t, const loop *l, int which, double value)
 {
@@ -271,31 +241,10 @@ static int bounded(const turning *t, const loop *l, int which, double value)
     case FORCE_LIMIT: return value > 0;
     case BANDWIDTH: case FILTER_TIME: case NOISE: case QUANTISATION: return value >= 0 && value < INFINITY;
     default: return value > 0 && value < INFINITY;
-    case INTEGRAL_TIME:
-        if (t->wanted[BANDWIDTH] == 0 || !t->gains[12])
-            return 1;
-        /* below, the loop with these gains is unstable: 1/(2 zeta w) */
-        return value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]) &&
-               value < INFINITY;
+    case INTEGRAL_TIME: /* at 1/(2 zeta w) or below, the loop with the gains of a bandwidth is unstable */
+        return t->variant < 0 || t->wanted[BANDWIDTH] == 0 || !t->gains[12] || (value < INFINITY &&
+               value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]));
     }
-}
-
-static void turn_gains(const turning *t, double used[])
-{
-    const double *wanted = t->wanted;
-    double filter = wanted[FILTER_TIME] == 0 ? t->filter_time : wanted[FILTER_TIME], tracking = t->tracking_time, times[7];
-    memcpy(used, t->gains, N_USED * sizeof *used);
-    if (wanted[BANDWIDTH] > 0) {
-        double integral_time = t->gains[12] > 0 ? wanted[INTEGRAL_TIME] : INFINITY;
-        design_gains(t->masses, wanted + BANDWIDTH, wanted + DAMPING_RATIO, &integral_time, used);
-    }
-    for (int kind = 0; kind < 3; kind++)
-        for (int i = 0; i < N_LEGS; i++)
-            used[kind * N_LEGS + i] *= wanted[FACTORS + kind];
-    design_times(used, used + N_LEGS, used + 2 * N_LEGS, times);
-    used[USED_FILTER] = filter > 0 ? filter : times[0];
-    for (int i = 0; i < N_LEGS; i++)
-        used[USED_TRACKING + i] = tracking > 0 ? tracking : times[1 + i];
 }
 
 /* Tustin's rule makes a filter ring that is faster than half a sample; limits are felt a sample late. */
@@ -312,37 +261,38 @@ static int64_t refused(const turning *t, const double used[])
     return 0;
 }
 
-/* What a state of the law is of its force. */
-static double part_of(const loop *l, int64_t state)
+/* Of a channel with such gains: its [C D; A B], then R of its rest x = R u. */
+static void channel_of(const turning *t, const double used[], int channel, double matrices[])
 {
-    double part = 0;
-    for (int64_t k = 0; k < l->entries; k++)
-        if (l->entry_row[k] < N_LEGS && l->entry_column[k] == state)
-            part += l->values.at[k * l->values.element];
-    return part;
+    const double *own = used + channel;
+    const double values[] = {own[0], own[N_LEGS], own[2 * N_LEGS], used[USED_FILTER], own[USED_TRACKING]};
+    LAWS[t->variant](values, t->notch, &t->sample_time, matrices);
 }
 
 /* Other gains. Before the first sample the law begins at rest. Later each filter of a derivative gives the force that it
    gave, since what it holds of a length is far more than what it holds of a velocity: about its rest r, c x is kept, as
-   x = r' + c/c' (x - r). */
+   x = r' + c/c' (x - r). The states of all channels' controllers come first, then those of their notches. */
 static void turn_law(const turning *t, loop *l, const double used[])
 {
-    int64_t controllers = STATES[t->variant][0];
-    double before[MOST_LAW_STATES], after[MOST_LAW_STATES], part[N_LEGS];
-    double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL]; /* [C D; A B] of each */
-    rest_of_law(l, before);
+    int64_t first = STATES[t->variant][0], second = STATES[t->variant][1], n = first + second;
+    double old[MOST_ELEMENTS_OF_CHANNEL], channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL];
+    const double *u = l->memory + l->n_states;
     for (int i = 0; i < N_LEGS; i++) {
-        const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
-        part[i] = part_of(l, i * controllers);
-        LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
+        channel_of(t, t->used, i, old);
+        channel_of(t, used, i, channels[i]);
+        for (int64_t state = 0; state < (l->at_row[0] ? 1 : n); state++) {
+            double *x = l->memory + (state < first ? i * first : (N_LEGS - 1) * first + i * second) + state;
+            double rest = 0, old_rest = 0;
+            for (int64_t k = 0; k < l->kinds; k++) {
+                int64_t R = (1 + n) * (n + l->kinds) + state * l->kinds + k;
+                rest += channels[i][R] * u[k * N_LEGS + i];
+                old_rest += old[R] * u[k * N_LEGS + i];
+            }
+            *x = rest + (l->at_row[0] ? old[0] / channels[i][0] * (*x - old_rest) : 0);
+        }
     }
     for (int64_t k = 0; k < l->entries; k++)
-        ((double *)l->values.at)[k * l->values.element] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
-    rest_of_law(l, after);
-    if (!l->at_row[0])
-        memcpy(l->memory, after, (size_t)l->n_states * sizeof *after);
-    for (int64_t i = 0, k = 0; l->at_row[0] && i < N_LEGS; i++, k += controllers)
-        l->memory[k] = after[k] + part[i] / part_of(l, k) * (l->memory[k] - before[k]);
+        ((double *)l->values.at)[k] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
 }
 
 int64_t machine_turn(int64_t *block)
@@ -358,28 +308,23 @@ int64_t machine_turn(int64_t *block)
         if (!bounded(t, l, k, wanted[k]))
             return 1 + k;
     if (t->variant >= 0) {
-        turn_gains(t, used);
+        design_used(t->masses, t->gains, wanted, &t->filter_time, &t->tracking_time, used);
         int64_t fault = refused(t, used);
         if (fault)
             return fault;
     }
     *(double *)l->delay.at = wanted[DELAY];
     m->plan.ahead = (wanted[DELAY] + 0.5) * t->sample_time;
-    if (l->limits.at) {
-        double c[LIMIT_COEFFICIENTS];
-        double rate = l->limits.at[2 * N_LEGS * l->limits.element] / t->sample_time;
-        design_limits(wanted + FORCE_LIMIT, &rate, &t->sample_time, c);
-        /* the rate stays as it was, to the last bit */
-        for (int k = 0; k < 2 * N_LEGS; k++)
-            ((double *)l->limits.at)[k * l->limits.element] = c[k / N_LEGS];
-    }
-    if (l->n_noisy && l->sensors.at) {
-        double c[SENSOR_COEFFICIENTS];
-        *(double *)l->deviations.at = wanted[NOISE];
-        design_sensor(wanted + QUANTISATION, &t->sample_time, c);
-        for (int i = 0; i < OF_ENCODERS * SENSOR_COEFFICIENTS; i++)
-            ((double *)l->sensors.at)[(FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS + i) * l->sensors.element] =
-                c[i % SENSOR_COEFFICIENTS];
+    for (int k = 0; l->limits.at && k < 2 * N_LEGS; k++) /* of all legs the lowest, then the highest */
+        ((double *)l->limits.at)[k] = k < N_LEGS ? -wanted[FORCE_LIMIT] : wanted[FORCE_LIMIT];
+    for (int64_t k = 0; l->sensors.at && k < l->n_noisy; k++) {
+        double c[SENSOR_COEFFICIENTS], *lengths = (double *)l->sensors.at + FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS;
+        if (l->noisy[2 * k] != FIRST_OF_LENGTHS)
+            continue;
+        ((double *)l->deviations.at)[k] = wanted[NOISE];
+        design_sensor(wanted + QUANTISATION, c);
+        for (int i = 0; i < N_LEGS * SENSOR_COEFFICIENTS; i++)
+            lengths[i] = c[i % SENSOR_COEFFICIENTS];
     }
     if (!l->at_row[0] && l->kinds) {
         if (m->plan.kind >= 0)

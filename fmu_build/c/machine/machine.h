@@ -13,34 +13,25 @@
 #ifndef MACHINE_H
 #define MACHINE_H
 
-#include <stdint.h>
+#include "vectors.h"
 
-#if defined(_WIN32)
-#define MACHINE_OFFERED __declspec(dllexport)
-#else
-#define MACHINE_OFFERED __attribute__((visibility("default")))
-#endif
-
-/* results of `machine_open` */
-#define MACHINE_OPEN 0
-#define MACHINE_OTHER 1   /* the block is of another version, cut off, or was opened before */
-
-MACHINE_OFFERED int64_t machine_open(int64_t *block, int64_t words);
+/* Returns 0, or 1 if the block is of another version, cut off, or was opened before. */
+OFFERED int64_t machine_open(int64_t *block, int64_t words);
 /* Runs rows to before `to`, but not more than are kept, and not beyond the end of the run. Returns the next row. */
-MACHINE_OFFERED int64_t machine_run(int64_t *block, int64_t to);
+OFFERED int64_t machine_run(int64_t *block, int64_t to);
 /* From now on the reference is where a hand wants the platform, MACHINE_PLAN_TARGET (6), through a filter with limits that
    begins in the motion of now; if there is a plan. */
-MACHINE_OFFERED void machine_take(int64_t *block);
-/* Takes over what MACHINE_TURN_WANTED holds, see turning.h: gains, delay, force limit, noise, quantisation. Returns 0, or 1 and the
-   position of the first value that is refused; then nothing has changed. */
-MACHINE_OFFERED int64_t machine_turn(int64_t *block);
-/* Poles, modes and margins of the linear loop as it is now, in MACHINE_TURN_RESULTS, see turning.h. Returns 0, or 1 if there
-   are none. */
-MACHINE_OFFERED int64_t machine_margins(int64_t *block);
+OFFERED void machine_take(int64_t *block);
+/* Takes over what MACHINE_TURN_WANTED holds, see turning.h: gains, delay, force limit, noise, quantisation. Returns 0, or 1
+   and the position of the first value that is refused; then nothing has changed. */
+OFFERED int64_t machine_turn(int64_t *block);
+/* Poles, modes and margins of the linear loop as it is now, in MACHINE_TURN_RESULTS, see turning.h. Returns 0, or 1 if
+   there are none. */
+OFFERED int64_t machine_margins(int64_t *block);
 /* The row at which it ended, or -1; and why: 0, or a FAILURE of lanes_table.h. */
-MACHINE_OFFERED int64_t machine_ended(const int64_t *block);
-MACHINE_OFFERED int64_t machine_failure(const int64_t *block);
+OFFERED int64_t machine_ended(const int64_t *block);
+OFFERED int64_t machine_failure(const int64_t *block);
 /* What a field holds, by its number of machine_fields.h, such as MACHINE_INPUTS; NULL if the machine has none. */
-MACHINE_OFFERED void *machine_field(int64_t *block, int64_t field);
+OFFERED void *machine_field(int64_t *block, int64_t field);
 
 #endif

@@ -41,7 +41,7 @@ typedef struct {
     /* the plant from forces to the law's signals, small signals at the sample time: x+ = A x + B u, y = C x (n_plant
        states); from its measurements to those of the law's space, and from the law's output to forces */
     int64_t n_plant;
-    const double *A, *B, *C, *to_space, *to_force;
+    const double *A, *B, *C, *to_force;
     double *work, *results; /* room for the analysis of at most `most_states` of the closed loop */
     int64_t n_work, most_states;
 } turning;
@@ -49,8 +49,5 @@ typedef struct {
 /* Poles, modes and margins of the linear loop with the present gains and delay. Returns 0, or 1 if there are too many
    states, or no controller. */
 int64_t turn_margins(turning *t, const loop *l);
-/* The states of a law of channels at rest, x = A x + B u, 0 where they integrate. */
-enum { MOST_LAW_STATES = 4 * N_LEGS };
-void rest_of_law(const loop *l, double rest[]);
 
 #endif

@@ -5,7 +5,16 @@
 
 #define N N_LEGS
 
-double factorise(double a[N][N], double b[N])
+static void swap(int n, double one[], double other[])
+{
+    for (int k = 0; k < n; k++) {
+        double kept = one[k];
+        one[k] = other[k];
+        other[k] = kept;
+    }
+}
+
+double solve(double a[N][N], double smallest, int m, double b[])
 {
     double determinant = 1;
     for (int j = 0; j < N; j++) {
@@ -13,30 +22,29 @@ double factorise(double a[N][N], double b[N])
         for (int i = j + 1; i < N; i++)
             if (fabs(a[i][j]) > fabs(a[pivot][j]))
                 pivot = i;
-        if (!(fabs(a[pivot][j]) > 0))
+        if (!(fabs(a[pivot][j]) > smallest))
             return 0; /* also for NaN */
         if (pivot != j) {
-            double row[N];
-            memcpy(row, a[j], sizeof row);
-            memcpy(a[j], a[pivot], sizeof row);
-            memcpy(a[pivot], row, sizeof row);
-            if (b) {
-                double kept = b[j];
-                b[j] = b[pivot];
-                b[pivot] = kept;
-            }
+            swap(N, a[j], a[pivot]);
+            swap(m, b + j * m, b + pivot * m);
             determinant = -determinant;
         }
         determinant *= a[j][j];
         double reciprocal = 1 / a[j][j];
         for (int i = j + 1; i < N; i++) {
-            double factor = a[i][j] *= reciprocal;
+            double factor = a[i][j] * reciprocal;
             for (int k = j + 1; k < N; k++)
                 a[i][k] -= factor * a[j][k];
-            if (b)
-                b[i] -= factor * b[j];
+            for (int k = 0; k < m; k++)
+                b[i * m + k] -= factor * b[j * m + k];
         }
     }
+    for (int i = N - 1; i >= 0; i--)
+        for (int k = 0; k < m; k++) {
+            for (int j = i + 1; j < N; j++)
+                b[i * m + k] -= a[i][j] * b[j * m + k];
+            b[i * m + k] /= a[i][i];
+        }
     return determinant;
 }
 
@@ -51,33 +59,20 @@ static double sum_of_squares(const double a[N][N])
 
 double exact_condition_number(const double jacobian[N][N])
 {
-    double lu[N][N], sum = 0;
-    memcpy(lu, jacobian, sizeof lu);
-    if (factorise(lu, NULL) == 0)
+    double factors[N][N], inverse[N][N] = {{0}};
+    memcpy(factors, jacobian, sizeof factors);
+    for (int i = 0; i < N; i++)
+        inverse[i][i] = 1;
+    if (solve(factors, 0, N, inverse[0]) == 0)
         return INFINITY;
-    /* Frobenius norm of the inverse, column by column; the order of its columns, that of the pivots, does not matter */
-    for (int column = 0; column < N; column++) {
-        double v[N];
-        for (int i = 0; i < N; i++) {
-            v[i] = i == column;
-            for (int k = 0; k < i; k++)
-                v[i] -= lu[i][k] * v[k];
-        }
-        for (int i = N - 1; i >= 0; i--) {
-            for (int k = i + 1; k < N; k++)
-                v[i] -= lu[i][k] * v[k];
-            v[i] /= lu[i][i];
-            sum += v[i] * v[i];
-        }
-    }
-    return sqrt(sum_of_squares(jacobian)) * sqrt(sum);
+    return sqrt(sum_of_squares(jacobian)) * sqrt(sum_of_squares((const double(*)[N])inverse));
 }
 
 double condition_number(const double jacobian[N][N], double *determinant)
 {
     double factors[N][N], mean = sum_of_squares(jacobian) / N;
     memcpy(factors, jacobian, sizeof factors);
-    *determinant = factorise(factors, NULL);
+    *determinant = solve(factors, 0, 0, factors[0]);
     double bound = 2 * mean * mean * mean / fabs(*determinant);
     return bound < SINGULAR_CONDITION_NUMBER ? bound : exact_condition_number(jacobian);
 }

@@ -6,9 +6,9 @@
 #include "plant_table.h"
 
 INTERNAL_BEGIN
-/* LU factors in place by Gauss with pivots, of the rows in the order of these; returns the determinant. A right side, unless
-   NULL, becomes that of the upper factor. */
-double factorise(double a[N_LEGS][N_LEGS], double right_side[N_LEGS]);
+/* The determinant of a, 0 if a pivot is not larger than the smallest one; then m right sides b (N_LEGS, m) are not solved,
+   else they become x of a x = b. By Gauss with pivots, which overwrites a. */
+double solve(double a[N_LEGS][N_LEGS], double smallest, int m, double b[]);
 /* Condition number in Frobenius norms, which is one to six times the spectral one. */
 double exact_condition_number(const double jacobian[N_LEGS][N_LEGS]);
 /* The same and det J; an upper bound instead if that is below the limit, which costs less:

@@ -12,7 +12,8 @@ static int is_positive_definite(double m[3][3])
     return m[0][0] > 0 && two > 0 && three > 0;
 }
 
-outcome check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
+/* The inertia is physically possible. */
+static outcome check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
 {
     const double *J = p + P_PLATFORM_INERTIA;
     double size = 0, unit[3][3];
@@ -73,7 +74,8 @@ outcome check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
     return DONE;
 }
 
-outcome check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
+outcome check_start(const double p[N_PARAMETERS], const double x[N_STATES], const double leg_length[N_LEGS],
+                    char message[MESSAGE_SIZE])
 {
     static const int values[2] = {P_LEG_LOWER_COM, P_LEG_UPPER_COM};
     static const int factors[2] = {P_LEG_LOWER_COM_FACTOR, P_LEG_UPPER_COM_FACTOR};
@@ -89,11 +91,23 @@ outcome check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_L
             return write_message(message, "leg_%s_com is %g m; expected at most the shortest leg length at the start, %g m "
                                           "(leg %d)", part ? "upper" : "lower", com[least], leg_length[least], least + 1);
     }
+#if HAS_SPRINGS
+    for (int i = 0; i < N_LEGS; i++) {
+        double s = x[X_MOTOR_POSITION + i];
+        if (!(fabs(s - leg_length[i]) <= LARGEST_STRETCH * leg_length[i]))
+            return write_message(message, "motor_position[%d] is %g m, but leg_length[%d] %g m at the start; expected a "
+                                          "stretch of at most %g %%: set motor_position with the pose, to leg length + "
+                                          "force/stiffness", i + 1, s, i + 1, leg_length[i], 100 * LARGEST_STRETCH);
+    }
+#endif
+    (void)x;
     return DONE;
 }
 
-outcome check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
+outcome check_parameters(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
 {
+    if (check_inertia(p, message) != DONE)
+        return NOT_POSSIBLE;
 #if HAS_BRISTLES
     double model = p[P_LEG_FRICTION_MODEL];
     if (model != 1 && model != 2)
@@ -138,21 +152,5 @@ outcome check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
                                  stiffness, least, SLOWEST_MODE, i + 1);
     }
 #endif
-    (void)p, (void)message;
-    return DONE;
-}
-
-outcome check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
-{
-#if HAS_SPRINGS
-    for (int i = 0; i < N_LEGS; i++) {
-        double s = x[X_MOTOR_POSITION + i];
-        if (!(fabs(s - leg_length[i]) <= LARGEST_STRETCH * leg_length[i]))
-            return write_message(message, "motor_position[%d] is %g m, but leg_length[%d] %g m at the start; expected a "
-                                          "stretch of at most %g %%: set motor_position with the pose, to leg length + "
-                                          "force/stiffness", i + 1, s, i + 1, leg_length[i], 100 * LARGEST_STRETCH);
-    }
-#endif
-    (void)x, (void)leg_length, (void)message;
     return DONE;
 }

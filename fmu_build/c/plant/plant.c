@@ -24,7 +24,7 @@ static double *place_of(component *c, int slot)
     return slot == FIXED_STEP_SIZE ? &c->s.fixed_step_size : NULL;
 }
 
-void forget_results(component *c)
+void component_forget(component *c)
 {
     c->has_xdot = c->has_results = c->has_legs = 0;
     c->inertia_is_unchecked = 1;
@@ -39,7 +39,7 @@ void component_reset(component *c)
     memcpy(c->s.inputs, START_INPUTS, sizeof c->s.inputs);
     memcpy(c->s.x, START_STATES, sizeof c->s.x);
     memcpy(c->s.p, START_PARAMETERS, sizeof c->s.p);
-    forget_results(c);
+    component_forget(c);
 }
 
 const char *component_message(const component *c) { return c->message; }
@@ -70,10 +70,7 @@ void component_put(component *c, int slot, double value)
     }
 }
 
-void component_put_input_rate(component *c, int slot, double rate)
-{
-    c->s.input_rates[slot - FIRST_INPUT] = rate;
-}
+void component_put_input_rate(component *c, int slot, double rate) { c->s.input_rates[slot - FIRST_INPUT] = rate; }
 
 /* ---- results -------------------------------------------------------------------------------------------------- */
 
@@ -191,13 +188,10 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     if (!(tolerance >= SMALLEST_TOLERANCE && tolerance <= LARGEST_TOLERANCE))
         return write_message(c->message, "tolerance = %g rejected; expected %g to %g, for example %g", tolerance,
                              SMALLEST_TOLERANCE, LARGEST_TOLERANCE, DEFAULT_TOLERANCE), MISUSE;
-    outcome checked = check_experiment(start_time, stop_time, c->message);
-    if (checked != DONE)
-        return checked;
-    c->s.tolerance = tolerance;
-    c->s.time = c->s.start_time = start_time;
-    c->s.stop_time = stop_time;
-    return DONE;
+    outcome started = start_experiment(&c->s.time, start_time, stop_time, c->message);
+    if (started == DONE)
+        c->s.tolerance = tolerance;
+    return started;
 }
 
 outcome check_pose(component *c, double *handedness)
@@ -235,8 +229,7 @@ outcome component_check_state(component *c)
 
 outcome component_check_parameters(component *c)
 {
-    if (c->inertia_is_unchecked &&
-        (check_inertia(c->s.p, c->message) != DONE || check_parts(c->s.p, c->message) != DONE))
+    if (c->inertia_is_unchecked && check_parameters(c->s.p, c->message) != DONE)
         return NOT_POSSIBLE;
     c->inertia_is_unchecked = 0;
     return DONE;
@@ -246,8 +239,7 @@ outcome component_begin(component *c)
 {
     double handedness = c->s.handedness;
     if (component_check_parameters(c) != DONE || check_joints(c->s.p, c->message) != DONE ||
-        check_pose(c, &handedness) != DONE || check_leg_coms(c->s.p, legs_of(c)->length, c->message) != DONE ||
-        check_motors(c->s.x, legs_of(c)->length, c->message) != DONE)
+        check_pose(c, &handedness) != DONE || check_start(c->s.p, c->s.x, legs_of(c)->length, c->message) != DONE)
         return NOT_POSSIBLE;
     c->s.handedness = handedness;
     return DONE;
@@ -263,21 +255,13 @@ outcome component_set_time(component *c, double time)
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-void component_save(const component *c, double saved[]) { memcpy(saved, &c->s, sizeof c->s); }
+_Static_assert(offsetof(component, s) == 0 && offsetof(plant_state, stop_time) == STOP_TIME * sizeof(double),
+               "the state is where component.h says");
 
 int component_can_restore(const double saved[])
 {
     plant_state s;
     memcpy(&s, saved, sizeof s);
-    for (size_t k = 0; k < N_SAVED; k++)
-        if (isnan(saved[k]) || (isinf(saved[k]) && k != offsetof(plant_state, stop_time) / sizeof(double)))
-            return 0;
     return s.tolerance >= SMALLEST_TOLERANCE && s.tolerance <= LARGEST_TOLERANCE && s.internal_step >= 0 &&
            s.fixed_step_size >= 0 && s.largest_step >= 0;
-}
-
-void component_restore(component *c, const double saved[])
-{
-    memcpy(&c->s, saved, sizeof c->s);
-    forget_results(c);
 }

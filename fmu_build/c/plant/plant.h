@@ -53,25 +53,19 @@ struct component {
 };
 
 INTERNAL_BEGIN
-/* To be called after `s` has been replaced. */
-void forget_results(component *c);
 /* The failure of a step at the component's time, `at time T s: QUANTITY = VALUE UNIT: REASON`. Returns NOT_POSSIBLE. */
 outcome refuse_step(component *c, const char *quantity, double value, const char *unit, const char *reason, ...);
 /* Whether the current pose is within the limits: a pitch of 90 degrees, a leg of no length, a singular leg Jacobian.
    `handedness` is the sign of det J of the motion so far; if it is 0, it is set from this pose. */
 outcome check_pose(component *c, double *handedness);
 
-/* Validity of the parameters, as in gough_stewart.model.platform_checks; NOT_POSSIBLE with the reason.
-   The inertia is physically possible. */
-outcome check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
+/* Validity of the parameters, as in gough_stewart.model.platform_checks; NOT_POSSIBLE with the reason. */
+outcome check_parameters(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
 /* No two legs share both joints. */
 outcome check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
-/* The centres of mass are on the legs. */
-outcome check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
-/* What a plant with bristles or springs needs besides the bounds of each value. */
-outcome check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
-/* Motors are near the lengths of the legs at the start. */
-outcome check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
+/* At the start, centres of mass are on the legs, and motors near their lengths. */
+outcome check_start(const double p[N_PARAMETERS], const double x[N_STATES], const double leg_length[N_LEGS],
+                    char message[MESSAGE_SIZE]);
 INTERNAL_END
 
 #endif

@@ -19,14 +19,7 @@ typedef struct {
     double t, h;
 } communication_step;
 
-typedef enum {
-    REACHED_END,
-    GIVEN_UP,        /* the component's message says why */
-    STEP_TOO_SMALL,  /* the tolerance cannot be met */
-    TOO_MANY_STEPS,
-    NOT_FINITE,      /* in fixed steps */
-    TOO_FAST         /* a fixed step needs more than MOST_SUBSTEPS, which reach `size` of it */
-} integration;
+#define LIKELY_CAUSE "forces too large, leg_friction_velocity too small, or pose nearly singular"
 
 static void inputs_at(const communication_step *step, double t, double u[N_INPUTS])
 {
@@ -221,9 +214,9 @@ static int sticking_step(communication_step *step, double end, double x[N_STATES
 }
 #endif
 
-/* Moves the component to the end of an internal step: time, states, inputs and derivatives. 0 if it cannot be there. The
+/* Moves the component to the end of an internal step, if it can be there: time, states, inputs and derivatives. The
    observer may reduce the end of the communication step, and set inputs. */
-static int arrive(communication_step *step, double t, const double x[N_STATES], const double rate[N_STATES], double *end)
+static outcome arrive(communication_step *step, double t, const double x[N_STATES], const double rate[N_STATES], double *end)
 {
     component *c = step->c;
     c->s.time = t;
@@ -233,33 +226,35 @@ static int arrive(communication_step *step, double t, const double x[N_STATES], 
     c->has_results = c->has_legs = 0;
     if (step->interpolates)
         inputs_at(step, t, c->s.inputs);
-    if (component_check_state(c) != DONE)
-        return 0;
-    if (!step->observer)
-        return 1;
+    outcome checked = component_check_state(c);
+    if (checked != DONE || !step->observer)
+        return checked;
     step->observer->notice(step->observer->context, t, end);
     step->since = t;
     memcpy(step->from, c->s.inputs, sizeof step->from);
     if (!c->has_xdot)
         find_rates(step, t, c->s.x, c->xdot);
     c->has_xdot = 1;
-    return 1;
+    return DONE;
 }
 
 /* ---- error control ----------------------------------------------------------------------------------------------- */
 
-static integration integrate_controlled(communication_step *step, double end, double tolerance)
+static outcome integrate_controlled(communication_step *step, double end, double tolerance)
 {
     component *c = step->c;
+    const double planned = end;
     double proposed = step->size > 0 ? step->size : end - c->s.time, x[N_STATES];
     stages s;
     for (long steps = 0; c->s.time < end; steps++) {
         if (steps == MOST_INTERNAL_STEPS)
-            return TOO_MANY_STEPS;
+            return refuse_step(c, "internal steps", MOST_INTERNAL_STEPS, "", "too many internal steps for one step to time "
+                               "%.12g s at tolerance %g; " LIKELY_CAUSE, planned, tolerance);
         double left = end - c->s.time, size = step->size = size_of(proposed, left);
         double t = size < left ? c->s.time + size : end;
         if (!(t > c->s.time) || (size < left && size < 16 * DBL_EPSILON * fabs(end)))
-            return STEP_TOO_SMALL;
+            return refuse_step(c, "internal step size", size, " s", "the tolerance %g cannot be met; " LIKELY_CAUSE,
+                               tolerance);
         step->t = c->s.time;
         step->h = size;
 #if HAS_BRISTLES
@@ -273,10 +268,10 @@ static integration integrate_controlled(communication_step *step, double end, do
         find_rates(step, t, x, s.rate[STAGES]);
         double ratio = error_of_step(&s, size, c->s.x, x) / tolerance;
         proposed = step->size = proposal_after(proposed, size, ratio);
-        if (ratio <= 1 && !arrive(step, t, x, s.rate[STAGES], &end))
-            return GIVEN_UP;
+        if (ratio <= 1 && arrive(step, t, x, s.rate[STAGES], &end) != DONE)
+            return NOT_POSSIBLE;
     }
-    return REACHED_END;
+    return DONE;
 }
 
 /* ---- fixed steps ------------------------------------------------------------------------------------------------- */
@@ -289,14 +284,13 @@ static double number_of_steps(double start, double end, double size)
 }
 
 /* Equal steps, the largest not above `size`. */
-static integration integrate_fixed(communication_step *step, double end, double size)
+static outcome integrate_fixed(communication_step *step, double end, double size)
 {
     component *c = step->c;
+    const double whole = end;
     double start = c->s.time, n = number_of_steps(start, end, size), span = end - start, planned = end;
     double x[N_STATES], rate[N_STATES];
     long done = 0;
-    if (n > MOST_FIXED_STEPS)
-        return TOO_MANY_STEPS;
     while (c->s.time < end) {
         if (end != planned) { /* the observer has reduced it; no more steps than were left */
             start = c->s.time;
@@ -307,11 +301,13 @@ static integration integrate_fixed(communication_step *step, double end, double 
         }
         done++;
         double t = (double)done < n ? start + span * ((double)done / n) : end;
-        if (!(t > c->s.time))
-            return STEP_TOO_SMALL;
+        if (n > MOST_FIXED_STEPS || !(t > c->s.time))
+            return refuse_step(c, "fixed_step_size", size, " s", "too small for one step to time %.12g s; expected at most "
+                               "%d steps, each large enough to advance the time", whole, MOST_FIXED_STEPS);
 #if HAS_BRISTLES
         if (!sticking_step(step, t, x, rate))
-            return TOO_FAST;
+            return refuse_step(c, "fixed_step_size", size, " s", "no division resolves legs with stiction in such a step; "
+                               "expected at most %.2g s, or 0 for error control", step->size);
 #else
         double rates[4][N_STATES];
         step->t = c->s.time;
@@ -320,12 +316,13 @@ static integration integrate_fixed(communication_step *step, double end, double 
         rk4_step(step->h, c->s.x, rates, find_stage_rates, step, x);
         find_rates(step, t, x, rate);
         if (!all_finite(x, N_STATES) || !all_finite(rate, N_STATES))
-            return NOT_FINITE;
+            return refuse_step(c, "fixed_step_size", size, " s", "the motion is not finite; the step is too large, or "
+                               LIKELY_CAUSE);
 #endif
-        if (!arrive(step, t, x, rate, &end))
-            return GIVEN_UP;
+        if (arrive(step, t, x, rate, &end) != DONE)
+            return NOT_POSSIBLE;
     }
-    return REACHED_END;
+    return DONE;
 }
 
 /* ---- the largest fixed step -------------------------------------------------------------------------------------- */
@@ -364,14 +361,10 @@ static double spectral_radius(double a[N_STATES][N_STATES])
 static double stable_step(const double x[N_STATES], const double u[N_INPUTS], const double p[N_PARAMETERS])
 {
     static const double no_input[N_INPUTS] = {0}, no_parameter[N_PARAMETERS] = {0};
-    double rest[N_STATES], direction[N_STATES] = {0}, change[N_STATES], results[N_RESULTS], a[N_STATES][N_STATES];
-    memcpy(rest, x, sizeof rest);
-    memset(rest + X_VELOCITY, 0, sizeof(double) * 6);
-#if HAS_BRISTLES
-    memset(rest + X_LEG_BRISTLE, 0, sizeof(double) * N_LEGS);
-#endif
+    double rest[N_STATES] = {0}, direction[N_STATES] = {0}, change[N_STATES], results[N_RESULTS], a[N_STATES][N_STATES];
+    memcpy(rest, x, sizeof(double) * X_VELOCITY);
 #if HAS_SPRINGS
-    memset(rest + X_MOTOR_VELOCITY, 0, sizeof(double) * N_LEGS);
+    memcpy(rest + X_MOTOR_POSITION, x + X_MOTOR_POSITION, sizeof(double) * N_LEGS);
 #endif
     for (int k = 0; k < N_STATES; k++) {
         direction[k] = 1;
@@ -389,29 +382,6 @@ static double stable_step(const double x[N_STATES], const double u[N_INPUTS], co
 #endif
 
 /* ---- the communication step -------------------------------------------------------------------------------------- */
-
-/* The failure of an integration that gave up; one of `arrive` has been explained. */
-static outcome explain_failure(const communication_step *step, integration how, double end)
-{
-    component *c = step->c;
-    const char *cause = "forces too large, leg_friction_velocity too small, or pose nearly singular";
-    double fixed = c->s.fixed_step_size;
-    if (fixed > 0 && (how == TOO_MANY_STEPS || how == STEP_TOO_SMALL))
-        refuse_step(c, "fixed_step_size", fixed, " s",
-                    "too small for one step to time %.12g s; expected at most %d steps, each large enough to advance the "
-                    "time", end, MOST_FIXED_STEPS);
-    else if (how == STEP_TOO_SMALL)
-        refuse_step(c, "internal step size", step->size, " s", "the tolerance %g cannot be met; %s", c->s.tolerance, cause);
-    else if (how == TOO_MANY_STEPS)
-        refuse_step(c, "internal steps", MOST_INTERNAL_STEPS, "", "too many internal steps for one step to time %.12g s "
-                    "at tolerance %g; %s", end, c->s.tolerance, cause);
-    else if (how == TOO_FAST)
-        refuse_step(c, "fixed_step_size", fixed, " s", "no division resolves legs with stiction in such a step; expected at "
-                    "most %.2g s, or 0 for error control", step->size);
-    else if (how == NOT_FINITE)
-        refuse_step(c, "fixed_step_size", fixed, " s", "the motion is not finite; the step is too large, or %s", cause);
-    return NOT_POSSIBLE;
-}
 
 /* A step in which the modes of sticking or elastic legs would grow, or rest where they should not, is refused. */
 static outcome check_fixed_step(component *c, double time, double step)
@@ -456,17 +426,15 @@ outcome component_step(component *c, double time, double step, const step_observ
         run.interpolates |= before.input_rates[i] != 0;
     double end = time + step, rate[N_STATES];
     checked = component_derivatives(c, rate);
+    if (checked == DONE)
+        checked = before.fixed_step_size > 0 ? integrate_fixed(&run, end, before.fixed_step_size)
+                                             : integrate_controlled(&run, end, before.tolerance);
     if (checked == DONE) {
-        integration how = before.fixed_step_size > 0 ? integrate_fixed(&run, end, before.fixed_step_size)
-                                                     : integrate_controlled(&run, end, before.tolerance);
-        if (how == REACHED_END) {
-            c->s.internal_step = run.size;
-            *reached = c->s.time;
-            return DONE;
-        }
-        checked = explain_failure(&run, how, end);
+        c->s.internal_step = run.size;
+        *reached = c->s.time;
+    } else {
+        c->s = before;
+        component_forget(c);
     }
-    c->s = before;
-    forget_results(c);
     return checked;
 }

@@ -40,7 +40,7 @@ OFFERED void stepper_reset(component *c, double tolerance, double fixed_step_siz
 /* To be called after parameters, states or the time have been written; handedness 0 asks for a check of the pose. */
 OFFERED void stepper_forget(component *c)
 {
-    forget_results(c);
+    component_forget(c);
     c->s.handedness = 0;
 }
 

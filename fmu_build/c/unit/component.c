@@ -11,27 +11,18 @@
 #define TEXT(x) #x
 #define TEXT_OF(macro) TEXT(macro)
 
-/* Removes the bytes of an incomplete last character. */
-static void drop_cut_character(char *message)
-{
-    size_t n = strlen(message), start = n;
-    while (start > 0 && ((unsigned char)message[start - 1] & 0xC0) == 0x80)
-        start--;
-    if (start == 0)
-        return;
-    unsigned char lead = (unsigned char)message[start - 1];
-    size_t length = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : lead >= 0xC0 ? 2 : 1;
-    if (n - (start - 1) < length)
-        message[start - 1] = 0;
-}
-
 void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments)
 {
     vsnprintf(message, MESSAGE_SIZE, format, arguments);
-    drop_cut_character(message);
-    for (char *c = message; *c; c++)
-        if (*c == '%' || *c == '#') /* FMI interprets #...# as a reference to a variable */
-            *c = '_';
+    size_t n = strlen(message);
+    for (size_t k = 0; k < n; k++) {
+        unsigned char lead = (unsigned char)message[k];
+        size_t following = lead >= 0xF0 ? 3 : lead >= 0xE0 ? 2 : lead >= 0xC0; /* bytes of a character */
+        if (k + following >= n) /* the last one is incomplete */
+            message[n = k] = 0;
+        else if (lead == '%' || lead == '#') /* FMI interprets #...# as a reference to a variable */
+            message[k] = '_';
+    }
 }
 
 outcome write_message(char message[MESSAGE_SIZE], const char *format, ...)
@@ -81,14 +72,14 @@ outcome refuse_value(int slot, double value, const char *expected, char message[
                          expected);
 }
 
-outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE])
+outcome start_experiment(double state[], double start_time, double stop_time, char message[MESSAGE_SIZE])
 {
-    if (isfinite(start_time) && stop_time >= start_time)
-        return DONE;
-    write_message(message,
-                  "start time %g s, stop time %g s rejected; expected a finite start time and a stop time not before it",
-                  start_time, stop_time);
-    return MISUSE;
+    if (!isfinite(start_time) || !(stop_time >= start_time))
+        return write_message(message, "start time %g s, stop time %g s rejected; expected a finite start time and a stop "
+                                      "time not before it", start_time, stop_time), MISUSE;
+    state[NOW] = state[START_TIME] = start_time;
+    state[STOP_TIME] = stop_time;
+    return DONE;
 }
 
 outcome check_step(double now, double stop_time, double time, double step, char message[MESSAGE_SIZE])

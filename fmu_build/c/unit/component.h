@@ -66,12 +66,13 @@ outcome component_reverse(component *c, const double wxdot[], const double wy[],
 /* d(results)/dt with the inputs changing at their rates. */
 outcome component_result_rates(component *c, double rates[]);
 
-/* The complete state, as numbers. */
+/* The complete state: so many numbers, with which a component begins. They are finite; but the stop time may be infinite. */
 extern const size_t N_SAVED;
-void component_save(const component *c, double saved[]);
-/* Whether a component can be in this state; 1 for everything that `component_save` has written. */
+enum { NOW, START_TIME, STOP_TIME };
+/* Whether a component can be in a state, all of whose numbers are as they should be; it can be in its own. */
 int component_can_restore(const double saved[]);
-void component_restore(component *c, const double saved[]);
+/* To be called after the state has been replaced. */
+void component_forget(component *c);
 
 /* ---- what components share ------------------------------------------------------------------------------------ */
 
@@ -82,8 +83,8 @@ outcome write_message(char message[MESSAGE_SIZE], const char *format, ...);
 void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments);
 /* The message for a value that a slot cannot have. Returns NOT_POSSIBLE. */
 outcome refuse_value(int slot, double value, const char *expected, char message[MESSAGE_SIZE]);
-/* A finite start time, and a stop time not before it. */
-outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE]);
+/* Sets the times of a component's state: a finite start time, and a stop time not before it. */
+outcome start_experiment(double state[], double start_time, double stop_time, char message[MESSAGE_SIZE]);
 /* A step from the current time `now`, forward, not beyond the stop time, within the rounding of importers' clocks. */
 outcome check_step(double now, double stop_time, double time, double step, char message[MESSAGE_SIZE]);
 int all_finite(const double values[], int n);

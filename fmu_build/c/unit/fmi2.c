@@ -38,51 +38,52 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
         return NULL;
     /* memory is from the C library, as modelDescription.xml declares (canNotUseMemoryManagementFunctions) */
     fmi_instance request = {.layer = &FMI_2,
+                            .function = __func__,
                             .kind = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
                             .environment = functions->componentEnvironment,
                             .logger = (any_function)functions->logger,
                             .logs = loggingOn != fmi2False,
                             .name = instanceName ? instanceName : ""};
     if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation)
-        return report(&request, STATUS_ERROR, "%s: unknown FMU type %d; expected %sCo-Simulation", __func__,
-                      (int)fmuType, N_STATES > 0 ? "Model Exchange or " : ""), NULL;
+        return report(&request, STATUS_ERROR, "unknown FMU type %d; expected %sCo-Simulation", (int)fmuType,
+                      N_STATES > 0 ? "Model Exchange or " : ""), NULL;
     return new_instance(&request, instanceName, fmuGUID);
 }
 
-FUNCTION(fmi2SetupExperiment, (fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
+FUNCTION(fmi2SetupExperiment,
+         (fmi2Component instance, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
                                fmi2Boolean stopTimeDefined, fmi2Real stopTime),
-         set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime, stopTimeDefined,
-                        stopTime))
-FUNCTION(fmi2EnterInitializationMode, (fmi2Component c),
-         change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL))
+         set_experiment(i, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime))
+FUNCTION(fmi2EnterInitializationMode, (fmi2Component instance),
+         change_mode(i, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL))
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
-FUNCTION(fmi2GetReal, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[]),
-         get_values(c, __func__, vr, nvr, value, ONE_EACH))
-FUNCTION(fmi2SetReal, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[]),
-         set_values(c, __func__, vr, nvr, value, ONE_EACH))
+FUNCTION(fmi2GetReal, (fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[]),
+         get_values(i, vr, nvr, value, ONE_EACH))
+FUNCTION(fmi2SetReal, (fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[]),
+         set_values(i, vr, nvr, value, ONE_EACH))
 
 /* Functions of types that no variable has. */
 #define NO_VARIABLES(name, type)                                                                                       \
-    FUNCTION(name, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr, type value[]),                         \
-             no_such_type(c, __func__, nvr))
+    FUNCTION(name, (fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, type value[]),                  \
+             no_such_type(i, nvr))
 #define OF_TYPE(name) NO_VARIABLES(fmi2Get##name, fmi2##name) NO_VARIABLES(fmi2Set##name, const fmi2##name)
 OF_TYPE(Integer)
 OF_TYPE(Boolean)
 OF_TYPE(String)
 
-FUNCTION(fmi2GetDirectionalDerivative, (fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
+FUNCTION(fmi2GetDirectionalDerivative, (fmi2Component instance, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]),
-         differentiate(c, __func__, 0, unknowns, n_unknowns, knowns, n_knowns, seed, ONE_EACH, sensitivity, ONE_EACH))
+         differentiate(i, 0, unknowns, n_unknowns, knowns, n_knowns, seed, ONE_EACH, sensitivity, ONE_EACH))
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
+fmi2Status fmi2NewDiscreteStates(fmi2Component instance, fmi2EventInfo *info)
 {
-    fmi_instance *i = c;
-    if (!is_allowed(i, __func__, CALL_UPDATE_DISCRETE) || !has_array(i, __func__, info, 1, "eventInfo"))
+    fmi_instance *i = called(instance, __func__);
+    if (!is_allowed(i, CALL_UPDATE_DISCRETE) || !has_array(i, info, 1, "eventInfo"))
         return fmi2Error;
     memset(info, 0, sizeof *info); /* there are no events */
     return fmi2OK;
@@ -90,38 +91,34 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
-FUNCTION(fmi2SetRealInputDerivatives, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+FUNCTION(fmi2SetRealInputDerivatives, (fmi2Component instance, const fmi2ValueReference vr[], size_t nvr,
                                        const fmi2Integer order[], const fmi2Real value[]),
-         set_input_rates(c, __func__, vr, nvr, order, value))
-FUNCTION(fmi2GetRealOutputDerivatives, (fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+         set_input_rates(i, vr, nvr, order, value))
+FUNCTION(fmi2GetRealOutputDerivatives, (fmi2Component instance, const fmi2ValueReference vr[], size_t nvr,
                                         const fmi2Integer order[], fmi2Real value[]),
-         get_output_rates(c, __func__, vr, nvr, order, value, ONE_EACH))
-FUNCTION(fmi2DoStep, (fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
+         get_output_rates(i, vr, nvr, order, value, ONE_EACH))
+FUNCTION(fmi2DoStep, (fmi2Component instance, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
                       fmi2Boolean noSetFMUStatePriorToCurrentPoint),
-         do_step(c, __func__, currentCommunicationPoint, communicationStepSize, NULL))
+         do_step(i, currentCommunicationPoint, communicationStepSize, NULL))
 
-fmi2Status fmi2CancelStep(fmi2Component c)
-{
-    is_allowed(c, __func__, CALL_NOT_OFFERED);
-    return fmi2Error;
-}
+FUNCTION(fmi2CancelStep, (fmi2Component instance), not_offered(i))
 
 /* fmi2OK if the call is allowed and the requested status is of this type. */
-static fmi2Status check_status(const fmi_instance *i, const char *function, int is_of_type, const void *value)
+static fmi2Status check_status(fmi_instance *i, int is_of_type, const void *value)
 {
-    if (!is_allowed(i, function, CALL_STEP_STATUS) || !has_array(i, function, value, 1, "value"))
+    if (!is_allowed(i, CALL_STEP_STATUS) || !has_array(i, value, 1, "value"))
         return fmi2Error;
     if (is_of_type)
         return fmi2OK;
-    return AS_FMI(report(i, STATUS_DISCARD, "%s: no such status, since steps are never pending", function));
+    return AS_FMI(report(i, STATUS_DISCARD, "no such status, since steps are never pending"));
 }
 
 /* A function for statuses of a type, of which there may be one that `is_offered`. */
 #define STATUS_OF(name, type, is_offered, found)                                                                       \
-    fmi2Status name(fmi2Component c, const fmi2StatusKind s, type *value)                                              \
+    fmi2Status name(fmi2Component instance, const fmi2StatusKind s, type *value)                                       \
     {                                                                                                                  \
-        const fmi_instance *i = c;                                                                                     \
-        fmi2Status checked = check_status(i, __func__, is_offered, value);                                             \
+        fmi_instance *i = called(instance, __func__);                                                                  \
+        fmi2Status checked = check_status(i, is_offered, value);                                                       \
         if (checked == fmi2OK)                                                                                         \
             *value = found;                                                                                            \
         return checked;                                                                                                \

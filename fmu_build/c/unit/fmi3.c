@@ -50,21 +50,19 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate)
 {
-    fmi_instance request = {.layer = &FMI_3, .kind = CO_SIMULATION, .environment = environment,
+    fmi_instance request = {.layer = &FMI_3, .function = __func__, .kind = CO_SIMULATION, .environment = environment,
                             .logger = (any_function)logMessage, .logs = loggingOn,
                             .intermediate_update = (any_function)intermediateUpdate,
                             .may_return_early = earlyReturnAllowed};
     if (eventModeUsed)
-        return report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)",
-                      __func__), NULL;
-    if (!has_array(&request, __func__, required, n_required, "requiredIntermediateVariables"))
+        return report(&request, STATUS_ERROR, "event mode is not offered by this unit (hasEventMode is false)"), NULL;
+    if (!has_array(&request, required, n_required, "requiredIntermediateVariables"))
         return NULL;
     for (size_t k = 0; k < n_required; k++) {
         int first, size;
         if (!slots_of_reference(required[k], &first, &size) || variable_of(first)->role > RESULT)
-            return report(&request, STATUS_ERROR,
-                          "%s: value reference %lu is not available in intermediate updates; expected an input or output",
-                          __func__, (unsigned long)required[k]), NULL;
+            return report(&request, STATUS_ERROR, "value reference %lu is not available in intermediate updates; expected "
+                          "an input or output", (unsigned long)required[k]), NULL;
     }
     return new_instance(&request, name, token);
 }
@@ -76,34 +74,34 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    fmi_instance request = {.layer = &FMI_3, .environment = environment, .logger = (any_function)logMessage,
-                            .logs = loggingOn};
-    return report(&request, STATUS_ERROR,
-                  "instantiation: Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
+    fmi_instance request = {.layer = &FMI_3, .function = "instantiation", .environment = environment,
+                            .logger = (any_function)logMessage, .logs = loggingOn};
+    return report(&request, STATUS_ERROR, "Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
                   N_STATES > 0 ? "Model Exchange and " : ""), NULL;
 }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
-    fmi_status set = set_experiment(instance, __func__, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance,
-                                    startTime, stopTimeDefined, stopTime);
-    return AS_FMI(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL)
-                                   : set);
+    fmi_instance *i = called(instance, __func__);
+    fmi_status set = set_experiment(i, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance, startTime, stopTimeDefined,
+                                    stopTime);
+    return AS_FMI(set == STATUS_OK ? change_mode(i, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL) : set);
 }
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
-FUNCTION(fmi3GetFloat64, (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[], size_t n),
-         get_values(instance, __func__, vr, nvr, values, n))
+FUNCTION(fmi3GetFloat64,
+         (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[], size_t n),
+         get_values(i, vr, nvr, values, n))
 FUNCTION(fmi3SetFloat64,
          (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, const fmi3Float64 values[], size_t n),
-         set_values(instance, __func__, vr, nvr, values, n))
+         set_values(i, vr, nvr, values, n))
 
 /* A function of a type that no variable has: its vectors are read for no reference. */
 #define NO_VARIABLES(name, size, ...)                                                                                  \
     FUNCTION(name, (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, __VA_ARGS__),                    \
-             no_such_type(instance, __func__, size))
+             no_such_type(i, size))
 #define OF_TYPE(name)                                                                                                  \
     NO_VARIABLES(fmi3Get##name, nvr + n, fmi3##name values[], size_t n)                                                \
     NO_VARIABLES(fmi3Set##name, nvr + n, const fmi3##name values[], size_t n)
@@ -133,30 +131,29 @@ NO_VARIABLES(fmi3SetShiftDecimal, nvr, const fmi3Float64 shifts[])
 NO_VARIABLES(fmi3GetShiftFraction, nvr, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
 NO_VARIABLES(fmi3SetShiftFraction, nvr, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 
-static fmi_status no_dependencies(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
+static fmi_status no_dependencies(fmi_instance *i, fmi3ValueReference reference, size_t *n)
 {
     int first, size;
-    if (!is_allowed(i, function, CALL_GET) || !has_array(i, function, n, 1, "nDependencies"))
+    if (!is_allowed(i, CALL_GET) || !has_array(i, n, 1, "nDependencies"))
         return STATUS_ERROR;
     if (!slots_of_reference(reference, &first, &size))
-        return report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)reference);
-    return report(i, STATUS_ERROR, "%s: dependencies do not change at run time; they are in modelDescription.xml",
-                  function);
+        return report(i, STATUS_ERROR, "no variable has value reference %lu", (unsigned long)reference);
+    return report(i, STATUS_ERROR, "dependencies do not change at run time; they are in modelDescription.xml");
 }
 
 FUNCTION(fmi3GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference reference, size_t *n),
-         no_dependencies(instance, __func__, reference, n))
+         no_dependencies(i, reference, n))
 FUNCTION(fmi3GetVariableDependencies, (fmi3Instance instance, fmi3ValueReference dependent,
                                        size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
                                        size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
                                        size_t n),
-         no_dependencies(instance, __func__, dependent, &n))
+         no_dependencies(i, dependent, &n))
 
 #define DERIVATIVE_OF(name, is_adjoint)                                                                                \
     FUNCTION(name, (fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,                     \
                     const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[], size_t n_seed,       \
                     fmi3Float64 sensitivity[], size_t n_sensitivity),                                                  \
-             differentiate(instance, __func__, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,       \
+             differentiate(i, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,       \
                            sensitivity, n_sensitivity))
 DERIVATIVE_OF(fmi3GetDirectionalDerivative, 0)
 DERIVATIVE_OF(fmi3GetAdjointDerivative, 1)
@@ -164,19 +161,19 @@ DERIVATIVE_OF(fmi3GetAdjointDerivative, 1)
 /* ---- events --------------------------------------------------------------------------------------------------- */
 
 FUNCTION(fmi3EvaluateDiscreteStates, (fmi3Instance instance),
-         is_allowed(instance, __func__, CALL_EVALUATE_DISCRETE) ? STATUS_OK : STATUS_ERROR)
+         is_allowed(i, CALL_EVALUATE_DISCRETE) ? STATUS_OK : STATUS_ERROR)
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
                                     fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
                                     fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
                                     fmi3Float64 *nextEventTime)
 {
+    fmi_instance *i = called(instance, __func__);
     fmi3Boolean *flags[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
                             valuesOfContinuousStatesChanged, nextEventTimeDefined};
-    int is_complete = is_allowed(instance, __func__, CALL_UPDATE_DISCRETE) &&
-                      has_array(instance, __func__, nextEventTime, 1, "nextEventTime");
+    int is_complete = is_allowed(i, CALL_UPDATE_DISCRETE) && has_array(i, nextEventTime, 1, "nextEventTime");
     for (int k = 0; is_complete && k < 5; k++)
-        is_complete = has_array(instance, __func__, flags[k], 1, "a flag");
+        is_complete = has_array(i, flags[k], 1, "a flag");
     if (!is_complete)
         return fmi3Error;
     for (int k = 0; k < 5; k++)
@@ -187,22 +184,22 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
-static fmi_status get_number(fmi_instance *i, const char *function, size_t *n, size_t number)
+static fmi_status get_number(fmi_instance *i, size_t *n, size_t number)
 {
-    if (!is_allowed(i, function, CALL_GET_NUMBERS) || !has_array(i, function, n, 1, "the number"))
+    if (!is_allowed(i, CALL_GET_NUMBERS) || !has_array(i, n, 1, "the number"))
         return STATUS_ERROR;
     *n = number;
     return STATUS_OK;
 }
 
-FUNCTION(fmi3GetNumberOfEventIndicators, (fmi3Instance instance, size_t *n), get_number(instance, __func__, n, 0))
-FUNCTION(fmi3GetNumberOfContinuousStates, (fmi3Instance instance, size_t *n), get_number(instance, __func__, n, N_STATES))
+FUNCTION(fmi3GetNumberOfEventIndicators, (fmi3Instance instance, size_t *n), get_number(i, n, 0))
+FUNCTION(fmi3GetNumberOfContinuousStates, (fmi3Instance instance, size_t *n), get_number(i, n, N_STATES))
 
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
 FUNCTION(fmi3GetOutputDerivatives, (fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
                                     const fmi3Int32 orders[], fmi3Float64 values[], size_t n),
-         get_output_rates(instance, __func__, vr, nvr, orders, values, n))
+         get_output_rates(i, vr, nvr, orders, values, n))
 
 /* After an internal step: the importer can read results, set inputs and request an early return. */
 static void intermediate_update(void *context, double time, double *end)
@@ -223,15 +220,15 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
                       fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
-    fmi_instance *i = instance;
-    if (!i || !has_array(i, __func__, eventHandlingNeeded, 1, "eventHandlingNeeded") ||
-        !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation") ||
-        !has_array(i, __func__, earlyReturn, 1, "earlyReturn") ||
-        !has_array(i, __func__, lastSuccessfulTime, 1, "lastSuccessfulTime"))
+    fmi_instance *i = called(instance, __func__);
+    if (!i || !has_array(i, eventHandlingNeeded, 1, "eventHandlingNeeded") ||
+        !has_array(i, terminateSimulation, 1, "terminateSimulation") ||
+        !has_array(i, earlyReturn, 1, "earlyReturn") ||
+        !has_array(i, lastSuccessfulTime, 1, "lastSuccessfulTime"))
         return fmi3Error;
     step_observer observer = {i, intermediate_update};
     double end = currentCommunicationPoint + communicationStepSize;
-    fmi_status stepped = do_step(i, __func__, currentCommunicationPoint, communicationStepSize,
+    fmi_status stepped = do_step(i, currentCommunicationPoint, communicationStepSize,
                                  i->intermediate_update ? &observer : NULL);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = fmi3False;
@@ -242,14 +239,8 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 
 /* ---- not offered: clocked partitions, step mode after events, structural parameters ---------------------------- */
 
-static fmi_status not_offered(const fmi_instance *i, const char *function)
-{
-    is_allowed(i, function, CALL_NOT_OFFERED);
-    return STATUS_ERROR;
-}
-
 FUNCTION(fmi3ActivateModelPartition, (fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time),
-         not_offered(instance, __func__))
-FUNCTION(fmi3EnterStepMode, (fmi3Instance instance), not_offered(instance, __func__))
-FUNCTION(fmi3EnterConfigurationMode, (fmi3Instance instance), not_offered(instance, __func__))
-FUNCTION(fmi3ExitConfigurationMode, (fmi3Instance instance), not_offered(instance, __func__))
+         not_offered(i))
+FUNCTION(fmi3EnterStepMode, (fmi3Instance instance), not_offered(i))
+FUNCTION(fmi3EnterConfigurationMode, (fmi3Instance instance), not_offered(i))
+FUNCTION(fmi3ExitConfigurationMode, (fmi3Instance instance), not_offered(i))

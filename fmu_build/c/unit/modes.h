@@ -25,39 +25,37 @@ typedef enum {
 /* a component without continuous states has nothing to integrate, and its outputs have no derivatives */
 #define IF_CONTINUOUS(modes) (N_STATES > 0 ? (modes) : NEVER)
 
-#define FOR_ME MODEL_EXCHANGE
-#define FOR_CS CO_SIMULATION
-#define BOTH (FOR_ME | FOR_CS)
+#define BOTH (MODEL_EXCHANGE | CO_SIMULATION)
 
 /* call, allowed for these kinds, may return Discard for these kinds, allowed in these modes */
-#define CALLS(ROW)                                                                                               \
-    ROW(CALL_SET_LOGGING,           BOTH,      NEVER,  BETWEEN_CALLS)                                            \
-    ROW(CALL_RESET,                 BOTH,      NEVER,  BETWEEN_CALLS)                                            \
-    ROW(CALL_FMU_STATE,             BOTH,      NEVER,  BETWEEN_CALLS)                                            \
-    ROW(CALL_SET_EXPERIMENT,        BOTH,      NEVER,  INSTANTIATED)                                             \
-    ROW(CALL_ENTER_INITIALIZATION,  BOTH,      NEVER,  INSTANTIATED)                                             \
-    ROW(CALL_EXIT_INITIALIZATION,   BOTH,      NEVER,  INITIALIZATION)                                           \
-    ROW(CALL_TERMINATE,             BOTH,      NEVER,  RUNNING)                                                  \
-    ROW(CALL_GET,                   BOTH,      FOR_ME, ANY_MODE)                                                 \
-    ROW(CALL_SET,                   BOTH,      BOTH,   BEFORE_START | RUNNING | INTERMEDIATE)                    \
-    ROW(CALL_SET_START,             BOTH,      BOTH,   BEFORE_START)                                             \
-    ROW(CALL_SET_TUNABLE,           BOTH,      BOTH,   BEFORE_START | EVENT | STEP)                              \
-    ROW(CALL_SENSITIVITY,           BOTH,      NEVER,  IF_CONTINUOUS(INITIALIZATION | RUNNING | TERMINATED))     \
-    ROW(CALL_SET_INPUT_RATES,       FOR_CS,    NEVER,  BEFORE_START | STEP)                                      \
-    ROW(CALL_GET_OUTPUT_RATES,      FOR_CS,    NEVER,  IF_CONTINUOUS(STEP | INTERMEDIATE | TERMINATED))          \
-    ROW(CALL_DO_STEP,               FOR_CS,    FOR_CS, STEP)                                                     \
-    ROW(CALL_STEP_STATUS,           FOR_CS,    FOR_CS, STEP | TERMINATED)                                        \
-    ROW(CALL_ENTER_EVENT,           FOR_ME,    NEVER,  CONTINUOUS)                                               \
-    ROW(CALL_UPDATE_DISCRETE,       FOR_ME,    NEVER,  EVENT)                                                    \
-    ROW(CALL_ENTER_CONTINUOUS,      FOR_ME,    NEVER,  EVENT)                                                    \
-    ROW(CALL_COMPLETED_STEP,        FOR_ME,    NEVER,  CONTINUOUS)                                               \
-    ROW(CALL_SET_TIME,              FOR_ME,    NEVER,  EVENT | CONTINUOUS)                                       \
-    ROW(CALL_SET_CONTINUOUS_STATES, FOR_ME,    FOR_ME, CONTINUOUS)                                               \
-    ROW(CALL_GET_CONTINUOUS_STATES, FOR_ME,    FOR_ME, BEFORE_START | EVENT | CONTINUOUS | TERMINATED)           \
-    ROW(CALL_GET_NUMBERS,           FOR_ME,    NEVER,  BEFORE_START | EVENT | CONTINUOUS)                        \
-    ROW(CALL_EVALUATE_DISCRETE,     FOR_ME,    NEVER,  INITIALIZATION | EVENT)                                   \
-    /* there are no clocks, no structural parameters, no asynchronous steps */                                   \
-    ROW(CALL_NOT_OFFERED,           BOTH,      NEVER,  NEVER)
+#define CALLS(ROW)                                                                                                     \
+    ROW(CALL_SET_LOGGING,           BOTH,           NEVER,          BETWEEN_CALLS)                                     \
+    ROW(CALL_RESET,                 BOTH,           NEVER,          BETWEEN_CALLS)                                     \
+    ROW(CALL_FMU_STATE,             BOTH,           NEVER,          BETWEEN_CALLS)                                     \
+    ROW(CALL_SET_EXPERIMENT,        BOTH,           NEVER,          INSTANTIATED)                                      \
+    ROW(CALL_ENTER_INITIALIZATION,  BOTH,           NEVER,          INSTANTIATED)                                      \
+    ROW(CALL_EXIT_INITIALIZATION,   BOTH,           NEVER,          INITIALIZATION)                                    \
+    ROW(CALL_TERMINATE,             BOTH,           NEVER,          RUNNING)                                           \
+    ROW(CALL_GET,                   BOTH,           MODEL_EXCHANGE, ANY_MODE)                                          \
+    ROW(CALL_SET,                   BOTH,           BOTH,           BEFORE_START | RUNNING | INTERMEDIATE)             \
+    ROW(CALL_SET_START,             BOTH,           BOTH,           BEFORE_START)                                      \
+    ROW(CALL_SET_TUNABLE,           BOTH,           BOTH,           BEFORE_START | EVENT | STEP)                       \
+    ROW(CALL_SENSITIVITY,           BOTH,           NEVER,          IF_CONTINUOUS(INITIALIZATION | RUNNING | TERMINATED))\
+    ROW(CALL_SET_INPUT_RATES,       CO_SIMULATION,  NEVER,          BEFORE_START | STEP)                               \
+    ROW(CALL_GET_OUTPUT_RATES,      CO_SIMULATION,  NEVER,          IF_CONTINUOUS(STEP | INTERMEDIATE | TERMINATED))   \
+    ROW(CALL_DO_STEP,               CO_SIMULATION,  CO_SIMULATION,  STEP)                                              \
+    ROW(CALL_STEP_STATUS,           CO_SIMULATION,  CO_SIMULATION,  STEP | TERMINATED)                                 \
+    ROW(CALL_ENTER_EVENT,           MODEL_EXCHANGE, NEVER,          CONTINUOUS)                                        \
+    ROW(CALL_UPDATE_DISCRETE,       MODEL_EXCHANGE, NEVER,          EVENT)                                             \
+    ROW(CALL_ENTER_CONTINUOUS,      MODEL_EXCHANGE, NEVER,          EVENT)                                             \
+    ROW(CALL_COMPLETED_STEP,        MODEL_EXCHANGE, NEVER,          CONTINUOUS)                                        \
+    ROW(CALL_SET_TIME,              MODEL_EXCHANGE, NEVER,          EVENT | CONTINUOUS)                                \
+    ROW(CALL_SET_CONTINUOUS_STATES, MODEL_EXCHANGE, MODEL_EXCHANGE, CONTINUOUS)                                        \
+    ROW(CALL_GET_CONTINUOUS_STATES, MODEL_EXCHANGE, MODEL_EXCHANGE, BEFORE_START | EVENT | CONTINUOUS | TERMINATED)    \
+    ROW(CALL_GET_NUMBERS,           MODEL_EXCHANGE, NEVER,          BEFORE_START | EVENT | CONTINUOUS)                 \
+    ROW(CALL_EVALUATE_DISCRETE,     MODEL_EXCHANGE, NEVER,          INITIALIZATION | EVENT)                            \
+    /* there are no clocks, no structural parameters, no asynchronous steps */                                         \
+    ROW(CALL_NOT_OFFERED,           BOTH,           NEVER,          NEVER)
 
 #define AS_NAME(name, kinds, discards, modes) name,
 typedef enum { CALLS(AS_NAME) NUMBER_OF_CALLS } fmi_call;

@@ -1,5 +1,6 @@
 #include "instance.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,56 +20,57 @@ typedef struct {
 static size_t state_size(void) { return sizeof(saved_state) + N_SAVED * sizeof(double); }
 static size_t serial_size(void) { return state_size() + sizeof(uint64_t); }
 
-static int is_saved_state(const fmi_instance *i, const char *function, const saved_state *saved)
+static int is_saved_state(fmi_instance *i, const saved_state *saved)
 {
     if (!saved || memcmp(saved->magic, MAGIC, sizeof MAGIC) != 0)
-        return report(i, STATUS_ERROR, "%s: %s is not an FMU state of this unit", function,
+        return report(i, STATUS_ERROR, "%s is not an FMU state of this unit",
                       saved ? "the pointer" : "a null pointer"), 0;
     return 1;
 }
 
 /* Overwrites the importer's state if there is one. */
-fmi_status save_state(fmi_instance *i, const char *function, void **saved)
+fmi_status save_state(fmi_instance *i, void **saved)
 {
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, saved, 1, "FMUState"))
+    if (!is_allowed(i, CALL_FMU_STATE) || !has_array(i, saved, 1, "FMUState"))
         return STATUS_ERROR;
     saved_state *s = *saved;
-    if (s && !is_saved_state(i, function, s))
+    if (s && !is_saved_state(i, s))
         return STATUS_ERROR;
     if (!s)
         s = malloc(state_size());
     if (!s)
-        return report(i, STATUS_ERROR, "%s: out of memory", function);
+        return report(i, STATUS_ERROR, "out of memory");
     *s = (saved_state){.format = FORMAT, .kind = i->kind, .mode = i->mode, .n = (uint32_t)N_SAVED, .layout = LAYOUT};
     memcpy(s->magic, MAGIC, sizeof MAGIC);
-    component_save(i->core, s->numbers);
+    memcpy(s->numbers, i->core, N_SAVED * sizeof(double));
     *saved = s;
     return STATUS_OK;
 }
 
-fmi_status restore_state(fmi_instance *i, const char *function, const void *saved)
+fmi_status restore_state(fmi_instance *i, const void *saved)
 {
     const saved_state *s = saved;
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, s))
+    if (!is_allowed(i, CALL_FMU_STATE) || !is_saved_state(i, s))
         return STATUS_ERROR;
     if (s->kind != (uint32_t)i->kind)
-        return report(i, STATUS_ERROR, "%s: the state is from %s; expected one of the instance's own kind", function,
+        return report(i, STATUS_ERROR, "the state is from %s; expected one of the instance's own kind",
                       name_of_kind(s->kind));
     i->mode = (fmi_mode)s->mode;
-    component_restore(i->core, s->numbers);
+    memcpy(i->core, s->numbers, N_SAVED * sizeof(double));
+    component_forget(i->core);
     i->step_status = STATUS_OK;
     component_get(i->core, TIME, &i->last_successful_time);
     return STATUS_OK;
 }
 
-fmi_status free_state(fmi_instance *i, const char *function, void **saved)
+fmi_status free_state(fmi_instance *i, void **saved)
 {
-    if (!is_allowed(i, function, CALL_FMU_STATE))
+    if (!is_allowed(i, CALL_FMU_STATE))
         return STATUS_ERROR;
     if (!saved || !*saved)
         return STATUS_OK;
     saved_state *s = *saved;
-    if (!is_saved_state(i, function, s))
+    if (!is_saved_state(i, s))
         return STATUS_ERROR;
     s->magic[0] = 0;
     free(s);
@@ -85,24 +87,21 @@ static uint64_t checksum(const unsigned char *bytes, size_t n)
     return sum;
 }
 
-fmi_status serialized_size(const fmi_instance *i, const char *function, const void *saved, size_t *size)
+fmi_status serialized_size(fmi_instance *i, const void *saved, size_t *size)
 {
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, saved) ||
-        !has_array(i, function, size, 1, "size"))
+    if (!is_allowed(i, CALL_FMU_STATE) || !is_saved_state(i, saved) || !has_array(i, size, 1, "size"))
         return STATUS_ERROR;
     *size = serial_size();
     return STATUS_OK;
 }
 
-fmi_status serialize(const fmi_instance *i, const char *function, const void *saved, unsigned char bytes[],
-                     size_t size)
+fmi_status serialize(fmi_instance *i, const void *saved, unsigned char bytes[], size_t size)
 {
     const saved_state *s = saved;
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, s) ||
-        !has_array(i, function, bytes, 1, "serializedState"))
+    if (!is_allowed(i, CALL_FMU_STATE) || !is_saved_state(i, s) || !has_array(i, bytes, 1, "serializedState"))
         return STATUS_ERROR;
     if (size < serial_size())
-        return report(i, STATUS_ERROR, "%s: buffer of %lu bytes; expected %lu", function, (unsigned long)size,
+        return report(i, STATUS_ERROR, "buffer of %lu bytes; expected %lu", (unsigned long)size,
                       (unsigned long)serial_size());
     memcpy(bytes, s, state_size());
     uint64_t sum = checksum(bytes, state_size());
@@ -115,38 +114,37 @@ static int is_possible(const saved_state *s)
 {
     int mode = (int)s->mode, modes = BEFORE_START | TERMINATED | (s->kind == CO_SIMULATION ? STEP : EVENT | CONTINUOUS);
     int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0);
+    for (size_t k = 0; k < N_SAVED; k++)
+        if (k == STOP_TIME ? isnan(s->numbers[k]) : !isfinite(s->numbers[k]))
+            return 0;
     return is_offered && mode & modes && !(mode & (mode - 1)) && component_can_restore(s->numbers);
 }
 
-fmi_status deserialize(const fmi_instance *i, const char *function, const unsigned char bytes[], size_t size,
-                       void **saved)
+fmi_status deserialize(fmi_instance *i, const unsigned char bytes[], size_t size, void **saved)
 {
-    if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, bytes, size, "serializedState") ||
-        !has_array(i, function, saved, 1, "FMUState"))
+    if (!is_allowed(i, CALL_FMU_STATE) || !has_array(i, bytes, size, "serializedState") ||
+        !has_array(i, saved, 1, "FMUState"))
         return STATUS_ERROR;
     saved_state header;
     if (size < sizeof header || memcmp(bytes, MAGIC, sizeof MAGIC) != 0)
-        return report(i, STATUS_ERROR, "%s: %lu bytes that are not a state of this unit", function,
-                      (unsigned long)size);
+        return report(i, STATUS_ERROR, "%lu bytes that are not a state of this unit", (unsigned long)size);
     memcpy(&header, bytes, sizeof header);
     if (header.format != FORMAT || header.layout != LAYOUT || header.n != N_SAVED)
-        return report(i, STATUS_ERROR,
-                      "%s: the state is from another version of this unit (format %lu, %lu numbers); expected format "
-                      "%d, %lu numbers and the same variables",
-                      function, (unsigned long)header.format, (unsigned long)header.n, FORMAT, (unsigned long)N_SAVED);
+        return report(i, STATUS_ERROR, "the state is from another version of this unit (format %lu, %lu numbers); "
+                      "expected format %d, %lu numbers and the same variables", (unsigned long)header.format,
+                      (unsigned long)header.n, FORMAT, (unsigned long)N_SAVED);
     if (size != serial_size())
-        return report(i, STATUS_ERROR, "%s: %lu bytes; expected %lu", function, (unsigned long)size,
-                      (unsigned long)serial_size());
+        return report(i, STATUS_ERROR, "%lu bytes; expected %lu", (unsigned long)size, (unsigned long)serial_size());
     /* unlike when saving, *saved is an output only and is not read */
     saved_state *s = malloc(state_size());
     if (!s)
-        return report(i, STATUS_ERROR, "%s: out of memory", function);
+        return report(i, STATUS_ERROR, "out of memory");
     memcpy(s, bytes, state_size());
     uint64_t sum;
     memcpy(&sum, bytes + state_size(), sizeof sum);
     if (sum != checksum(bytes, state_size()) || !is_possible(s)) {
         free(s);
-        return report(i, STATUS_ERROR, "%s: the bytes are damaged (wrong checksum or impossible values)", function);
+        return report(i, STATUS_ERROR, "the bytes are damaged (wrong checksum or impossible values)");
     }
     *saved = s;
     return STATUS_OK;
