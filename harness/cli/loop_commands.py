@@ -96,6 +96,8 @@ def check_command(
         show(checked.report(charts=False), Terminal())
         next_step = f"gough-stewart run {quote(str(fitted))}"
         running.command.close([fitted.name], fitted.parent, done=None, then=next_step)
+    elif fit is not None:
+        Terminal().say("The motion is within all limits: there is nothing to fit, and no file is written.")
     if not checked.within:
         raise typer.Exit(ExitCode.MISSED)
 

@@ -3,6 +3,7 @@
 Of correlations a Gaussian copula, of covariances a multivariate normal distribution.
 """
 
+import math
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
@@ -50,7 +51,8 @@ class SamplingDesign:
 
     def __post_init__(self) -> None:
         if self.members % self.block:
-            near = max(1, round(self.members / self.block)) * self.block
+            # of a Sobol sequence, whose numbers are powers of two
+            near = 2 ** max(0, round(math.log2(self.members / self.block))) * self.block
             raise ValueError(
                 f"members is {self.members}; Saltelli's design needs {self.block} per point ({len(self.groups)} inputs "
                 f"plus 2), expected a multiple, for instance {near}"
