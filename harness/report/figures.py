@@ -25,7 +25,7 @@ from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.palette import DASHES, INK, SIX_DASHES, colour_of, colour_of_six
 from gough_stewart.harness.report.palette import KINDS as COLOURS_OF_KINDS
 from gough_stewart.harness.report.plotting import entitle, files_of
-from gough_stewart.harness.report.quantities import least_span
+from gough_stewart.harness.report.quantities import axis_span, least_span
 from gough_stewart.harness.report.words import number_text, percent
 from gough_stewart.model.vectors import FloatArray
 
@@ -266,7 +266,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.set_yscale("log")
     elif chart.kind not in ("bars", "heat"):
         # 0.9995 is plainer than -0.0005 with +1 above
-        axes.ticklabel_format(axis="y", useOffset=False)
+        axes.ticklabel_format(axis="y", useOffset=False, scilimits=(-3, 6))
     if chart.kind not in ("bars", "heat") and chart.y is not None and chart.y.labels:
         axes.set_yticks(range(len(chart.y.labels)), chart.y.labels)
     _draw_marks(axes, panel)
@@ -359,7 +359,7 @@ def _draw_lines(axes: Axes, panel: Panel) -> None:
     if chart.y is None or chart.y.scale != "log":
         # at least the resolution of display, so that rounding does not fill the axis
         (bottom, top), quantity = axes.get_ylim(), panel.series[0].quantity
-        least = max(panel.least, least_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least))
+        least = max(panel.least, axis_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least))
         if top - bottom < least:
             middle = (bottom + top) / 2
             axes.set_ylim(middle - least / 2, middle + least / 2)

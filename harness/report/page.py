@@ -31,7 +31,7 @@ from gough_stewart.harness.report.palette import (
     colour_of,
     colour_of_six,
 )
-from gough_stewart.harness.report.quantities import Quantity, least_span
+from gough_stewart.harness.report.quantities import Quantity, axis_span, least_span
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.table import Cell, Column, Table, Value, is_at_right
 from gough_stewart.harness.report.words import explained, percent, with_minus, with_terms
@@ -101,12 +101,15 @@ def page_of(report: Report) -> bytes:
             f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
             f"{-(-2 * longest // MOST_ROWS)} rows. "
         )
+    first = None if is_solid else next((chart for chart in charts if not chart.detail), None)
+    is_beside = bool(first or surfaces)
     body = TEMPLATES.get_template("report.html").render(
         report=report,
         charts=charts,
         scenes=scenes,
         surfaces=surfaces,
-        first=None if is_solid else next((chart for chart in charts if not chart.detail), None),
+        first=first,
+        beside=[part for part in report.parts() if is_beside and isinstance(part, Table) and part.beside],
         number_of={id(chart): k for k, chart in enumerate(charts)},
         has_time=has_time,
         has_members=bool(data["members"]),
@@ -173,6 +176,7 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
     sizes = [np.abs(series.values[np.isfinite(series.values)]).max(initial=0.0) for series in chart.series]
     # the title above the chart says the rest of a long one
     title = re.split(", | of ", chart.title)[0][:_LONGEST] if len(chart.title) > _LONGEST else chart.title
+    of_values = quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least
     data: dict[str, Any] = {
         "title": chart.title,
         "kind": chart.kind,
@@ -180,8 +184,9 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
         "x": _axis(chart.x, arrays),
         "y": {
             **_written(quantity),
-            # the least span of an axis for these values [shown unit]
-            "least": least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least),
+            # the smallest difference of these values, and span of their axis [shown unit]
+            "least": least_span(*of_values),
+            "span": axis_span(*of_values),
             "title": chart.y_title if chart.y is not None or quantity.name else quantity.headed(title),
             "scale": chart.y.scale if chart.y else "linear",
         },
@@ -311,9 +316,10 @@ def _scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
 # --- filters of the templates ----------------------------------------------------------------------------------------
 
 
-def _drawn(section: Section, first: Chart | None) -> list[Part]:
-    """The parts of a section that are not in the picture of the page."""
-    return [part for part in section.parts if part is not first and not isinstance(part, Scene | Surface)]
+def _drawn(section: Section, first: Chart | None, beside: Sequence[Table]) -> list[Part]:
+    """The parts of a section that are neither in the picture of the page nor beside it."""
+    above = [id(part) for part in (first, *beside)]
+    return [part for part in section.parts if id(part) not in above and not isinstance(part, Scene | Surface)]
 
 
 def _neighbours(parts: Iterable[Part]) -> list[tuple[str, list[Part]]]:

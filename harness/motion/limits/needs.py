@@ -221,7 +221,7 @@ def summary_tables(shares: Shares, needs: Needs) -> list[Table]:
     )
     share_columns = (Column("limit"), Column("share", OF_LIMIT), Column("leg"), Column("at", TIME))
     return [
-        Table("Needs", columns, tuple(rows), note=note),
+        Table("Needs", columns, tuple(rows), note=note, beside=True),
         Table("Largest share of each limit", share_columns, limits),
     ]
 

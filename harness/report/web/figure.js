@@ -138,6 +138,7 @@
       if (!units || y.unit === units[0]) return {};
       if (!this.others.has(name)) {
         const range = new Bokeh.Range1d({ start: 0, end: 1 });
+        range.least = y.span;
         this.others.set(name, range);
         figure.extra_y_ranges = new Map(this.others);
         figure.add_layout(new Bokeh.LinearAxis({ y_range_name: name, axis_label: `[${name}]` }), "right");
@@ -209,7 +210,7 @@
 
     // Data and ranges of the part that is shown; `range` is that of the abscissa, null for all.
     fit(range = null) {
-      const { chart, figure, data } = this, least = chart.y.least;
+      const { chart, figure, data } = this, least = chart.y.span;
       if (this.bars) {
         const ends = extent(data.all.flatMap((each) => [each.y, each.low, each.high]));
         const values = airy(ends && [Math.min(0, ends[0]), Math.max(0, ends[1])], least, false);
@@ -240,7 +241,7 @@
       }
       this.setY(seen, least);
       for (const range of this.others.values()) {
-        const [start, end] = airy(extent(range.seen ?? []), 1e-9, false);
+        const [start, end] = airy(extent(range.seen ?? []), range.least, false);
         range.seen = [];
         range.setv({ start, end });
       }

@@ -87,8 +87,8 @@
     }
   };
 
-  // A value without digits below the resolution of display.
-  const shown = (value, { least, digits, labels }) => labels?.[value] ?? GS.short(Math.round(value / least) * least, digits);
+  // A value without digits below the resolution of display, which half of the smallest axis is.
+  const shown = (value, { span, digits, labels }) => labels?.[value] ?? GS.short(Math.round(2 * value / span) * span / 2, digits);
   // The values at an abscissa, for lines; the nearest row at or before it.
   GS.legendValues = (panel, x) => {
     if (!panel.figure?.isFunction) return;
