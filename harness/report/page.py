@@ -5,10 +5,11 @@ drawn by the scripts of `web/`.
 """
 
 import html
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from itertools import groupby
+from itertools import cycle, groupby
 from typing import Any
 from urllib.parse import quote
 
@@ -27,6 +28,7 @@ from gough_stewart.harness.report.palette import (
     ROLES,
     SIX_DASHES,
     THEMES,
+    Role,
     Theme,
     colour_of,
     colour_of_six,
@@ -56,6 +58,8 @@ THEME_OPTIONS = "".join(
     f'<option value="{value}">{text}</option>'
     for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
 )
+# Roles that colour flags on the bar of time.
+_FLAGS: tuple[Role, ...] = ("bad", "neutral", "marginal", "published", "measured")
 # Largest number of values that stand beside the verdict; letters of a vertical title that fit beside a chart.
 _MOST_NUMBERS, _LONGEST = 6, 28
 # Steps of the range of a signal in which those of single members are stored: a chart has some 200 pixels of height.
@@ -74,8 +78,10 @@ def page_of(report: Report) -> bytes:
     is_solid = bool(scenes or surfaces)
     # a single chart over time among others needs no controls of time
     has_time = bool(scenes) or sum(c.is_over_time for c in charts) > 1 or bool(charts and charts[0].is_over_time)
+    clock = _clock(charts, scenes) if has_time else None
     data = {
         "title": report.title,
+        "clock": clock,
         "changed": report.changed,
         "runs": report.runs,
         "palette": {theme: palette_of(theme) for theme in THEMES},
@@ -112,6 +118,8 @@ def page_of(report: Report) -> bytes:
         beside=[part for part in report.parts() if is_beside and isinstance(part, Table) and part.beside],
         number_of={id(chart): k for k, chart in enumerate(charts)},
         has_time=has_time,
+        flags=[] if clock is None else _flags(scenes, clock["start"], clock["end"]),
+        has_legs=bool(scenes) or any(series.leg is not None for chart in charts for series in chart.series),
         has_members=bool(data["members"]),
         differences=differences,
         themes=Markup(THEME_OPTIONS),
@@ -308,9 +316,34 @@ def _scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
         "rows": scene.rows,
         "digits": scene.decimals,
         "nearnessOf": scene.nearness_of,
-        "flags": {flag.name: flag.values for flag in scene.flags},
         "arrays": {name: arrays.add(values) for name, values in in_frames.items() if values is not None},
     }
+
+
+def _clock(charts: Sequence[Chart], scenes: Sequence[Scene]) -> dict[str, float] | None:
+    """Start and end of the time that charts and scenes share [s], and the decimals in which it is shown."""
+    curves = [chart.x_of(series) for chart in charts if chart.is_over_time for series in chart.series]
+    times = [time for time in (*(scene.time for scene in scenes), *curves) if len(time)]
+    if not times:
+        return None
+    start, end = min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
+    step = (end - start) / max(*map(len, times), 2) or 1.0
+    return {"start": start, "end": end, "digits": min(max(math.ceil(0.3 - math.log10(step)), 2), 6)}
+
+
+def _flags(scenes: Sequence[Scene], start: float, end: float) -> list[tuple[str, Role, list[tuple[float, float]]]]:
+    """What is on at any time: its name, the role that colours it, and when: beginnings and lengths [%]."""
+    on = dict.fromkeys(flag.name for scene in scenes for flag in scene.flags if "1" in flag.values)
+    flags = []
+    for name, role in zip(on, cycle(_FLAGS), strict=False):
+        parts = list[tuple[float, float]]()
+        for scene in scenes:
+            at = (100 * (scene.time - start) / (end - start or 1.0)).tolist()
+            for values in (flag.values for flag in scene.flags if flag.name == name):
+                spans = [(at[run.start()], at[run.end()]) for run in re.finditer("1+", values)]
+                parts += [(round(first, 3), round(max(last - first, 0.1), 3)) for first, last in spans]
+        flags.append((name.replace("_", " "), role, parts))
+    return flags
 
 
 # --- filters of the templates ----------------------------------------------------------------------------------------

@@ -3,16 +3,13 @@
 // of all maps of the same coordinates. A zoom of one is a zoom of all.
 (() => {
   const GS = GoughStewart, { element, page, state } = GS;
-  const STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"], FINE = 420, DECADES = 3;
+  const FINE = 420, DECADES = 3;
 
-  GS.heatColours = (number = 256) => {
-    const stops = STOPS.map((hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)));
-    return Array.from({ length: number }, (_, k) => {
-      const at = k / (number - 1) * (stops.length - 1), low = Math.min(Math.floor(at), stops.length - 2);
-      return stops[low].map((c, i) => Math.round(c + (at - low) * (stops[low + 1][i] - c)));
-    });
+  GS.HEAT_STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"];
+  GS.heatColours = () => {
+    const colour = GS.gradient(GS.HEAT_STOPS.map((hex, k, { length }) => [k / (length - 1), hex]));
+    return Array.from({ length: 256 }, (_, k) => colour(k / 255));
   };
-  const hex = (colour) => `#${colour.map((c) => c.toString(16).padStart(2, "0")).join("")}`;
   // Colours of kinds: the first is the ground.
   GS.kindColours = (chart) => chart.map.classes.map((_, k) => GS.theme().kinds[k % GS.theme().kinds.length]);
 
@@ -98,7 +95,7 @@
   // Adds image, border, marked point and colour bar to a Bokeh figure; returns what changes with slice and theme.
   GS.drawHeat = (chart, figure, data) => {
     const map = new HeatMap(chart, data), F = (field) => ({ field }), half = (values) => (values.length > 1 ? (values.at(-1) - values[0]) / (values.length - 1) / 2 : 0.5);
-    const [dx, dy] = [half(data.x), half(data.rows)], [low, high] = map.scaledEnds, colours = GS.heatColours().map(hex);
+    const [dx, dy] = [half(data.x), half(data.rows)], [low, high] = map.scaledEnds, colours = GS.heatColours().map(GS.css);
     const mapper = map.kinds
       ? new Bokeh.LinearColorMapper({ palette: GS.kindColours(chart), low: -0.5, high: map.kinds - 0.5 })
       : new Bokeh.LinearColorMapper({ palette: colours, low, high, nan_color: "rgba(128,128,128,0.14)" });
@@ -195,7 +192,7 @@
         if (a || b) group.tell(panel, [Math.min(Math.max(i + a, 0), data.x.length - 1), Math.min(Math.max(j + b, 0), data.rows.length - 1)]);
         else if (pressed === "+" || pressed === "-") group.about(panel, data.x[i], data.rows[j], pressed === "+" ? 0.5 : 2);
         else if (pressed === "0") group.zoom(null);
-        else if ((pressed === "PageUp" || pressed === "PageDown") && panel.chart.map?.slices) GS.toSlice(panel.chart, GS.sliceOf(panel.chart) + (pressed === "PageUp" ? 1 : -1));
+        else if ((pressed === "PageUp" || pressed === "PageDown") && panel.chart.map?.slices) toSlice(GS.sliceOf(panel.chart) + (pressed === "PageUp" ? 1 : -1));
         else return false;
         return true;
       },
@@ -208,22 +205,18 @@
   };
 
   // The slice of a third coordinate that all maps show.
-  GS.toSlice = (chart, k) => GS.set({ slice: Math.min(Math.max(Math.round(k), 0), chart.map.slicesNumber - 1) });
+  const input = document.getElementById("slice");
+  const toSlice = (k) => GS.set({ slice: Math.min(Math.max(Math.round(k), 0), Number(input.max)) });
   GS.sliceBar = async () => {
-    const sliced = page.charts.filter((chart) => chart.map?.slices);
-    if (!sliced.length) return;
-    const [{ map }] = sliced, { slices } = map, values = await GS.array(slices.values);
-    for (const chart of sliced) chart.map.slicesNumber = values.length;
-    const input = element("input", { id: "slice", type: "range", min: 0, max: values.length - 1, step: 1, autocomplete: "off", oninput: () => GS.toSlice(sliced[0], Number(input.value)) });
-    const output = element("output", { for: "slice" }), bar = element("div", { class: "bar slices", role: "region", "aria-label": "slice" },
-      element("div", { class: "controls" }, element("label", { for: "slice" }, `maps at ${slices.name}`), input, output));
+    if (!input) return;
+    const chart = page.charts.find((each) => each.map?.slices), { slices } = chart.map, values = await GS.array(slices.values), output = document.querySelector("output[for=slice]");
     const place = () => {
-      const k = GS.sliceOf(sliced[0]), text = `${GS.short(values[k] * slices.factor)} ${slices.unit}`.trim();
+      const k = GS.sliceOf(chart), text = `${GS.short(values[k] * slices.factor)} ${slices.unit}`.trim();
       input.value = k;
       input.setAttribute("aria-valuetext", text);
       output.textContent = text;
     };
-    document.querySelector("main > .first").after(bar);
+    input.addEventListener("input", () => toSlice(Number(input.value)));
     place();
     GS.on("slice", place);
   };
