@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Scene, Series, Surface
+from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Map, Mark, Scene, Series, Surface, looks_of
 from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, document, licence_of, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
@@ -25,8 +25,8 @@ from gough_stewart.harness.report.palette import (
     GROUND,
     INK,
     KINDS,
+    MARK_DASHES,
     ROLES,
-    SIX_DASHES,
     THEMES,
     Role,
     Theme,
@@ -60,8 +60,9 @@ THEME_OPTIONS = "".join(
 )
 # Roles that colour flags on the bar of time.
 _FLAGS: tuple[Role, ...] = ("bad", "neutral", "marginal", "published", "measured")
-# Largest number of values that stand beside the verdict; letters of a vertical title that fit beside a chart.
-_MOST_NUMBERS, _LONGEST = 6, 28
+# Largest number of values that stand beside the verdict, and of names in a description; letters of a vertical title
+# that fit beside a chart.
+_MOST_NUMBERS, _MOST_NAMES, _LONGEST = 6, 12, 28
 # Steps of the range of a signal in which those of single members are stored: a chart has some 200 pixels of height.
 _SAMPLE_STEPS = 1000.0
 
@@ -85,8 +86,6 @@ def page_of(report: Report) -> bytes:
         "changed": report.changed,
         "runs": report.runs,
         "palette": {theme: palette_of(theme) for theme in THEMES},
-        "dashes": {role: DASHES.get(role, ()) for role in ROLES},
-        "sixDashes": SIX_DASHES,
         "nearness": NEARNESS,
         "charts": [chart_data(chart, arrays, has_time=has_time) for chart in charts],
         "scenes": [_scene_data(scene, arrays) for scene in scenes],
@@ -198,12 +197,11 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
             "title": chart.y_title if chart.y is not None or quantity.name else quantity.headed(title),
             "scale": chart.y.scale if chart.y else "linear",
         },
-        "series": [_series(series, chart, arrays) for series in chart.series],
-        "marks": [
-            {"value": mark.value, "text": mark.text, "vertical": mark.direction == "vertical", "role": mark.role}
-            | ({} if mark.tells else {"said": True})
-            for mark in chart.marks
+        "series": [
+            {**_series(series, chart, arrays), "look": look._asdict()}
+            for series, look in zip(chart.series, looks_of(chart.series), strict=True)
         ],
+        "marks": [_mark(mark, chart) for mark in chart.marks],
         "spans": [asdict(span) for span in chart.spans],
         "strips": [{**asdict(strip), "share": percent(strip.share)} for strip in chart.strips],
     }
@@ -227,6 +225,14 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
     elif chart.y is not None and chart.y.labels:
         data["y"]["labels"] = chart.y.labels
     return data
+
+
+def _mark(mark: Mark, chart: Chart) -> dict[str, Any]:
+    is_vertical = mark.direction == "vertical"
+    quantity = chart.x.quantity if is_vertical else chart.series[0].quantity
+    text = f"{mark.text} {with_minus(quantity.text(mark.value))}" if mark.tells else mark.text
+    dashes = [3 * length for length in DASHES.get(mark.role, MARK_DASHES)]
+    return {"value": mark.value, "text": text, "vertical": is_vertical, "role": mark.role, "dashes": dashes}
 
 
 def _written(quantity: Quantity) -> dict[str, Any]:
@@ -346,6 +352,22 @@ def _flags(scenes: Sequence[Scene], start: float, end: float) -> list[tuple[str,
     return flags
 
 
+def _described(chart: Chart) -> str:
+    """A chart in words, for screen readers."""
+    quantity, over = chart.series[0].quantity, chart.map or Map()
+    values = np.concatenate([series.values.ravel() for series in chart.series])
+    held = np.isfinite(values) if over.inside is None else np.isfinite(values) & (over.inside.ravel() > 0)
+    ends = quantity.range_text(*(float(end(values[held])) for end in (np.min, np.max))) if held.any() else ""
+    said = f"values from {with_minus(ends)}" if ends else "no values"
+    if chart.kind == "heat" and chart.y is not None:
+        if over.classes:
+            said = ", ".join(kind for k, kind in enumerate(over.classes) if (values == k).any())
+        return f"Map of {chart.title} over {chart.x.title} and {chart.y.title}: {said}. Arrows go from value to value."
+    names = [series.name for series in chart.series[:_MOST_NAMES]]
+    also = [*(span.text for span in chart.spans), *(f"{s.name}, {percent(s.share)} of the time" for s in chart.strips)]
+    return f"Chart of {chart.title} over {chart.x.title}: {'; '.join([*names, said, *also])}."
+
+
 # --- filters of the templates ----------------------------------------------------------------------------------------
 
 
@@ -391,6 +413,7 @@ TEMPLATES.filters |= {
     "explained": explained,
     "minus": with_minus,
     "id": id,
+    "described": _described,
     "drawn": _drawn,
     "neighbours": _neighbours,
     "titles": _titles,

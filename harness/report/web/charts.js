@@ -134,18 +134,6 @@
     if (state.members) GS.markedBand(panel);
   };
 
-  // The description of a chart for screen readers.
-  const summary = (panel) => {
-    const { chart, figure } = panel;
-    if (figure.heat) return `Map of ${chart.title} over ${chart.x.title} and ${chart.rows.title}: ${figure.heat.map.told}. Arrows go from value to value.`;
-    const names = chart.series.map((each) => each.name).slice(0, 12).join("; ");
-    let low = Infinity, high = -Infinity;
-    for (const { numbers } of figure.parts) for (const v of numbers.y) { if (v < low) low = v; if (v > high) high = v; }
-    const values = low <= high ? `values from ${GS.short(low)} to ${GS.short(high)} ${chart.y.unit}`.trim() : "no values";
-    const told = [...chart.spans.map((span) => span.text), ...chart.strips.map(({ name, share }) => `${name}, ${share} of the time`)];
-    return `Chart of ${chart.title} over ${chart.x.title}: ${[names, values, ...told].join("; ")}.`;
-  };
-
   const draw = (panel) => (panel.drawn ??= (async () => {
     try {
       panel.figure = await GS.figure(panel.chart, panel.plot);
@@ -156,7 +144,6 @@
       return panel;
     }
     panel.plot.append(panel.region, panel.cursor, panel.told);
-    panel.plot.setAttribute("aria-label", summary(panel));
     panel.group.panels.push(panel);
     GS.legend(panel);
     GS.showMembers(panel);
@@ -171,10 +158,6 @@
   // A panel that waits to be drawn in a figure element of the page.
   const panelOf = (chart, host) => {
     const plot = host.querySelector(".plot"), hidden = (name) => element("div", { class: name, hidden: "" });
-    plot.tabIndex = 0;
-    // a group, since Bokeh's buttons are in it
-    plot.setAttribute("role", "group");
-    plot.setAttribute("aria-label", `Chart of ${chart.title}`);
     const panel = {
       chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,
       cursor: hidden("cursor"), region: hidden("region"), told: hidden("pointed"),
@@ -312,9 +295,9 @@
       const units = [...new Set(chosen.map(({ y }) => y.unit))], [{ y, time }] = chosen;
       // the words of the axis, if all signals are of one chart
       const title = chosen.every((signal) => signal.y === y) ? y.title : `[${y.unit || 1}]`;
-      const figure = element("figure", { class: "chart line" }, element("figcaption", {}, element("ul", { class: "key" })), element("div", { class: "plot" }));
+      const figure = element("figure", { class: "chart line" }, element("figcaption", {}, element("ul", { class: "key" })), element("div", { class: "plot", tabindex: 0, role: "group", "aria-label": "Your own chart" }));
       place.replaceChildren(figure);
-      panel = open({ title: "your own chart", kind: "line", isTime: true, x: time, y: { ...y, title, scale: "linear" }, series: chosen.map((series) => ({ ...series })), marks: [], spans: [], strips: [], units }, figure, read);
+      panel = open({ title: "your own chart", kind: "line", isTime: true, x: time, y: { ...y, title, scale: "linear" }, series: chosen.map((series, k) => ({ ...series, look: { colour: k % 6, dashes: k < 6 ? [] : [6, 3] } })), marks: [], spans: [], strips: [], units }, figure, read);
     };
     select.addEventListener("change", () => {
       const [k, j] = select.value.split(",").map(Number), chart = page.charts[k], series = chart.series[j], name = `${chart.title}: ${series.name}`;

@@ -295,7 +295,7 @@
       for (const grid of [...figure.xgrids, ...figure.ygrids]) grid.grid_line_color = line;
       this.heat?.dress(GS.theme());
       if (this.heat?.bar) this.heat.bar.setv({ major_label_text_color: ink, title_text_color: ink, major_label_text_font: FONT, title_text_font: FONT });
-      for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: GS.page.dashes[mark.role].map((d) => 3 * d) });
+      for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: mark.dashes });
       const { paper } = GS.theme();
       for (const { span, line, text } of this.texts) {
         line.glyph.setv({ line_color: roles[span.role] });
@@ -304,7 +304,7 @@
       for (const { strip, made } of this.bands || []) made.glyph.setv({ fill_color: roles[strip.role], line_color: roles[strip.role] });
       this.parts.forEach((part, k) => {
         if (chart.kind === "heat") return;
-        const group = this.groups.find((each) => each.includes(k)), plain = GS.look(chart, part.series);
+        const group = this.groups.find((each) => each.includes(k)), plain = GS.look(part.series);
         const look = group ? GS.striped(plain, group.indexOf(k), group.length) : plain, stands = GS.emphasis(part.series);
         const visible = !GS.isHidden(part.series), alpha = GS.alpha(part.series);
         for (const { made, kind } of part.glyphs) {

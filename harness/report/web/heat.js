@@ -64,11 +64,10 @@
       return this.values[corner[order.find((c) => this.values[corner[c]] !== 0) ?? order[0]]];
     }
 
-    // The border of a slice as line segments, by linear interpolation on the edges of cells.
+    // The border of a slice as segments with gaps between them, by linear interpolation on the edges of cells.
     border(slice) {
-      const found = { x0: [], y0: [], x1: [], y1: [] }, m = this.x.length, from = slice * this.size, field = this.inside;
-      if (!field) return found;
-      for (let j = 0; j + 1 < this.rows.length; j++) {
+      const found = { x: [], y: [] }, m = this.x.length, from = slice * this.size, field = this.inside;
+      for (let j = 0; field && j + 1 < this.rows.length; j++) {
         for (let i = 0; i + 1 < m; i++) {
           const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]], cut = [];
           corners.forEach(([p, q], c) => {
@@ -77,18 +76,10 @@
             const share = one / (one - other);
             cut.push([this.x[p] + share * (this.x[r] - this.x[p]), this.rows[q] + share * (this.rows[s] - this.rows[q])]);
           });
-          for (let c = 0; c + 1 < cut.length; c += 2) {
-            found.x0.push(cut[c][0]); found.y0.push(cut[c][1]); found.x1.push(cut[c + 1][0]); found.y1.push(cut[c + 1][1]);
-          }
+          for (let c = 0; c + 1 < cut.length; c += 2) ["x", "y"].forEach((axis, k) => found[axis].push(cut[c][k], cut[c + 1][k], NaN));
         }
       }
       return found;
-    }
-
-    get told() {
-      const { chart, ends, kinds, present } = this;
-      if (kinds) return [...present].sort((a, b) => a - b).map((k) => chart.map.classes[k]).join(", ");
-      return `values from ${ends.map((v) => GS.short(v)).join(" to ")} ${chart.y.unit}`.trim();
     }
   }
 
@@ -114,8 +105,7 @@
     const show = (slice) => {
       const { values, shape } = map.image(slice);
       source.data = { image: [Bokeh.require("core/util/ndarray").ndarray(values, { dtype: "float64", shape })] };
-      const { x0, y0, x1, y1 } = map.border(slice);
-      edges.data = { x: x0.flatMap((v, k) => [v, x1[k], NaN]), y: y0.flatMap((v, k) => [v, y1[k], NaN]) };
+      edges.data = map.border(slice);
       for (const mark of marks) mark.visible = slice === chart.map.first;
     };
     const dress = ({ ink, paper }) => {

@@ -28,7 +28,7 @@
   const grouped = (chart, several) => {
     const groups = new Map();
     chart.series.forEach((series, k) => {
-      const isReference = ownerOf(chart, series) >= 0, look = GS.look(chart, series), own = several ? series.component || series.name : named(series);
+      const isReference = ownerOf(chart, series) >= 0, look = GS.look(series), own = several ? series.component || series.name : named(series);
       const name = isReference ? "reference" : own, key = several ? name : isReference ? `reference ${look.colour}` : k;
       if (!groups.has(key)) groups.set(key, { name, isReference, look: several ? { ...look, colour: GS.theme().ink, width: 1.5 } : look, indices: [] });
       if (several || !isReference || !groups.get(key).indices.length) groups.get(key).indices.push(k);
@@ -56,15 +56,9 @@
       }
       rows.push(item);
     }
-    for (const mark of chart.marks) {
-      const colour = GS.theme().roles[mark.role], axis = mark.vertical ? chart.x : chart.y;
-      const text = mark.said ? mark.text : `${mark.text} ${GS.short(mark.value * axis.factor)} ${axis.unit}`;
-      rows.push(element("li", { class: "mark" }, sample({ colour, dashes: page.dashes[mark.role].map((d) => 3 * d) }, 1.6, false), text.trim()));
-    }
-    for (const { name, role, share } of chart.strips) {
-      const look = { colour: GS.theme().roles[role], dashes: [] };
-      rows.push(element("li", { class: "mark" }, sample(look, 2, true), `${name}, ${share}`));
-    }
+    const mark = (role, dashes, width, text) => element("li", { class: "mark" }, sample({ colour: GS.theme().roles[role], dashes }, width, !width), text);
+    rows.push(...chart.marks.map(({ role, dashes, text }) => mark(role, dashes, 1.6, text)));
+    rows.push(...chart.strips.map(({ name, role, share }) => mark(role, [], 0, `${name}, ${share}`)));
     key.replaceChildren(...rows);
     GS.legendState(panel);
     GS.markedKey(panel);
