@@ -27,7 +27,6 @@ from gough_stewart.harness.motion.limits.needs import (
     LEGS,
     OF_LIMIT,
     Needs,
-    largest_needs,
     leg_tables,
     needs_along,
     summary_tables,
@@ -60,7 +59,7 @@ from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import listed, percent, sentence
+from gough_stewart.harness.report.words import listed, number_text, percent, sentence
 from gough_stewart.harness.results.metric_folds import AXES
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import condition_number_bound, leg_geometry, scaled_jacobian_of_legs
@@ -361,7 +360,14 @@ class MotionCheck:
             peak = self.shares.peak(name)
             of_leg = "" if peak.leg is None else f", leg {peak.leg}"
             lines.append(f"  {LABELS[name]:16}  {percent(peak.share, 4):>8} at {peak.time:.6g} s{of_leg}")
-        return "\n".join([*lines, f"  {largest_needs(self.needs)}"])
+        most = {name: number_text(plain(float(np.abs(need.of_leg).max()))) for name, need in self.needs.of.items()}
+        lines.append(
+            f"  needs: stroke {most['stroke']} m, speed {most['leg_velocity_peak']} m/s "
+            f"(RMS {most['leg_velocity_rms']}), force {most['actuator_force_peak']} N (RMS {most['actuator_force_rms']}), "
+            f"power {most['motoring_power_peak']} W (RMS {most['actuator_power_rms']}), "
+            f"regenerated {most['regenerated_power_peak']} W"
+        )
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """The tables, for a notebook."""

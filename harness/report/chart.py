@@ -80,11 +80,7 @@ class Look(NamedTuple):
 
     colour: Role | int  # of a role, or one of six
     dashes: tuple[float, ...]  # in widths of the line; none for a full line
-
-    @property
-    def shade(self) -> str:
-        """The colour on a light ground, as #rrggbb."""
-        return colour_of_six(self.colour) if isinstance(self.colour, int) else colour_of(self.colour)
+    shade: str  # the colour on a light ground, as #rrggbb
 
 
 def looks_of(lines: Sequence[Series], *, in_print: bool = False) -> list[Look]:
@@ -105,11 +101,11 @@ def looks_of(lines: Sequence[Series], *, in_print: bool = False) -> list[Look]:
             place = line.leg - 1 if line.leg else place
             # of more than six, the colours come again with other dashes
             colour, dashes = place % 6, SIX_DASHES[(place + place // 6) % 6] if in_print else ()
-        look = Look(colour, dashes)
-        while line.role != "band" and (look.shade, look.dashes) in used:
-            look = Look(colour, (*look.dashes, 1.0, 3.0) if look.dashes else (6.0, 3.0))
-        used.add((look.shade, look.dashes))
-        looks.append(look)
+        shade = colour_of_six(colour) if isinstance(colour, int) else colour_of(colour)
+        while line.role != "band" and (shade, dashes) in used:
+            dashes = (*dashes, 1.0, 3.0) if dashes else (6.0, 3.0)
+        used.add((shade, dashes))
+        looks.append(Look(colour, dashes, shade))
     return looks
 
 

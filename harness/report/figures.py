@@ -25,7 +25,7 @@ from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.palette import DASHES, INK, MARK_DASHES, colour_of
 from gough_stewart.harness.report.palette import KINDS as COLOURS_OF_KINDS
 from gough_stewart.harness.report.plotting import entitle, files_of
-from gough_stewart.harness.report.quantities import axis_span, least_span
+from gough_stewart.harness.report.quantities import least_span
 from gough_stewart.harness.report.words import number_text, percent
 from gough_stewart.model.vectors import FloatArray
 
@@ -344,7 +344,7 @@ def _draw_lines(axes: Axes, panel: Panel) -> None:
     if chart.y is None or chart.y.scale != "log":
         # at least the resolution of display, so that rounding does not fill the axis
         (bottom, top), quantity = axes.get_ylim(), panel.series[0].quantity
-        least = max(panel.least, axis_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least))
+        least = max(panel.least, least_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least, is_axis=True))
         if top - bottom < least:
             middle = (bottom + top) / 2
             axes.set_ylim(middle - least / 2, middle + least / 2)

@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Map, Mark, Scene, Series, Surface, looks_of
+from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Map, Scene, Series, Surface, looks_of
 from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, document, licence_of, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
@@ -33,7 +33,7 @@ from gough_stewart.harness.report.palette import (
     colour_of,
     colour_of_six,
 )
-from gough_stewart.harness.report.quantities import Quantity, axis_span, least_span
+from gough_stewart.harness.report.quantities import Quantity, least_span
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.table import Cell, Column, Table, Value, is_at_right
 from gough_stewart.harness.report.words import explained, percent, with_minus, with_terms
@@ -79,7 +79,7 @@ def page_of(report: Report) -> bytes:
     is_solid = bool(scenes or surfaces)
     # a single chart over time among others needs no controls of time
     has_time = bool(scenes) or sum(c.is_over_time for c in charts) > 1 or bool(charts and charts[0].is_over_time)
-    clock = _clock(charts, scenes) if has_time else None
+    clock, flags = _clock(charts, scenes)
     data = {
         "title": report.title,
         "clock": clock,
@@ -117,7 +117,7 @@ def page_of(report: Report) -> bytes:
         beside=[part for part in report.parts() if is_beside and isinstance(part, Table) and part.beside],
         number_of={id(chart): k for k, chart in enumerate(charts)},
         has_time=has_time,
-        flags=[] if clock is None else _flags(scenes, clock["start"], clock["end"]),
+        flags=flags,
         has_legs=bool(scenes) or any(series.leg is not None for chart in charts for series in chart.series),
         has_members=bool(data["members"]),
         differences=differences,
@@ -184,6 +184,13 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
     # the title above the chart says the rest of a long one
     title = re.split(", | of ", chart.title)[0][:_LONGEST] if len(chart.title) > _LONGEST else chart.title
     of_values = quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least
+    marks = list[dict[str, Any]]()
+    for mark in chart.marks:
+        is_vertical, dashes = mark.direction == "vertical", DASHES.get(mark.role, MARK_DASHES)
+        value = with_minus((chart.x.quantity if is_vertical else quantity).text(mark.value))
+        text = f"{mark.text} {value}" if mark.tells else mark.text
+        look = {"role": mark.role, "dashes": [3 * length for length in dashes]}
+        marks.append({"value": mark.value, "text": text, "vertical": is_vertical, **look})
     data: dict[str, Any] = {
         "title": chart.title,
         "kind": chart.kind,
@@ -193,15 +200,15 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
             **_written(quantity),
             # the smallest difference of these values, and span of their axis [shown unit]
             "least": least_span(*of_values),
-            "span": axis_span(*of_values),
+            "span": least_span(*of_values, is_axis=True),
             "title": chart.y_title if chart.y is not None or quantity.name else quantity.headed(title),
             "scale": chart.y.scale if chart.y else "linear",
         },
         "series": [
-            {**_series(series, chart, arrays), "look": look._asdict()}
+            {**_series(series, chart, arrays), "look": {"colour": look.colour, "dashes": look.dashes}}
             for series, look in zip(chart.series, looks_of(chart.series), strict=True)
         ],
-        "marks": [_mark(mark, chart) for mark in chart.marks],
+        "marks": marks,
         "spans": [asdict(span) for span in chart.spans],
         "strips": [{**asdict(strip), "share": percent(strip.share)} for strip in chart.strips],
     }
@@ -225,14 +232,6 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
     elif chart.y is not None and chart.y.labels:
         data["y"]["labels"] = chart.y.labels
     return data
-
-
-def _mark(mark: Mark, chart: Chart) -> dict[str, Any]:
-    is_vertical = mark.direction == "vertical"
-    quantity = chart.x.quantity if is_vertical else chart.series[0].quantity
-    text = f"{mark.text} {with_minus(quantity.text(mark.value))}" if mark.tells else mark.text
-    dashes = [3 * length for length in DASHES.get(mark.role, MARK_DASHES)]
-    return {"value": mark.value, "text": text, "vertical": is_vertical, "role": mark.role, "dashes": dashes}
 
 
 def _written(quantity: Quantity) -> dict[str, Any]:
@@ -326,19 +325,19 @@ def _scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
     }
 
 
-def _clock(charts: Sequence[Chart], scenes: Sequence[Scene]) -> dict[str, float] | None:
-    """Start and end of the time that charts and scenes share [s], and the decimals in which it is shown."""
+def _clock(
+    charts: Sequence[Chart], scenes: Sequence[Scene]
+) -> tuple[dict[str, float], list[tuple[str, Role, list[tuple[float, float]]]]]:
+    """The time that charts and scenes share, and what is on at any of it.
+
+    Start and end [s], and the decimals in which it is shown; of each flag its name, the role that colours it, and when
+    it is on: beginnings and lengths [%].
+    """
     curves = [chart.x_of(series) for chart in charts if chart.is_over_time for series in chart.series]
-    times = [time for time in (*(scene.time for scene in scenes), *curves) if len(time)]
-    if not times:
-        return None
+    times = [time for time in (*(scene.time for scene in scenes), *curves) if len(time)] or [np.zeros(2)]
     start, end = min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
     step = (end - start) / max(*map(len, times), 2) or 1.0
-    return {"start": start, "end": end, "digits": min(max(math.ceil(0.3 - math.log10(step)), 2), 6)}
-
-
-def _flags(scenes: Sequence[Scene], start: float, end: float) -> list[tuple[str, Role, list[tuple[float, float]]]]:
-    """What is on at any time: its name, the role that colours it, and when: beginnings and lengths [%]."""
+    clock = {"start": start, "end": end, "digits": min(max(math.ceil(0.3 - math.log10(step)), 2), 6)}
     on = dict.fromkeys(flag.name for scene in scenes for flag in scene.flags if "1" in flag.values)
     flags = []
     for name, role in zip(on, cycle(_FLAGS), strict=False):
@@ -349,7 +348,7 @@ def _flags(scenes: Sequence[Scene], start: float, end: float) -> list[tuple[str,
                 spans = [(at[run.start()], at[run.end()]) for run in re.finditer("1+", values)]
                 parts += [(round(first, 3), round(max(last - first, 0.1), 3)) for first, last in spans]
         flags.append((name.replace("_", " "), role, parts))
-    return flags
+    return clock, flags
 
 
 def _described(chart: Chart) -> str:
@@ -383,11 +382,6 @@ def _neighbours(parts: Iterable[Part]) -> list[tuple[str, list[Part]]]:
     return [(kind, list(alike)) for kind, alike in groupby(parts, key=lambda part: kinds.get(type(part), "notes"))]
 
 
-def _titles(hidden: Sequence[Part]) -> str:
-    text = ", ".join(dict.fromkeys(part.title for part in hidden if isinstance(part, Chart | Table)))
-    return text if len(text) <= 120 else f"{text[:117].rpartition(', ')[0]} …"
-
-
 def _sides(table: Table) -> list[bool]:
     """Which columns are right-aligned."""
     texts = [table.texts(k) for k in range(len(table.rows))]
@@ -416,7 +410,6 @@ TEMPLATES.filters |= {
     "described": _described,
     "drawn": _drawn,
     "neighbours": _neighbours,
-    "titles": _titles,
     "sides": _sides,
     "sort_value": _sort_value,
     "link": _link,

@@ -157,15 +157,13 @@ class Quantity:
         return number / (known[self.unit] * self.factor / known[unit])
 
 
-def least_span(unit: str, largest: float = 0.0, least: float | None = None) -> float:
-    """The smallest difference of curves in a unit, up to a largest magnitude; `least` is that of numbers."""
+def least_span(unit: str, largest: float = 0.0, least: float | None = None, *, is_axis: bool = False) -> float:
+    """The smallest difference of curves in a unit, up to a largest magnitude; `least` is that of numbers.
+
+    An axis spans what numbers tell on both sides of its middle, so that rounding looks flat.
+    """
     told = LEAST_SPANS.get(unit, _LEAST_OF_OTHERS) if least is None else least
-    return max(_OF_CURVES * told, _LEAST_SHARE * abs(largest))
-
-
-def axis_span(unit: str, largest: float = 0.0, least: float | None = None) -> float:
-    """The smallest span of an axis: what numbers tell, on both sides of its middle, so that rounding looks flat."""
-    return max(2 * least_span(unit, 0.0, least) / _OF_CURVES, least_span(unit, largest, least))
+    return max((2 if is_axis else _OF_CURVES) * told, _LEAST_SHARE * abs(largest))
 
 
 def fineness_of(platform: PlatformFields) -> float:

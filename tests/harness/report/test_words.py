@@ -21,7 +21,6 @@ from gough_stewart.harness.report.quantities import (
     SHARE,
     TIME,
     Quantity,
-    axis_span,
     fine,
     least_span,
     of_unit,
@@ -86,7 +85,7 @@ def test_curves_have_a_tenth_of_what_numbers_tell_or_a_millionth_of_what_is_show
         ("mm", 0.0, 1e-4, 2e-3), ("mm", 99.9, 1e-4, 2e-3), ("mm", -100.1, 1.001e-4, 2e-3), ("deg", 2e-5, 1e-5, 2e-4),
         ("none of these", 5.0, 5e-6, 5e-6), ("none of these", 0.0, 1e-7, 2e-6), ("N/s", 2.0, 1e-2, 0.2),
     ):  # fmt: skip
-        assert (least_span(unit, largest), axis_span(unit, largest)) == pytest.approx((least, span))
+        assert (least_span(unit, largest), least_span(unit, largest, is_axis=True)) == pytest.approx((least, span))
     degrees = 180 / math.pi
     for same in ({"m": 1, "mm": 1e3}, {"rad": 1, "mrad": 1e3, "deg": degrees}, {"rad/s": 1, "deg/s": degrees}):
         sizes = [LEAST_SPANS[unit] / factor for unit, factor in same.items()]
