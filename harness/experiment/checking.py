@@ -363,8 +363,8 @@ class MotionCheck:
         most = {name: number_text(plain(float(np.abs(need.of_leg).max()))) for name, need in self.needs.of.items()}
         lines.append(
             f"  needs: stroke {most['stroke']} m, speed {most['leg_velocity_peak']} m/s "
-            f"(RMS {most['leg_velocity_rms']}), force {most['actuator_force_peak']} N (RMS {most['actuator_force_rms']}), "
-            f"power {most['motoring_power_peak']} W (RMS {most['actuator_power_rms']}), "
+            f"(RMS {most['leg_velocity_rms']}), force {most['actuator_force_peak']} N "
+            f"(RMS {most['actuator_force_rms']}), power {most['motoring_power_peak']} W (RMS {most['actuator_power_rms']}), "
             f"regenerated {most['regenerated_power_peak']} W"
         )
         return "\n".join(lines)
