@@ -361,13 +361,14 @@ class MotionCheck:
             of_leg = "" if peak.leg is None else f", leg {peak.leg}"
             lines.append(f"  {LABELS[name]:16}  {percent(peak.share, 4):>8} at {peak.time:.6g} s{of_leg}")
         most = {name: number_text(plain(float(np.abs(need.of_leg).max()))) for name, need in self.needs.of.items()}
-        lines.append(
-            f"  needs: stroke {most['stroke']} m, speed {most['leg_velocity_peak']} m/s "
-            f"(RMS {most['leg_velocity_rms']}), force {most['actuator_force_peak']} N "
-            f"(RMS {most['actuator_force_rms']}), power {most['motoring_power_peak']} W (RMS {most['actuator_power_rms']}), "
-            f"regenerated {most['regenerated_power_peak']} W"
+        texts = (
+            f"stroke {most['stroke']} m",
+            f"speed {most['leg_velocity_peak']} m/s (RMS {most['leg_velocity_rms']})",
+            f"force {most['actuator_force_peak']} N (RMS {most['actuator_force_rms']})",
+            f"power {most['motoring_power_peak']} W (RMS {most['actuator_power_rms']})",
+            f"regenerated {most['regenerated_power_peak']} W",
         )
-        return "\n".join(lines)
+        return "\n".join([*lines, f"  needs: {', '.join(texts)}"])
 
     def _repr_html_(self) -> str:
         """The tables, for a notebook."""
