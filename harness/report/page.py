@@ -336,7 +336,7 @@ def _clock(
     curves = [chart.x_of(series) for chart in charts if chart.is_over_time for series in chart.series]
     times = [time for time in (*(scene.time for scene in scenes), *curves) if len(time)] or [np.zeros(2)]
     start, end = min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
-    step = (end - start) / max(*map(len, times), 2) or 1.0
+    step = (end - start) / (max(2, *map(len, times)) - 1) or 1.0
     clock = {"start": start, "end": end, "digits": min(max(math.ceil(0.3 - math.log10(step)), 2), 6)}
     on = dict.fromkeys(flag.name for scene in scenes for flag in scene.flags if "1" in flag.values)
     flags = []

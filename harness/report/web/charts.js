@@ -300,6 +300,7 @@
       panel = open({ title: "your own chart", kind: "line", isTime: true, x: time, y: { ...y, title, scale: "linear" }, series: chosen.map((series, k) => ({ ...series, look: { colour: k % 6, dashes: k < 6 ? [] : [6, 3] } })), marks: [], spans: [], strips: [], units }, figure, read);
     };
     select.addEventListener("change", () => {
+      if (!select.value) return;
       const [k, j] = select.value.split(",").map(Number), chart = page.charts[k], series = chart.series[j], name = `${chart.title}: ${series.name}`;
       select.value = "";
       if (chosen.some((signal) => signal.name === name)) return;
