@@ -293,7 +293,7 @@ def complaints(error: ValidationError, section: type[TableSection], values: Mapp
         else:
             text = str(context.get("error", "")) or detail["msg"].replace("Input should be", "expected")
             text = text.replace("a valid integer", "a whole number")
-            if detail["type"] in ("model_attributes_type", "model_type"):
+            if detail["type"] in ("model_attributes_type", "model_type", "dict_type"):
                 text = "expected a table of keys"
             text = text if isinstance(found, Mapping) else f"is {found!r}; {text}"
         lines.append(": ".join(filter(None, (".".join(parts), text))))

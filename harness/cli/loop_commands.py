@@ -22,14 +22,6 @@ if TYPE_CHECKING:
 Fit = Literal["time", "amplitude"]
 
 
-def _number_or_text(text: str) -> float | str:
-    """A typed quantity: without a unit it is in SI units, as with `--set`."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
 @study(figures=("shares",))
 def check_command(
     running: Running,
@@ -67,13 +59,14 @@ def check_command(
     """
     loaded = opt.chosen_experiment(experiment, settings, executed=lambda _: ())
     from gough_stewart.harness.experiment.checking import FILES, PATHS, absent_numbers, check, check_files
+    from gough_stewart.harness.experiment.overrides import keys_and_values
 
     running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("check", experiment), FILES)
     running.step("shares of all limits")
-    mass = None if payload is None else _number_or_text(payload)
-    height = _number_or_text(payload_height)
-    checked = check(loaded, payload=mass, payload_height=height)
+    # without a unit they are in SI units, as with --set
+    (_, _, mass), (_, _, height) = keys_and_values((f"payload={payload}", f"payload-height={payload_height}"))
+    checked = check(loaded, payload=mass if payload is not None else None, payload_height=height)
     report = checked.report(charts=running.draws)
     running.require(loaded.requirements, report.numbers)
     running.present(report, check_files(checked))
@@ -96,6 +89,8 @@ def check_command(
         show(checked.report(charts=False), Terminal())
         next_step = f"gough-stewart run {quote(str(fitted))}"
         running.command.close([fitted.name], fitted.parent, done=None, then=next_step)
+    elif fit is not None:
+        Terminal().say("The motion is within all limits: there is nothing to fit, and no file is written.")
     if not checked.within:
         raise typer.Exit(ExitCode.MISSED)
 

@@ -253,6 +253,11 @@ def view_command(
     """
     with clear_errors() as command:
         opt.check_page_name(out)
+        for missing in (record for record in records if not record.exists()):
+            raise RecordError(
+                f"{missing}: no such file or folder; expected the folder of a command, its report.json, or the "
+                "record.parquet or record.csv of a run"
+            )
         page, place = out, records[0]
         is_run = any((place / name).is_file() for name in RECORDS)
         is_report = place.name == DATA or any((place / name).is_file() for name in (DATA, PAGE))
@@ -265,8 +270,6 @@ def view_command(
                 view(records, out, progress=lambda stage: progress.update(task, description=stage))
             elif place.name != DATA and not data.is_file():
                 page = place / PAGE  # that its command has written
-            elif not data.is_file():
-                raise RecordError(f"{data}: no such file; expected the folder of a command, or its report.json")
             else:
                 from gough_stewart.harness.report.document import from_json
                 from gough_stewart.harness.report.page import page_of

@@ -26,7 +26,6 @@ from gough_stewart.harness.motion.limits.needs import (
     LEGS,
     OF_LIMIT,
     Needs,
-    largest_needs,
     leg_tables,
     needs_along,
     summary_tables,
@@ -41,7 +40,7 @@ from gough_stewart.harness.motion.limits.shares import (
     loads_of_legs,
     shares_along,
 )
-from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, slower
+from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of, slower
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import (
@@ -58,7 +57,7 @@ from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import listed, percent, sentence
+from gough_stewart.harness.report.words import listed, number_text, percent, sentence
 from gough_stewart.harness.results.metric_folds import AXES
 from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
@@ -87,6 +86,8 @@ _OF_LEG = {
     "actuator_force_max": "force",
     "actuator_power_max": "power",
 }
+# The keys that have a payload.
+_OF_PAYLOAD = tuple(f"platform.parameters.platform_{name}" for name in ("mass", "com", "inertia"))
 
 # All numbers that a check may have.
 PATHS = tuple(f"limits.{name}" for name in LABELS)
@@ -122,6 +123,8 @@ class MotionCheck:
     _reference: Reference
     _motion: Motion
     _timing: Timing
+    payload: str = ""
+    """What the platform carries beside its own mass, as "300 kg at 0.5 m"."""
 
     @property
     def title(self) -> str:
@@ -242,8 +245,8 @@ class MotionCheck:
         clocks, worst = self._timing, self.experiment.limits.condition_number
 
         def slower_clocks(factor: float) -> Timing:
-            """Of a run that much longer, in whole plant steps within the motion."""
-            steps, end = math.ceil(clocks.steps * factor - 1e-9), factor * getattr(self._reference, "end", math.inf)
+            """Of a run that much longer, in whole plant steps within the recording, if it is one."""
+            steps, end = math.ceil(clocks.steps * factor - 1e-9), factor * end_of(self._reference)
             if steps * clocks.plant_step > end:
                 steps = math.floor(end / clocks.plant_step)
             return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
@@ -334,13 +337,15 @@ class MotionCheck:
             said = [but if self.within else "cannot be done", need, ways]
         duration = float(self.shares.time[-1] - self.shares.time[0])
         unchecked = listed([LABELS[name] for name in self.not_stated])
+        changed, of_payload = self.experiment.changed, _OF_PAYLOAD if self.payload else ()
+        loaded = f" with a payload of {self.payload}" if self.payload else ""
         report = Report(
             self.title,
             Verdict(sentence(said), status, (_number(peak),)),
             tuple(sections),
             study="check",
-            lead=f"platform {self.platform.name}, nominal model, no external forces, {duration:.6g} s",
-            settings=settings_of(self.experiment.changed),
+            lead=f"platform {self.platform.name}{loaded}, nominal model, no external forces, {duration:.6g} s",
+            settings=settings_of({key: values for key, values in changed.items() if key not in of_payload}),
             numbers=tuple(_number(self.shares.peak(name)) for name in self.shares.of),
             notes=(Note(f"Not checked, as the platform states no limit: {unchecked}."),) if unchecked else (),
         )
@@ -354,7 +359,15 @@ class MotionCheck:
             peak = self.shares.peak(name)
             of_leg = "" if peak.leg is None else f", leg {peak.leg}"
             lines.append(f"  {LABELS[name]:16}  {percent(peak.share, 4):>8} at {peak.time:.6g} s{of_leg}")
-        return "\n".join([*lines, f"  {largest_needs(self.needs)}"])
+        most = {name: number_text(plain(float(np.abs(need.of_leg).max()))) for name, need in self.needs.of.items()}
+        texts = (
+            f"stroke {most['stroke']} m",
+            f"speed {most['leg_velocity_peak']} m/s (RMS {most['leg_velocity_rms']})",
+            f"force {most['actuator_force_peak']} N (RMS {most['actuator_force_rms']})",
+            f"power {most['motoring_power_peak']} W (RMS {most['actuator_power_rms']})",
+            f"regenerated {most['regenerated_power_peak']} W",
+        )
+        return "\n".join([*lines, f"  needs: {', '.join(texts)}"])
 
     def _repr_html_(self) -> str:
         """The tables, for a notebook."""
@@ -432,7 +445,7 @@ def check(
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
     experiment_checked = experiment_of(experiment, settings)
-    nominal = nominal_platform(experiment_checked, experiment_checked.platform)
+    nominal, load = nominal_platform(experiment_checked, experiment_checked.platform), ""
     try:
         mass, above = number(0.0 if payload is None else payload, "kg"), number(payload_height, "m")
     except ValueError as error:
@@ -449,10 +462,10 @@ def check(
         for m, place in zip(masses, places, strict=True):
             arm = place - com
             inertia += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-        values = {"platform_mass": sum(masses), "platform_com": com.tolist(), "platform_inertia": inertia.tolist()}
-        keys = {f"platform.parameters.{name}": value for name, value in values.items()}
+        keys = dict(zip(_OF_PAYLOAD, (sum(masses), com.tolist(), inertia.tolist()), strict=True))
         experiment_checked = experiment_of(experiment_checked, keys)
         nominal = nominal_platform(experiment_checked, experiment_checked.platform)
+        load = f"{mass:g} kg at {above:g} m"
     platform = limited_platform(nominal, experiment_checked.actuators.force_limit)
     timing = timing_of(experiment_checked, experiment_checked.loop)
     if experiment_checked.reference is None:
@@ -460,7 +473,7 @@ def check(
     reference, motion = reference_motion(experiment_checked, experiment_checked.reference, platform, timing)
     shares = shares_along(platform, timing.times, motion, experiment_checked.limits.condition_number)
     needs = needs_along(platform, timing.times, motion)
-    return MotionCheck(experiment_checked, platform, shares, needs, reference, motion, timing)
+    return MotionCheck(experiment_checked, platform, shares, needs, reference, motion, timing, load)
 
 
 def _number(peak: Peak) -> Number:

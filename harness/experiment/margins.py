@@ -634,7 +634,9 @@ def _tables(analysis: LoopMargins) -> tuple[Section, Section]:
         "Margins",
         (
             Table("Margins, one leg at a time, and the same change of all", heads, alone),
-            Table("Margins, independent changes of all legs at once", (Column("measure"), Column("value")), together),
+            Table(
+                "Independent changes of all legs at once", (Column("measure"), Column("value")), together, beside=True
+            ),
         ),
     )
 

@@ -34,6 +34,8 @@ Settings = Iterable[str] | Mapping[str, Any]
 Values = Mapping[tuple[str, ...], Any]
 
 _PLATFORMS = ("platform", "plant")
+# A key that replaces another one of its table.
+_EITHER = {"platform.preset": "file", "platform.file": "preset"}
 # Common to all members: clocks, sampling and simulation settings, and strings.
 _COMMON = {
     "loop": ("duration", "sample_time", "plant_step"),
@@ -92,6 +94,8 @@ def set_key(values: Any, where: str, key: str, value: Any) -> None:
     if not isinstance(table, dict):
         raise SettingError(where, "", f"{key.rpartition('.')[0]} is not a table of the experiment")
     table[names[-1]] = value
+    if replaced := _EITHER.get(key.strip()):
+        table.pop(replaced, None)
 
 
 def inner(tables: Any, name: str) -> Any:

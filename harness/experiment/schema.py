@@ -76,7 +76,7 @@ class PlatformChoice(TableSection):
     @model_validator(mode="after")
     def _one_of_both(self) -> "PlatformChoice":
         if self.preset is not None and self.file is not None:
-            raise ValueError("expected preset or file, not both")
+            raise ValueError("expected preset or file, not both; leave one of them out")
         return self
 
 

@@ -88,7 +88,7 @@ def observe(
     except KeyboardInterrupt:
         if not monitor.n_rows or not keeps_interrupted:
             raise
-        monitor.end(slice(None), monitor.n_rows, "interrupted", "interrupted by the user")
+        monitor.end(slice(None), monitor.n_rows, "interrupted", "stopped by the user")
     monitor.pass_on()
     completed = Outcome("completed", float(loop.timing.times[-1]), None)
     return tuple(monitor.outcomes.get(member, completed) for member in range(len(monitor.going)))

@@ -228,7 +228,7 @@ def _pictures(case: OpenLoopCase, run: Trajectory, drift: Mapping[str, KaneTraje
     pictures = dict[str, bytes]()
 
     def label(axes: Axes, title: str, unit: str) -> None:
-        axes.set(title=title, xlabel="time [s]", ylabel=f"[{unit}]")
+        axes.set(xlabel="time [s]", ylabel=f"{title} [{unit}]")
         axes.margins(x=0)
 
     for number, (title, shown) in _FIGURES.items():

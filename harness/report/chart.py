@@ -1,7 +1,8 @@
 """What a report draws: charts with series, maps and marks; in three dimensions a platform in motion, and a surface."""
 
+from collections.abc import Sequence
 from dataclasses import field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +10,14 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from gough_stewart.harness.report.data import CONFIG, Array, Data, Layers, Rows, Vector, check_shapes
-from gough_stewart.harness.report.palette import Role
+from gough_stewart.harness.report.palette import (
+    DASHES,
+    PLAIN_ROLES,
+    SIX_DASHES,
+    Role,
+    colour_of,
+    colour_of_six,
+)
 from gough_stewart.harness.report.quantities import NUMBER, TIME, Quantity
 from gough_stewart.model.vectors import FloatArray
 
@@ -65,6 +73,40 @@ class Series(Data):
             beside = getattr(self, name)
             if beside is not None and len(beside) != len(self.values):
                 raise ValueError(f"{len(beside)} values '{name}' of {self.name}; expected {len(self.values)}")
+
+
+class Look(NamedTuple):
+    """How a series is drawn."""
+
+    colour: Role | int  # of a role, or one of six
+    dashes: tuple[float, ...]  # in widths of the line; none for a full line
+    shade: str  # the colour on a light ground, as #rrggbb
+
+
+def looks_of(lines: Sequence[Series], *, in_print: bool = False) -> list[Look]:
+    """Colour and dashes of each series: by role, or by run, leg or order where several have one role.
+
+    No two lines share both. Those of six colours have dashes, too, if they differ by run, or `in_print`.
+    """
+    components = list(dict.fromkeys(line.leg or line.component or line.name for line in lines))
+    roles, looks, used = [line.role for line in lines], list[Look](), set[tuple[str, tuple[float, ...]]]()
+    for line in lines:
+        place, is_plain = components.index(line.leg or line.component or line.name), line.role in PLAIN_ROLES
+        colour: Role | int = line.role
+        dashes = DASHES.get(line.role, ())
+        if line.run is not None:
+            colour = line.run % 6
+            dashes = SIX_DASHES[place % 6] if is_plain else dashes
+        elif is_plain and (line.leg or roles.count(line.role) > 1):
+            place = line.leg - 1 if line.leg else place
+            # of more than six, the colours come again with other dashes
+            colour, dashes = place % 6, SIX_DASHES[(place + place // 6) % 6] if in_print else ()
+        shade = colour_of_six(colour) if isinstance(colour, int) else colour_of(colour)
+        while line.role != "band" and (shade, dashes) in used:
+            dashes = (*dashes, 1.0, 3.0) if dashes else (6.0, 3.0)
+        used.add((shade, dashes))
+        looks.append(Look(colour, dashes, shade))
+    return looks
 
 
 @dataclass(frozen=True, config=CONFIG)

@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from gough_stewart.harness.report.chart import Chart, Map, Series
+from gough_stewart.harness.report.chart import Chart, Map, Series, looks_of
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.packing import decimated
-from gough_stewart.harness.report.palette import DASHES, INK, SIX_DASHES, colour_of, colour_of_six
+from gough_stewart.harness.report.palette import DASHES, INK, MARK_DASHES, colour_of
 from gough_stewart.harness.report.palette import KINDS as COLOURS_OF_KINDS
 from gough_stewart.harness.report.plotting import entitle, files_of
 from gough_stewart.harness.report.quantities import least_span
@@ -266,7 +266,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.set_yscale("log")
     elif chart.kind not in ("bars", "heat"):
         # 0.9995 is plainer than -0.0005 with +1 above
-        axes.ticklabel_format(axis="y", useOffset=False)
+        axes.ticklabel_format(axis="y", useOffset=False, scilimits=(-3, 6))
     if chart.kind not in ("bars", "heat") and chart.y is not None and chart.y.labels:
         axes.set_yticks(range(len(chart.y.labels)), chart.y.labels)
     _draw_marks(axes, panel)
@@ -276,24 +276,9 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def _styles(panel: Panel) -> list[dict[str, Any]]:
-    """Colour and dashes of each series: by role, or by run, leg or order where several have one role.
-
-    No two share both.
-    """
-    styles, used = [], set[tuple[str, tuple[float, ...]]]()
-    for series in panel.series:
-        alike = [beside for beside in panel.series if beside.role == series.role]
-        colour, dashes = colour_of(series.role), DASHES.get(series.role, ())
-        if len(alike) > 1 and series.role not in ("reference", "limit", "band"):
-            order = [beside for beside in alike if beside.run == series.run].index(series)
-            place = series.run if series.run is not None else series.leg - 1 if series.leg else order
-            # of more than six, the colours come again with other dashes
-            colour, dashes = colour_of_six(place), SIX_DASHES[(order if series.run else place + place // 6) % 6]
-        while series.role != "band" and (colour, dashes) in used:
-            dashes = (*dashes, 1.0, 3.0) if dashes else (6.0, 3.0)
-        used.add((colour, dashes))
-        styles.append({"color": colour, "linestyle": (0, dashes) if dashes else "-"})
-    return styles
+    """Colour and dashes of each series."""
+    looks = looks_of(panel.series, in_print=True)
+    return [{"color": look.shade, "linestyle": (0, look.dashes) if look.dashes else "-"} for look in looks]
 
 
 def _told_apart(panel: Panel) -> list[tuple[int, str]]:
@@ -359,7 +344,7 @@ def _draw_lines(axes: Axes, panel: Panel) -> None:
     if chart.y is None or chart.y.scale != "log":
         # at least the resolution of display, so that rounding does not fill the axis
         (bottom, top), quantity = axes.get_ylim(), panel.series[0].quantity
-        least = max(panel.least, least_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least))
+        least = max(panel.least, least_span(quantity.unit, max(abs(bottom), abs(top)), quantity.least, is_axis=True))
         if top - bottom < least:
             middle = (bottom + top) / 2
             axes.set_ylim(middle - least / 2, middle + least / 2)
@@ -398,7 +383,7 @@ def _draw_marks(axes: Axes, panel: Panel) -> None:
         # in a grid, marks of one role have one entry
         at = "" if is_across or not mark.tells else f" {chart.x.quantity.text(mark.value)}"
         text = f"{mark.text}{at}" if panel.is_wide else ", ".join(m.text for m in chart.marks if m.role == mark.role)
-        style: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, DASHES.get(mark.role, (1, 1.5)))}
+        style: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, DASHES.get(mark.role, MARK_DASHES))}
         draw = axes.axhline if is_across else axes.axvline
         draw(value, label=None if text in named else text, color=colour_of(mark.role), **style)
         named.add(text)

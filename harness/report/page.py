@@ -5,17 +5,18 @@ drawn by the scripts of `web/`.
 """
 
 import html
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from itertools import groupby
+from itertools import cycle, groupby
 from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 from markupsafe import Markup
 
-from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Scene, Series, Surface
+from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Map, Scene, Series, Surface, looks_of
 from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, document, licence_of, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
@@ -24,9 +25,10 @@ from gough_stewart.harness.report.palette import (
     GROUND,
     INK,
     KINDS,
+    MARK_DASHES,
     ROLES,
-    SIX_DASHES,
     THEMES,
+    Role,
     Theme,
     colour_of,
     colour_of_six,
@@ -56,8 +58,11 @@ THEME_OPTIONS = "".join(
     f'<option value="{value}">{text}</option>'
     for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
 )
-# Largest number of values that stand beside the verdict; letters of a vertical title that fit beside a chart.
-_MOST_NUMBERS, _LONGEST = 6, 28
+# Roles that colour flags on the bar of time.
+_FLAGS: tuple[Role, ...] = ("bad", "neutral", "marginal", "published", "measured")
+# Largest number of values that stand beside the verdict, and of names in a description; letters of a vertical title
+# that fit beside a chart.
+_MOST_NUMBERS, _MOST_NAMES, _LONGEST = 6, 12, 28
 # Steps of the range of a signal in which those of single members are stored: a chart has some 200 pixels of height.
 _SAMPLE_STEPS = 1000.0
 
@@ -74,13 +79,13 @@ def page_of(report: Report) -> bytes:
     is_solid = bool(scenes or surfaces)
     # a single chart over time among others needs no controls of time
     has_time = bool(scenes) or sum(c.is_over_time for c in charts) > 1 or bool(charts and charts[0].is_over_time)
+    clock, flags = _clock(charts, scenes)
     data = {
         "title": report.title,
+        "clock": clock,
         "changed": report.changed,
         "runs": report.runs,
         "palette": {theme: palette_of(theme) for theme in THEMES},
-        "dashes": {role: DASHES.get(role, ()) for role in ROLES},
-        "sixDashes": SIX_DASHES,
         "nearness": NEARNESS,
         "charts": [chart_data(chart, arrays, has_time=has_time) for chart in charts],
         "scenes": [_scene_data(scene, arrays) for scene in scenes],
@@ -101,14 +106,19 @@ def page_of(report: Report) -> bytes:
             f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
             f"{-(-2 * longest // MOST_ROWS)} rows. "
         )
+    first = None if is_solid else next((chart for chart in charts if not chart.detail), None)
+    is_beside = bool(first or surfaces)
     body = TEMPLATES.get_template("report.html").render(
         report=report,
         charts=charts,
         scenes=scenes,
         surfaces=surfaces,
-        first=None if is_solid else next((chart for chart in charts if not chart.detail), None),
+        first=first,
+        beside=[part for part in report.parts() if is_beside and isinstance(part, Table) and part.beside],
         number_of={id(chart): k for k, chart in enumerate(charts)},
         has_time=has_time,
+        flags=flags,
+        has_legs=bool(scenes) or any(series.leg is not None for chart in charts for series in chart.series),
         has_members=bool(data["members"]),
         differences=differences,
         themes=Markup(THEME_OPTIONS),
@@ -173,6 +183,14 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
     sizes = [np.abs(series.values[np.isfinite(series.values)]).max(initial=0.0) for series in chart.series]
     # the title above the chart says the rest of a long one
     title = re.split(", | of ", chart.title)[0][:_LONGEST] if len(chart.title) > _LONGEST else chart.title
+    of_values = quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least
+    marks = list[dict[str, Any]]()
+    for mark in chart.marks:
+        is_vertical, dashes = mark.direction == "vertical", DASHES.get(mark.role, MARK_DASHES)
+        value = with_minus((chart.x.quantity if is_vertical else quantity).text(mark.value))
+        text = f"{mark.text} {value}" if mark.tells else mark.text
+        look = {"role": mark.role, "dashes": [3 * length for length in dashes]}
+        marks.append({"value": mark.value, "text": text, "vertical": is_vertical, **look})
     data: dict[str, Any] = {
         "title": chart.title,
         "kind": chart.kind,
@@ -180,17 +198,17 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
         "x": _axis(chart.x, arrays),
         "y": {
             **_written(quantity),
-            # the least span of an axis for these values [shown unit]
-            "least": least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least),
+            # the smallest difference of these values, and span of their axis [shown unit]
+            "least": least_span(*of_values),
+            "span": least_span(*of_values, is_axis=True),
             "title": chart.y_title if chart.y is not None or quantity.name else quantity.headed(title),
             "scale": chart.y.scale if chart.y else "linear",
         },
-        "series": [_series(series, chart, arrays) for series in chart.series],
-        "marks": [
-            {"value": mark.value, "text": mark.text, "vertical": mark.direction == "vertical", "role": mark.role}
-            | ({} if mark.tells else {"said": True})
-            for mark in chart.marks
+        "series": [
+            {**_series(series, chart, arrays), "look": {"colour": look.colour, "dashes": look.dashes}}
+            for series, look in zip(chart.series, looks_of(chart.series), strict=True)
         ],
+        "marks": marks,
         "spans": [asdict(span) for span in chart.spans],
         "strips": [{**asdict(strip), "share": percent(strip.share)} for strip in chart.strips],
     }
@@ -303,28 +321,65 @@ def _scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
         "rows": scene.rows,
         "digits": scene.decimals,
         "nearnessOf": scene.nearness_of,
-        "flags": {flag.name: flag.values for flag in scene.flags},
         "arrays": {name: arrays.add(values) for name, values in in_frames.items() if values is not None},
     }
+
+
+def _clock(
+    charts: Sequence[Chart], scenes: Sequence[Scene]
+) -> tuple[dict[str, float], list[tuple[str, Role, list[tuple[float, float]]]]]:
+    """The time that charts and scenes share, and what is on at any of it.
+
+    Start and end [s], and the decimals in which it is shown; of each flag its name, the role that colours it, and when
+    it is on: beginnings and lengths [%].
+    """
+    curves = [chart.x_of(series) for chart in charts if chart.is_over_time for series in chart.series]
+    times = [time for time in (*(scene.time for scene in scenes), *curves) if len(time)] or [np.zeros(2)]
+    start, end = min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
+    step = (end - start) / (max(2, *map(len, times)) - 1) or 1.0
+    clock = {"start": start, "end": end, "digits": min(max(math.ceil(0.3 - math.log10(step)), 2), 6)}
+    on = dict.fromkeys(flag.name for scene in scenes for flag in scene.flags if "1" in flag.values)
+    flags = []
+    for name, role in zip(on, cycle(_FLAGS), strict=False):
+        parts = list[tuple[float, float]]()
+        for scene in scenes:
+            at = (100 * (scene.time - start) / (end - start or 1.0)).tolist()
+            for values in (flag.values for flag in scene.flags if flag.name == name):
+                spans = [(at[run.start()], at[run.end()]) for run in re.finditer("1+", values)]
+                parts += [(round(first, 3), round(max(last - first, 0.1), 3)) for first, last in spans]
+        flags.append((name.replace("_", " "), role, parts))
+    return clock, flags
+
+
+def _described(chart: Chart) -> str:
+    """A chart in words, for screen readers."""
+    quantity, over = chart.series[0].quantity, chart.map or Map()
+    values = np.concatenate([series.values.ravel() for series in chart.series])
+    held = np.isfinite(values) if over.inside is None else np.isfinite(values) & (over.inside.ravel() > 0)
+    ends = quantity.range_text(*(float(end(values[held])) for end in (np.min, np.max))) if held.any() else ""
+    said = f"values from {with_minus(ends)}" if ends else "no values"
+    if chart.kind == "heat" and chart.y is not None:
+        if over.classes:
+            said = ", ".join(kind for k, kind in enumerate(over.classes) if (values == k).any())
+        return f"Map of {chart.title} over {chart.x.title} and {chart.y.title}: {said}. Arrows go from value to value."
+    names = [series.name for series in chart.series[:_MOST_NAMES]]
+    also = [*(span.text for span in chart.spans), *(f"{s.name}, {percent(s.share)} of the time" for s in chart.strips)]
+    return f"Chart of {chart.title} over {chart.x.title}: {'; '.join([*names, said, *also])}."
 
 
 # --- filters of the templates ----------------------------------------------------------------------------------------
 
 
-def _drawn(section: Section, first: Chart | None) -> list[Part]:
-    """The parts of a section that are not in the picture of the page."""
-    return [part for part in section.parts if part is not first and not isinstance(part, Scene | Surface)]
+def _drawn(section: Section, first: Chart | None, beside: Sequence[Table]) -> list[Part]:
+    """The parts of a section that are neither in the picture of the page nor beside it."""
+    above = [id(part) for part in (first, *beside)]
+    return [part for part in section.parts if id(part) not in above and not isinstance(part, Scene | Surface)]
 
 
 def _neighbours(parts: Iterable[Part]) -> list[tuple[str, list[Part]]]:
     """Parts in order; neighbours of a kind share a grid."""
     kinds: dict[type, str] = {Chart: "charts", Table: "tables"}
     return [(kind, list(alike)) for kind, alike in groupby(parts, key=lambda part: kinds.get(type(part), "notes"))]
-
-
-def _titles(hidden: Sequence[Part]) -> str:
-    text = ", ".join(dict.fromkeys(part.title for part in hidden if isinstance(part, Chart | Table)))
-    return text if len(text) <= 120 else f"{text[:117].rpartition(', ')[0]} …"
 
 
 def _sides(table: Table) -> list[bool]:
@@ -352,9 +407,9 @@ TEMPLATES.filters |= {
     "explained": explained,
     "minus": with_minus,
     "id": id,
+    "described": _described,
     "drawn": _drawn,
     "neighbours": _neighbours,
-    "titles": _titles,
     "sides": _sides,
     "sort_value": _sort_value,
     "link": _link,

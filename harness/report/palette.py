@@ -41,6 +41,8 @@ _COLOURS: dict[Role, tuple[str, str, str]] = {
     "marginal": _AMBER,
     "bad": _VERMILION,
 }
+# Roles whose series differ by leg or component; all others have the colour of their role.
+PLAIN_ROLES: tuple[Role, ...] = ("actual", "measured", "error", "neutral")
 # Dashes in widths of the line; none for a full line.
 DASHES: dict[Role, tuple[float, ...]] = {
     "reference": (4, 3),
@@ -49,6 +51,8 @@ DASHES: dict[Role, tuple[float, ...]] = {
     "published": (5, 1.5, 1, 1.5),
     "command": (2.5, 1),
 }
+# Of a mark whose role has none, so that it is told from series and limits of its colour.
+MARK_DASHES = (3, 1, 1, 1)
 # Six legs, or six runs: colours and dashes that tell them apart.
 _SIX: dict[Theme, tuple[str, ...]] = {
     "light": ("#0072b2", "#c04f00", "#00805c", "#b3528a", "#2b85bd", "#96690a"),

@@ -37,8 +37,8 @@ LEAST_SPANS: dict[str, float] = {
 # The same for numbers without a unit, such as the states of a controller; and as a share of the values: single
 # precision, in which curves are stored, has little more.
 _LEAST_OF_OTHERS, _LEAST_SHARE = 1e-6, 1e-6
-# Axes show this share of it: an error of 1e-5 degrees has a shape, one of 1e-7 degrees is rounding.
-_OF_AXES = 0.1
+# Curves keep this share of it.
+_OF_CURVES = 0.1
 # From this stroke on, micrometres are told [m]; of a smaller one, a millionth. The stroke of a machine that does not
 # state one, as a share of its legs.
 _SMALL, _SHARE_OF_LEGS = 0.01, 0.01
@@ -91,8 +91,8 @@ class Quantity:
 
     @property
     def unit_text(self) -> str:
-        """The unit as people write it: m/s² for m/s2."""
-        return unit_text(self.unit)
+        """The unit as people write it: m/s² for m/s2, and none for 1."""
+        return "" if self.unit == "1" else unit_text(self.unit)
 
     def text(self, value: float | None, *, unit: bool = True) -> str:
         """A stored number as shown, with its unit; "< 0.001 mm" below the resolution of display."""
@@ -101,7 +101,7 @@ class Quantity:
         if unit and self.least is not None and self.unit in _FINER and 0 < abs(self.factor * value) < 1:
             return self.fine(1.0).text(value)
         digits = self.number(value)
-        return f"{digits} {self.unit_text}" if unit and self.unit else digits
+        return f"{digits} {self.unit_text}" if unit and self.unit_text else digits
 
     def number(self, value: float | None) -> str:
         """The same without unit."""
@@ -137,13 +137,15 @@ class Quantity:
         return self.fine(_OF_ITSELF * size / self.told) if 0 < size < self.told else self
 
     def range_text(self, low: float | None, high: float | None) -> str:
-        """Two stored numbers with one unit: 9.8 to 12.3 mm."""
+        """Two stored numbers with one unit: 9.8 to 12.3 mm; "at least 9.8 mm" of an end that is not defined."""
+        if low is None or high is None:
+            return f"at least {self.text(low)}" if high is None else f"at most {self.text(high)}"
         return f"{self.number(low)} to {self.number(high)} {self.unit_text}".rstrip()
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""
         words = name or self.name
-        return f"{words} [{self.unit_text}]" if self.unit else words
+        return f"{words} [{self.unit_text}]" if self.unit_text else words
 
     def stored(self, number: float, unit: str) -> float:
         """A number in any unit of this kind as it is stored: 1 mm of a length is 0.001; others are a ValueError."""
@@ -155,10 +157,13 @@ class Quantity:
         return number / (known[self.unit] * self.factor / known[unit])
 
 
-def least_span(unit: str, largest: float = 0.0, least: float | None = None) -> float:
-    """The smallest span of an axis in a unit, for values up to a largest magnitude; `least` is that of numbers."""
+def least_span(unit: str, largest: float = 0.0, least: float | None = None, *, is_axis: bool = False) -> float:
+    """The smallest difference of curves in a unit, up to a largest magnitude; `least` is that of numbers.
+
+    An axis spans what numbers tell on both sides of its middle, so that rounding looks flat.
+    """
     told = LEAST_SPANS.get(unit, _LEAST_OF_OTHERS) if least is None else least
-    return max(_OF_AXES * told, _LEAST_SHARE * abs(largest))
+    return max((2 if is_axis else _OF_CURVES) * told, _LEAST_SHARE * abs(largest))
 
 
 def fineness_of(platform: PlatformFields) -> float:

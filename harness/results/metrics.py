@@ -196,9 +196,12 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
             *(Column(""), Column("from"), Column("to"), Column("at", TIME), Column("overshoot", PERCENT)),
             Column("rise", TIME, "from 10 to 90 % of the step"),
             Column("settling", TIME, "until it stays within 2 % of the step"),
-            Column("final error"),
+            Column("final error", None, "at the last row"),
         )
-        tables.append(Table("Step response", columns, tuple(rows)))
+        note = (
+            "The final error is that of the last row; errors at the end are the largest of the last tenth of the run."
+        )
+        tables.append(Table("Step response", columns, tuple(rows), note=note))
     if not metrics["force"]:
         return tables
     # by leg, and what stands under "all", if anything

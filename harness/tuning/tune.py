@@ -160,7 +160,7 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
         after = f"after {generations} generation{'s' * (generations > 1)}"
         history.ending = "the candidates have converged" if result.success else after
     except KeyboardInterrupt:  # what was tried is kept
-        history.ending, history.is_interrupted = "interrupted by the user", True
+        history.ending, history.is_interrupted = "stopped by the user", True
     except RuntimeError as error:
         # SciPy takes a ValueError of the candidates, which many errors here are, for one of its own call
         if isinstance(error.__cause__, GoughStewartError):

@@ -203,8 +203,8 @@ def _tables(tuning: Tuning) -> tuple[Table, Table]:
     rows.append((f"{'members' if over else 'runs'} that failed", *failed))
     share = f", {percent(goal.quantile)} of {tuning.members} members" if over else ""
     return (
-        Table("Tuned", tuple(map(Column, ("", "was", "is", "from", "to"))), tuple(values)),
-        Table(f"Metric and conditions{share}", tuple(map(Column, ("", *evaluations))), tuple(rows)),
+        Table("Tuned", tuple(map(Column, ("", "was", "is", "from", "to"))), tuple(values), beside=True),
+        Table(f"Metric and conditions{share}", tuple(map(Column, ("", *evaluations))), tuple(rows), beside=True),
     )
 
 

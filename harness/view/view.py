@@ -203,7 +203,7 @@ def _verdict(
     known = [path for path in ranked if None not in values[path]]
 
     numbers = []
-    for path in dict.fromkeys([_PEAK, *(path for path in _LEFT if steps and path in known), *rise]):
+    for path in [_LEFT[0], *rise, *settling, _LEFT[1]] if steps else [_PEAK]:
         metric = metric_of(path)
         pairs = zip(names, values[path], strict=True)
         numbers += [Number("", f"{metric.text}: {name}", v, metric.quantity) for name, v in pairs if v is not None]

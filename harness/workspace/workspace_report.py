@@ -365,7 +365,10 @@ def _tables(workspace: Workspace) -> list[Table]:
         group_ends.append(len(extremes) - 1)
     coordinates = [Column(name, _coordinate(workspace, name).quantity(3)) for name in workspace.swept]
     columns = (Column(""), Column(""), Column("value"), *coordinates)
-    return [*tables, Table("Where it can be reached", columns, tuple(extremes), group_ends=tuple(group_ends))]
+    return [
+        *tables,
+        Table("Where it can be reached", columns, tuple(extremes), group_ends=tuple(group_ends), beside=True),
+    ]
 
 
 # --- notices ----------------------------------------------------------------------------------------------------

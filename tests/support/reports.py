@@ -98,7 +98,7 @@ def whole() -> dict[str, Any]:
                 "quantity": "length", "margin": "Infinity", "note": "needs 60 members"}  # fmt: skip
     return report(
         table("Legs", columns, cells, sortable=True, first_shown=2, group_ends=[1], links=["a.html", "", ""],
-              note="of all", detail=True),
+              note="of all", detail=True, beside=True),
         errors,
         chart("reach", x, series("volume", [[0.1, 0.2], [None, 1.0]], quantity="share"), kind="heat", y=rows),
         chart("layers", x, series("gain", layers, quantity="count"), kind="heat", y=rows, map=slices),

@@ -14,8 +14,6 @@ from gough_stewart.harness.motion.limits.shares import LABELS, LOADS, Shares, lo
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import number_text
-from gough_stewart.harness.section import plain
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
     condition_number_bound,
@@ -221,7 +219,7 @@ def summary_tables(shares: Shares, needs: Needs) -> list[Table]:
     )
     share_columns = (Column("limit"), Column("share", OF_LIMIT), Column("leg"), Column("at", TIME))
     return [
-        Table("Needs", columns, tuple(rows), note=note),
+        Table("Needs", columns, tuple(rows), note=note, beside=True),
         Table("Largest share of each limit", share_columns, limits),
     ]
 
@@ -246,16 +244,3 @@ def leg_tables(shares: Shares, needs: Needs) -> list[Table]:
         ends_of_groups.append(len(needed) - 1)
     by_leg = Table("Needs of each leg", (Column("leg"), *_LEGS), tuple(needed), group_ends=tuple(ends_of_groups[:-1]))
     return [*([limits] if rows else []), by_leg]
-
-
-def largest_needs(needs: Needs) -> str:
-    """The largest of each need over all legs."""
-    largest = {name: number_text(plain(float(np.abs(need.of_leg).max()))) for name, need in needs.of.items()}
-    texts = {
-        "stroke": f"{largest['stroke']} m",
-        "speed": f"{largest['leg_velocity_peak']} m/s (RMS {largest['leg_velocity_rms']})",
-        "force": f"{largest['actuator_force_peak']} N (RMS {largest['actuator_force_rms']})",
-        "power": f"{largest['motoring_power_peak']} W (RMS {largest['actuator_power_rms']})",
-        "regenerated": f"{largest['regenerated_power_peak']} W",
-    }
-    return f"needs: {', '.join(f'{name} {value}' for name, value in texts.items())}"

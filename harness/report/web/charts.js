@@ -10,12 +10,13 @@
 
   // Charts over time share the time of the page.
   const timeGroup = {
-    isTime: true, panels: [], range: GS.range, cursor: GS.shownTime, region: () => state.region, zoom: GS.zoomTo,
+    isTime: true, panels: [], range: GS.range, whole: () => [state.start, state.end], cursor: GS.shownTime, region: () => state.region, zoom: GS.zoomTo,
     hover: (x) => GS.set({ hover: x }),
     mark: (region) => GS.mark(region),
     click: (x) => GS.set({ hover: null, time: x }),
     key: () => false,
   };
+  GS.timeGroup = timeGroup;
   // Charts over another axis, such as frequency, share a cursor among themselves.
   const groupOf = (chart) => {
     if (chart.isTime) return timeGroup;
@@ -31,7 +32,7 @@
       return ends.length ? [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))] : null;
     };
     const group = {
-      isTime: false, panels: [], region: () => own.region, cursor: () => own.cursor ?? own.fixed,
+      isTime: false, panels: [], whole, region: () => own.region, cursor: () => own.cursor ?? own.fixed,
       range: () => own.zoom || whole(),
       zoom: (range) => {
         const all = whole(), [low, high] = range ? [Math.max(range[0], all[0]), Math.min(range[1], all[1])] : all;
@@ -45,7 +46,7 @@
         group.panels.forEach(follow);
       },
       click: (x) => { if (isFunction) { own.fixed = x; group.panels.forEach(follow); } },
-      // arrows move the cursor; [ and ] mark; + and 0 zoom
+      // arrows move the cursor
       key: ({ key }, panel) => {
         const range = group.range();
         if (!range) return false;
@@ -53,12 +54,7 @@
         const at = own.fixed ?? middle, step = isLog ? (range[1] / range[0]) ** 0.01 : (range[1] - range[0]) / 100;
         const to = { ArrowLeft: isLog ? at / step : at - step, ArrowRight: isLog ? at * step : at + step, Home: range[0], End: range[1] }[key];
         if (to !== undefined) own.fixed = Math.min(Math.max(to, range[0]), range[1]);
-        else if (key === "[") group.mark([at, Math.max(own.region?.[1] ?? range[1], at)], panel);
-        else if (key === "]") group.mark([Math.min(own.region?.[0] ?? range[0], at), at], panel);
-        else if (key === "+") { if (own.region) group.zoom(own.region); else GS.zoomAbout(group, at, 0.5, isLog); }
-        else if (key === "-") GS.zoomAbout(group, at, 2, isLog);
-        else if (key === "0") group.zoom(null);
-        else return false;
+        else if (!GS.rangeKey(key, group, at, isLog)) return false;
         group.panels.forEach(follow);
         return true;
       },
@@ -85,6 +81,17 @@
   GS.zoomAbout = (group, x, factor, isLog = false) => {
     const f = isLog ? Math.log10 : (v) => v, g = isLog ? (v) => 10 ** v : (v) => v;
     group.zoom(group.range().map((end) => g(f(x) + factor * (f(end) - f(x)))));
+  };
+  // Keys of an axis: [ and ] mark up to a place, + zooms to what is marked or about it, − out, 0 shows all; false for others.
+  GS.rangeKey = (key, group, at, isLog) => {
+    const region = group.region(), [low, high] = group.whole();
+    if (key === "[") group.mark([at, region?.[1] > at ? region[1] : high]);
+    else if (key === "]") group.mark([region?.[0] < at ? region[0] : low, at]);
+    else if ((key === "+" || key === "=") && region) group.zoom(region);
+    else if ("+=-".includes(key)) GS.zoomAbout(group, at, key === "-" ? 2 : 0.5, isLog);
+    else if (key === "0") group.zoom(null);
+    else return false;
+    return true;
   };
   // What the pointer and Bokeh's tools do in one chart is done in all of its group; keys do the same.
   const listen = (panel) => {
@@ -127,18 +134,6 @@
     if (state.members) GS.markedBand(panel);
   };
 
-  // The description of a chart for screen readers.
-  const summary = (panel) => {
-    const { chart, figure } = panel;
-    if (figure.heat) return `Map of ${chart.title} over ${chart.x.title} and ${chart.rows.title}: ${figure.heat.map.told}. Arrows go from value to value.`;
-    const names = chart.series.map((each) => each.name).slice(0, 12).join("; ");
-    let low = Infinity, high = -Infinity;
-    for (const { numbers } of figure.parts) for (const v of numbers.y) { if (v < low) low = v; if (v > high) high = v; }
-    const values = low <= high ? `values from ${GS.short(low)} to ${GS.short(high)} ${chart.y.unit}`.trim() : "no values";
-    const told = [...chart.spans.map((span) => span.text), ...chart.strips.map(({ name, share }) => `${name}, ${share} of the time`)];
-    return `Chart of ${chart.title} over ${chart.x.title}: ${[names, values, ...told].join("; ")}.`;
-  };
-
   const draw = (panel) => (panel.drawn ??= (async () => {
     try {
       panel.figure = await GS.figure(panel.chart, panel.plot);
@@ -149,7 +144,6 @@
       return panel;
     }
     panel.plot.append(panel.region, panel.cursor, panel.told);
-    panel.plot.setAttribute("aria-label", summary(panel));
     panel.group.panels.push(panel);
     GS.legend(panel);
     GS.showMembers(panel);
@@ -164,10 +158,6 @@
   // A panel that waits to be drawn in a figure element of the page.
   const panelOf = (chart, host) => {
     const plot = host.querySelector(".plot"), hidden = (name) => element("div", { class: name, hidden: "" });
-    plot.tabIndex = 0;
-    // a group, since Bokeh's buttons are in it
-    plot.setAttribute("role", "group");
-    plot.setAttribute("aria-label", `Chart of ${chart.title}`);
     const panel = {
       chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,
       cursor: hidden("cursor"), region: hidden("region"), told: hidden("pointed"),
@@ -261,11 +251,13 @@
 // A chart of the reader's own: any signals over time, read at two cursors, saved as rows.
 (() => {
   const GS = GoughStewart, { element, page, state } = GS, host = document.getElementById("own"), chosen = [];
+  GS.ownChart = () => {};
+  if (!host) return;
+  const [select, empty, csv, place, table] = ["select", ".empty", ".rows", ".place", ".sideways"].map((part) => host.querySelector(part));
   let panel = null;
 
   const unitOf = ({ name, y }) => (y.unit ? `${name} [${y.unit}]` : name);
   // The values at both ends of the marked time, their difference, and what lies between.
-  const table = element("div", { class: "sideways", role: "group", "aria-label": "values at the cursors" });
   const read = () => {
     const parts = panel?.figure?.parts ?? [], { region } = state;
     table.hidden = !parts.length || !region;
@@ -295,35 +287,28 @@
 
   // Fills its section; `open` and `close` make and drop a panel of charts.js.
   GS.ownChart = (open, close) => {
-    const charts = page.charts.filter((chart) => chart.isTime);
-    if (!host || !charts.length) return;
-    const signals = charts.map((chart) => chart.series.filter(({ role }) => role !== "band").map((series) => ({
-      name: `${chart.title}: ${series.name}`, component: `${chart.title} ${series.name}`, role: "actual", values: series.values, x: series.x ?? chart.x.values, y: chart.y, step: chart.kind === "step",
-    })));
-    const options = charts.map((chart, k) => element("optgroup", { label: chart.title }, ...signals[k].map(({ name }, j) => element("option", { value: `${k},${j}` }, name))));
-    const select = element("select", { id: "signals", autocomplete: "off" }, element("option", { value: "" }, "add a signal …"), ...options);
-    const empty = element("button", { type: "button", disabled: "" }, "empty"), csv = element("button", { type: "button", disabled: "" }, "save rows as CSV"), place = element("div", {});
     const draw = () => {
       if (panel) close(panel);
       panel = null;
       for (const button of [empty, csv]) button.disabled = !chosen.length;
       if (!chosen.length) { place.replaceChildren(); read(); return; }
-      const units = [...new Set(chosen.map(({ y }) => y.unit))], [{ y }] = chosen;
-      const figure = element("figure", { class: "chart line" }, element("figcaption", {}, element("ul", { class: "key" })), element("div", { class: "plot" }));
+      const units = [...new Set(chosen.map(({ y }) => y.unit))], [{ y, time }] = chosen;
+      // the words of the axis, if all signals are of one chart
+      const title = chosen.every((signal) => signal.y === y) ? y.title : `[${y.unit || 1}]`;
+      const figure = element("figure", { class: "chart line" }, element("figcaption", {}, element("ul", { class: "key" })), element("div", { class: "plot", tabindex: 0, role: "group", "aria-label": "Your own chart" }));
       place.replaceChildren(figure);
-      panel = open({ title: "your own chart", kind: "line", isTime: true, x: charts[0].x, y: { ...y, title: `[${y.unit || 1}]`, scale: "linear" }, series: chosen.map((series) => ({ ...series })), marks: [], spans: [], strips: [], units }, figure, read);
+      panel = open({ title: "your own chart", kind: "line", isTime: true, x: time, y: { ...y, title, scale: "linear" }, series: chosen.map((series, k) => ({ ...series, look: { colour: k % 6, dashes: k < 6 ? [] : [6, 3] } })), marks: [], spans: [], strips: [], units }, figure, read);
     };
     select.addEventListener("change", () => {
-      const [k, j] = select.value.split(",").map(Number), signal = signals[k]?.[j];
+      if (!select.value) return;
+      const [k, j] = select.value.split(",").map(Number), chart = page.charts[k], series = chart.series[j], name = `${chart.title}: ${series.name}`;
       select.value = "";
-      if (signal && !chosen.includes(signal)) { chosen.push(signal); draw(); }
+      if (chosen.some((signal) => signal.name === name)) return;
+      chosen.push({ name, component: name, role: "actual", values: series.values, x: series.x ?? chart.x.values, y: chart.y, time: chart.x, step: chart.kind === "step" });
+      draw();
     });
     empty.addEventListener("click", () => { chosen.length = 0; draw(); });
     csv.addEventListener("click", save);
-    const hint = "Any signals over time in one chart. Mark a time (drag, or [ and ]) to read them at its two ends; rows are those of the marked time.";
-    host.replaceChildren(element("details", {}, element("summary", {}, "Your own chart"),
-      element("p", { class: "hint" }, hint), element("div", { class: "controls" }, element("label", { for: "signals" }, "signals"), select, empty, csv), place, table));
-    host.hidden = false;
     GS.on("region", read);
     read();
   };

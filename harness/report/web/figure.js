@@ -138,6 +138,7 @@
       if (!units || y.unit === units[0]) return {};
       if (!this.others.has(name)) {
         const range = new Bokeh.Range1d({ start: 0, end: 1 });
+        range.least = y.span;
         this.others.set(name, range);
         figure.extra_y_ranges = new Map(this.others);
         figure.add_layout(new Bokeh.LinearAxis({ y_range_name: name, axis_label: `[${name}]` }), "right");
@@ -209,7 +210,7 @@
 
     // Data and ranges of the part that is shown; `range` is that of the abscissa, null for all.
     fit(range = null) {
-      const { chart, figure, data } = this, least = chart.y.least;
+      const { chart, figure, data } = this, least = chart.y.span;
       if (this.bars) {
         const ends = extent(data.all.flatMap((each) => [each.y, each.low, each.high]));
         const values = airy(ends && [Math.min(0, ends[0]), Math.max(0, ends[1])], least, false);
@@ -240,7 +241,7 @@
       }
       this.setY(seen, least);
       for (const range of this.others.values()) {
-        const [start, end] = airy(extent(range.seen ?? []), 1e-9, false);
+        const [start, end] = airy(extent(range.seen ?? []), range.least, false);
         range.seen = [];
         range.setv({ start, end });
       }
@@ -294,7 +295,7 @@
       for (const grid of [...figure.xgrids, ...figure.ygrids]) grid.grid_line_color = line;
       this.heat?.dress(GS.theme());
       if (this.heat?.bar) this.heat.bar.setv({ major_label_text_color: ink, title_text_color: ink, major_label_text_font: FONT, title_text_font: FONT });
-      for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: GS.page.dashes[mark.role].map((d) => 3 * d) });
+      for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: mark.dashes });
       const { paper } = GS.theme();
       for (const { span, line, text } of this.texts) {
         line.glyph.setv({ line_color: roles[span.role] });
@@ -303,7 +304,7 @@
       for (const { strip, made } of this.bands || []) made.glyph.setv({ fill_color: roles[strip.role], line_color: roles[strip.role] });
       this.parts.forEach((part, k) => {
         if (chart.kind === "heat") return;
-        const group = this.groups.find((each) => each.includes(k)), plain = GS.look(chart, part.series);
+        const group = this.groups.find((each) => each.includes(k)), plain = GS.look(part.series);
         const look = group ? GS.striped(plain, group.indexOf(k), group.length) : plain, stands = GS.emphasis(part.series);
         const visible = !GS.isHidden(part.series), alpha = GS.alpha(part.series);
         for (const { made, kind } of part.glyphs) {

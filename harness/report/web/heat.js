@@ -3,16 +3,13 @@
 // of all maps of the same coordinates. A zoom of one is a zoom of all.
 (() => {
   const GS = GoughStewart, { element, page, state } = GS;
-  const STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"], FINE = 420, DECADES = 3;
+  const FINE = 420, DECADES = 3;
 
-  GS.heatColours = (number = 256) => {
-    const stops = STOPS.map((hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)));
-    return Array.from({ length: number }, (_, k) => {
-      const at = k / (number - 1) * (stops.length - 1), low = Math.min(Math.floor(at), stops.length - 2);
-      return stops[low].map((c, i) => Math.round(c + (at - low) * (stops[low + 1][i] - c)));
-    });
+  GS.HEAT_STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"];
+  GS.heatColours = () => {
+    const colour = GS.gradient(GS.HEAT_STOPS.map((hex, k, { length }) => [k / (length - 1), hex]));
+    return Array.from({ length: 256 }, (_, k) => colour(k / 255));
   };
-  const hex = (colour) => `#${colour.map((c) => c.toString(16).padStart(2, "0")).join("")}`;
   // Colours of kinds: the first is the ground.
   GS.kindColours = (chart) => chart.map.classes.map((_, k) => GS.theme().kinds[k % GS.theme().kinds.length]);
 
@@ -67,11 +64,10 @@
       return this.values[corner[order.find((c) => this.values[corner[c]] !== 0) ?? order[0]]];
     }
 
-    // The border of a slice as line segments, by linear interpolation on the edges of cells.
+    // The border of a slice as segments with gaps between them, by linear interpolation on the edges of cells.
     border(slice) {
-      const found = { x0: [], y0: [], x1: [], y1: [] }, m = this.x.length, from = slice * this.size, field = this.inside;
-      if (!field) return found;
-      for (let j = 0; j + 1 < this.rows.length; j++) {
+      const found = { x: [], y: [] }, m = this.x.length, from = slice * this.size, field = this.inside;
+      for (let j = 0; field && j + 1 < this.rows.length; j++) {
         for (let i = 0; i + 1 < m; i++) {
           const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]], cut = [];
           corners.forEach(([p, q], c) => {
@@ -80,25 +76,17 @@
             const share = one / (one - other);
             cut.push([this.x[p] + share * (this.x[r] - this.x[p]), this.rows[q] + share * (this.rows[s] - this.rows[q])]);
           });
-          for (let c = 0; c + 1 < cut.length; c += 2) {
-            found.x0.push(cut[c][0]); found.y0.push(cut[c][1]); found.x1.push(cut[c + 1][0]); found.y1.push(cut[c + 1][1]);
-          }
+          for (let c = 0; c + 1 < cut.length; c += 2) ["x", "y"].forEach((axis, k) => found[axis].push(cut[c][k], cut[c + 1][k], NaN));
         }
       }
       return found;
-    }
-
-    get told() {
-      const { chart, ends, kinds, present } = this;
-      if (kinds) return [...present].sort((a, b) => a - b).map((k) => chart.map.classes[k]).join(", ");
-      return `values from ${ends.map((v) => GS.short(v)).join(" to ")} ${chart.y.unit}`.trim();
     }
   }
 
   // Adds image, border, marked point and colour bar to a Bokeh figure; returns what changes with slice and theme.
   GS.drawHeat = (chart, figure, data) => {
     const map = new HeatMap(chart, data), F = (field) => ({ field }), half = (values) => (values.length > 1 ? (values.at(-1) - values[0]) / (values.length - 1) / 2 : 0.5);
-    const [dx, dy] = [half(data.x), half(data.rows)], [low, high] = map.scaledEnds, colours = GS.heatColours().map(hex);
+    const [dx, dy] = [half(data.x), half(data.rows)], [low, high] = map.scaledEnds, colours = GS.heatColours().map(GS.css);
     const mapper = map.kinds
       ? new Bokeh.LinearColorMapper({ palette: GS.kindColours(chart), low: -0.5, high: map.kinds - 0.5 })
       : new Bokeh.LinearColorMapper({ palette: colours, low, high, nan_color: "rgba(128,128,128,0.14)" });
@@ -117,8 +105,7 @@
     const show = (slice) => {
       const { values, shape } = map.image(slice);
       source.data = { image: [Bokeh.require("core/util/ndarray").ndarray(values, { dtype: "float64", shape })] };
-      const { x0, y0, x1, y1 } = map.border(slice);
-      edges.data = { x: x0.flatMap((v, k) => [v, x1[k], NaN]), y: y0.flatMap((v, k) => [v, y1[k], NaN]) };
+      edges.data = map.border(slice);
       for (const mark of marks) mark.visible = slice === chart.map.first;
     };
     const dress = ({ ink, paper }) => {
@@ -195,7 +182,7 @@
         if (a || b) group.tell(panel, [Math.min(Math.max(i + a, 0), data.x.length - 1), Math.min(Math.max(j + b, 0), data.rows.length - 1)]);
         else if (pressed === "+" || pressed === "-") group.about(panel, data.x[i], data.rows[j], pressed === "+" ? 0.5 : 2);
         else if (pressed === "0") group.zoom(null);
-        else if ((pressed === "PageUp" || pressed === "PageDown") && panel.chart.map?.slices) GS.toSlice(panel.chart, GS.sliceOf(panel.chart) + (pressed === "PageUp" ? 1 : -1));
+        else if ((pressed === "PageUp" || pressed === "PageDown") && panel.chart.map?.slices) toSlice(GS.sliceOf(panel.chart) + (pressed === "PageUp" ? 1 : -1));
         else return false;
         return true;
       },
@@ -208,22 +195,18 @@
   };
 
   // The slice of a third coordinate that all maps show.
-  GS.toSlice = (chart, k) => GS.set({ slice: Math.min(Math.max(Math.round(k), 0), chart.map.slicesNumber - 1) });
+  const input = document.getElementById("slice");
+  const toSlice = (k) => GS.set({ slice: Math.min(Math.max(Math.round(k), 0), Number(input.max)) });
   GS.sliceBar = async () => {
-    const sliced = page.charts.filter((chart) => chart.map?.slices);
-    if (!sliced.length) return;
-    const [{ map }] = sliced, { slices } = map, values = await GS.array(slices.values);
-    for (const chart of sliced) chart.map.slicesNumber = values.length;
-    const input = element("input", { id: "slice", type: "range", min: 0, max: values.length - 1, step: 1, autocomplete: "off", oninput: () => GS.toSlice(sliced[0], Number(input.value)) });
-    const output = element("output", { for: "slice" }), bar = element("div", { class: "bar slices", role: "region", "aria-label": "slice" },
-      element("div", { class: "controls" }, element("label", { for: "slice" }, `maps at ${slices.name}`), input, output));
+    if (!input) return;
+    const chart = page.charts.find((each) => each.map?.slices), { slices } = chart.map, values = await GS.array(slices.values), output = document.querySelector("output[for=slice]");
     const place = () => {
-      const k = GS.sliceOf(sliced[0]), text = `${GS.short(values[k] * slices.factor)} ${slices.unit}`.trim();
+      const k = GS.sliceOf(chart), text = `${GS.short(values[k] * slices.factor)} ${slices.unit}`.trim();
       input.value = k;
       input.setAttribute("aria-valuetext", text);
       output.textContent = text;
     };
-    document.querySelector("main > .first").after(bar);
+    input.addEventListener("input", () => toSlice(Number(input.value)));
     place();
     GS.on("slice", place);
   };

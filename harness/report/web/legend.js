@@ -23,57 +23,42 @@
   };
 
   const swatch = (run) => element("i", { style: `background:var(--six-${run % 6})`, "aria-hidden": "true" });
-  // Of several runs: one item per component with the values of all runs, after the colours of the runs.
-  const ofRuns = (panel) => {
-    const { chart } = panel, { ink } = GS.theme(), items = new Map(), runs = new Set();
+
+  // Series that share an item: those of a component of several runs, and references that look the same.
+  const grouped = (chart, several) => {
+    const groups = new Map();
     chart.series.forEach((series, k) => {
-      const owner = ownerOf(chart, series), name = owner >= 0 ? "reference" : series.component || series.name;
-      runs.add(series.run);
-      if (!items.has(name)) {
-        const { dashes } = GS.look(chart, series);
-        const button = element("button", { type: "button", title: `pick ${name} in all charts`, onclick: () => pick(series) }, sample({ colour: ink, dashes }, 2, false), element("span", {}, name));
-        items.set(name, { button, item: element("li", {}, button), isLast: owner >= 0 });
-      }
-      const { button, item } = items.get(name), value = element("output", { class: "value" });
-      if (owner < 0) item.append(swatch(series.run), value);
-      panel.items.push({ series, button, item, value, index: owner >= 0 ? -1 : k, beside: -1 });
+      const isReference = ownerOf(chart, series) >= 0, look = GS.look(series), own = several ? series.component || series.name : named(series);
+      const name = isReference ? "reference" : own, key = several ? name : isReference ? `reference ${look.colour}` : k;
+      if (!groups.has(key)) groups.set(key, { name, isReference, look: several ? { ...look, colour: GS.theme().ink, width: 1.5 } : look, indices: [] });
+      if (several || !isReference || !groups.get(key).indices.length) groups.get(key).indices.push(k);
     });
-    const all = [...items.values()].sort((a, b) => a.isLast - b.isLast);
-    return [...[...runs].map((run) => element("li", { class: "run" }, swatch(run), page.runs[run])), ...all.map(({ item }) => item)];
+    return [...groups.values()].sort((a, b) => a.isReference - b.isReference);
   };
 
-  // Fills the list of a panel.
+  // Fills the list of a panel; of several runs, an item has the values of all, after the colours of the runs.
   GS.legend = (panel) => {
-    const { chart, key } = panel, isBlock = !["line", "step"].includes(chart.kind);
+    const { chart, key } = panel, isBlock = !["line", "step"].includes(chart.kind), isHeat = chart.kind === "heat";
+    const several = !isBlock && page.runs.length > 1 && chart.series.every((series) => series.run !== undefined), rows = [];
     panel.items = [];
-    const rows = [], last = [];
     if (panel.figure?.heat) rows.push(...GS.heatLegend(panel));
-    const several = !isBlock && page.runs.length > 1 && chart.series.every((series) => series.run !== undefined);
-    if (several) rows.push(...ofRuns(panel));
-    else chart.series.forEach((series, k) => {
-      if (chart.kind === "heat") return;
-      const look = GS.look(chart, series), owner = ownerOf(chart, series);
-      // many references look the same: one sample is enough, and each value stands beside its series
-      if (owner >= 0 && chart.series.some((each, j) => j < k && ownerOf(chart, each) >= 0 && GS.look(chart, each).colour === look.colour)) return;
+    if (several) rows.push(...[...new Set(chart.series.map((series) => series.run))].map((run) => element("li", { class: "run" }, swatch(run), page.runs[run])));
+    for (const { name, isReference, look, indices } of isHeat ? [] : grouped(chart, several)) {
+      const [first] = indices, isBand = chart.series[first].role === "band";
       // bands lie over each other, the widest first
-      const shade = series.role === "band" ? 1 - 0.78 ** chart.series.slice(0, k + 1).filter((each) => each.role === "band").length : 1;
-      const value = element("output", { class: "value" });
-      const button = element("button", { type: "button", title: `pick ${named(series)} in all charts`, onclick: () => pick(series) }, sample(look, look.width + 0.5, isBlock || series.role === "band", shade), element("span", {}, owner >= 0 ? "reference" : named(series)));
-      const item = element("li", {}, button, ...(owner >= 0 ? [] : [value]));
-      const beside = owner >= 0 ? -1 : chart.series.findIndex((each) => ownerOf(chart, each) === k);
-      panel.items.push({ series, button, item, value, index: owner >= 0 ? -1 : k, beside });
-      (owner >= 0 ? last : rows).push(item);
-    });
-    rows.push(...last);
-    for (const mark of chart.marks) {
-      const colour = GS.theme().roles[mark.role], axis = mark.vertical ? chart.x : chart.y;
-      const text = mark.said ? mark.text : `${mark.text} ${GS.short(mark.value * axis.factor)} ${axis.unit}`;
-      rows.push(element("li", { class: "mark" }, sample({ colour, dashes: page.dashes[mark.role].map((d) => 3 * d) }, 1.6, false), text.trim()));
+      const shade = isBand ? 1 - 0.78 ** chart.series.slice(0, first + 1).filter((each) => each.role === "band").length : 1;
+      const button = element("button", { type: "button", title: `pick ${name} in all charts`, onclick: () => pick(chart.series[first]) }, sample(look, look.width + 0.5, isBlock || isBand, shade), element("span", {}, name));
+      const item = element("li", {}, button);
+      for (const k of indices) {
+        const series = chart.series[k], value = element("output", { class: "value" }), beside = several ? -1 : chart.series.findIndex((each) => ownerOf(chart, each) === k);
+        if (!isReference) item.append(...(several ? [swatch(series.run)] : []), value);
+        panel.items.push({ series, button, item, value, index: isReference ? -1 : k, beside });
+      }
+      rows.push(item);
     }
-    for (const { name, role, share } of chart.strips) {
-      const look = { colour: GS.theme().roles[role], dashes: [] };
-      rows.push(element("li", { class: "mark" }, sample(look, 2, true), `${name}, ${share}`));
-    }
+    const mark = (role, dashes, width, text) => element("li", { class: "mark" }, sample({ colour: GS.theme().roles[role], dashes }, width, !width), text);
+    rows.push(...chart.marks.map(({ role, dashes, text }) => mark(role, dashes, 1.6, text)));
+    rows.push(...chart.strips.map(({ name, role, share }) => mark(role, [], 0, `${name}, ${share}`)));
     key.replaceChildren(...rows);
     GS.legendState(panel);
     GS.markedKey(panel);
@@ -87,8 +72,11 @@
     }
   };
 
-  // A value without digits below the resolution of display.
-  const shown = (value, { least, digits, labels }) => labels?.[value] ?? GS.short(Math.round(value / least) * least, digits);
+  // A value without digits below the resolution of display, half of the smallest axis, or of the curve.
+  const shown = (value, { span, least, digits, labels }) => {
+    const step = Math.max(span / 2, least);
+    return labels?.[value] ?? GS.short(Math.round(value / step) * step, digits);
+  };
   // The values at an abscissa, for lines; the nearest row at or before it.
   GS.legendValues = (panel, x) => {
     if (!panel.figure?.isFunction) return;

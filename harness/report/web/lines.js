@@ -1,41 +1,14 @@
 "use strict";
-// How series look: colour by role, leg or run; dashes; emphasis of what the reader has picked.
+// How series look, and the emphasis of what the reader has picked.
 (() => {
-  const GS = GoughStewart, { page, state } = GS, several = page.runs.length > 1;
-  // roles whose series differ by leg or component; all others have the colour of their role
-  const OWN = new Set(["actual", "measured", "error", "neutral"]);
-  const WIDTH = 1.7, STRIPE = 9, PALE = 0.16;
+  const GS = GoughStewart, { page, state } = GS, WIDTH = 1.7, STRIPE = 9, PALE = 0.16;
 
-  const scaled = (dashes, width) => dashes.map((each) => Math.max(1, each * width));
-  // Components of a chart in order, such as x, y, z.
-  const componentsOf = (chart) => [...new Set(chart.series.map((each) => each.leg ?? each.component ?? each.name))];
-
-  const plainLook = (chart, series) => {
-    const { roles, six } = GS.theme(), own = OWN.has(series.role), component = componentsOf(chart).indexOf(series.leg ?? series.component ?? series.name);
-    const alike = chart.series.filter((each) => each.role === series.role).length, ofRole = page.dashes[series.role] ?? [];
-    if (several && series.run !== undefined) {
-      // earlier runs are wide and pale under later ones, so that both are seen where they coincide
-      const over = page.runs.length - 1 - series.run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
-      return { colour: six[series.run % 6], dashes: own ? page.sixDashes[component % 6] : ofRole, width, alpha: over ? 0.6 : 1 };
-    }
-    const index = series.leg !== undefined ? series.leg - 1 : component;
-    return { colour: own && (series.leg !== undefined || alike > 1) ? six[index % 6] : roles[series.role], dashes: own ? [] : ofRole, width: WIDTH };
-  };
-  // Colour, dashes and width of a series in the present theme; no two lines of a chart share colour and dashes.
-  const known = new WeakMap();
-  GS.look = (chart, series) => {
-    const { name } = GS.theme();
-    if (known.get(chart)?.name !== name) {
-      const taken = new Set(), looks = new Map();
-      for (const each of chart.series) {
-        const look = plainLook(chart, each), key = () => `${look.colour} ${look.dashes}`;
-        while (each.role !== "band" && taken.has(key())) look.dashes = look.dashes.length ? [...look.dashes, 1, 3] : [6, 3];
-        taken.add(key());
-        looks.set(each, { ...look, dashes: scaled(look.dashes, WIDTH) });
-      }
-      known.set(chart, { name, looks });
-    }
-    return known.get(chart).looks.get(series);
+  // Colour, dashes and width of a series in the present theme (harness/report/chart.py chooses them).
+  GS.look = ({ look: { colour, dashes }, run }) => {
+    const { roles, six } = GS.theme();
+    // earlier runs are wide and pale under later ones, so that both are seen where they coincide
+    const over = run === undefined ? 0 : page.runs.length - 1 - run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
+    return { colour: roles[colour] ?? six[colour], dashes: dashes.map((each) => Math.max(1, each * WIDTH)), width: over ? width : WIDTH, alpha: over ? 0.6 : 1 };
   };
 
   const xOf = (chart, k) => chart.series[k].x ?? chart.x.values;
@@ -44,7 +17,7 @@
     const groups = [];
     all.forEach((series, k) => {
       if ((chart.kind !== "line" && chart.kind !== "step") || chart.series[k].role === "band") return;
-      if (GS.look(chart, chart.series[k]).dashes.length) return;
+      if (GS.look(chart.series[k]).dashes.length) return;
       const equal = ([first]) => {
         const a = all[first].y, b = series.y;
         if (xOf(chart, first) !== xOf(chart, k) || chart.series[first].run !== chart.series[k].run || a.length !== b.length) return false;

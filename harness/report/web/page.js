@@ -3,6 +3,8 @@
 const GoughStewart = (() => {
   const minus = (text) => (Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
   const significant = (x, digits) => (Math.abs(x) >= 10 ** digits - 0.5 ? x.toFixed(0) : x.toPrecision(digits));
+  const mix = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
+  const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
   const page = JSON.parse(document.getElementById("data").textContent);
   const root = document.documentElement, listeners = [], $ = (id) => document.getElementById(id);
 
@@ -34,6 +36,13 @@ const GoughStewart = (() => {
     // as many significant digits at most
     short: (x, digits = 4) => (Number.isFinite(x) ? minus(String(Number(significant(x, digits)))) : x > 0 ? "∞" : "–"),
     theme,
+    // colours [r, g, b], 0 to 1: of #rrggbb, a share of the way between two, between stops [share, #rrggbb], and for CSS
+    rgb, mix,
+    gradient: (stops) => (share) => {
+      const k = Math.min(Math.max(stops.findIndex(([at]) => share <= at), 1), stops.length - 1), [[low, from], [high, to]] = [stops[k - 1], stops[k]];
+      return mix(rgb(from), rgb(to), Math.min(Math.max((share - low) / (high - low), 0), 1));
+    },
+    css: (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`,
     // call back when the colours change
     onTheme: (callback) => { listeners.push(callback); },
     setPrinting: (is) => {

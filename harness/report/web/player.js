@@ -1,23 +1,14 @@
 "use strict";
 // Starts the page, and plays: play, pause, speed, time slider, keys; the whole page shows the same time.
 (() => {
-  const GS = GoughStewart, { page, state } = GS, $ = (id) => document.getElementById(id), hasTime = Boolean($("play"));
-  let view = null, write = null, before = 0, colour = "force", digits = 3, moments = [];
+  const GS = GoughStewart, { page, state } = GS, $ = (id) => document.getElementById(id), hasTime = Boolean($("play")), digits = page.clock?.digits;
+  let view = null, write = null, before = 0, colour = "force", moments = [];
 
-  const ends = async () => {
-    let start = Infinity, end = -Infinity;
-    const found = new Set(page.charts.filter((chart) => chart.isTime).flatMap((chart) => [...(chart.series.some((s) => s.x === undefined) ? [chart.x.values] : []), ...chart.series.map((s) => s.x)]));
-    const arrays = await Promise.all([...found].filter((number) => number !== undefined).map(GS.array));
-    for (const values of [...arrays, ...GS.records.map((r) => r.time)]) {
-      if (!values.length) continue;
-      start = Math.min(start, values[0]);
-      end = Math.max(end, values[values.length - 1]);
-    }
-    const longest = Math.max(2, ...arrays.map((a) => a.length), ...GS.records.map((r) => r.time.length));
-    digits = Math.max(2, Math.min(6, Math.ceil(-Math.log10((end - start) / (longest - 1) || 1) + 0.3)));
-    const clocks = GS.records.length ? GS.records.map((r) => r.time) : arrays;
+  const prepareClock = async () => {
+    if (page.clock) Object.assign(state, { start: page.clock.start, end: page.clock.end, time: page.clock.start });
+    const numbers = page.charts.filter((chart) => chart.isTime).flatMap((chart) => chart.series.map((series) => series.x ?? chart.x.values));
+    const clocks = GS.records.length ? GS.records.map((r) => r.time) : await Promise.all([...new Set(numbers)].map(GS.array));
     moments = [...new Set(clocks.flatMap((t) => [...t]))].sort((a, b) => a - b);
-    if (start <= end) Object.assign(state, { start, end, time: start });
   };
 
   // The clock changes every frame; its text for screen readers only when it rests.
@@ -52,7 +43,6 @@
     },
     drawn: () => (view ? view.drawn() : null),
     stage: () => (view ? view.stage() : null),
-    legAt: (x, y) => (view ? view.legAt(x, y) : null),
   };
   GS.player = player;
   const toggle = () => (state.playing ? player.pause() : player.play());
@@ -90,28 +80,6 @@
     }
   };
 
-  const FLAGS = ["bad", "neutral", "marginal", "published", "measured"];
-  const strips = () => {
-    const names = [...new Set(GS.records.flatMap((r) => Object.entries(r.flags).filter(([, up]) => up.includes("1")).map(([name]) => name)))];
-    const { roles } = GS.theme(), colourOf = (name) => roles[FLAGS[names.indexOf(name) % FLAGS.length]];
-    $("flag-key").replaceChildren(...names.map((name) => {
-      const swatch = GS.element("i", {});
-      swatch.style.background = colourOf(name);
-      return GS.element("span", {}, swatch, name.replaceAll("_", " "));
-    }));
-    const canvas = $("flags"), pen = canvas.getContext("2d"), width = canvas.width = canvas.clientWidth || 600;
-    canvas.hidden = !names.length;
-    canvas.height = 3 * names.length;
-    GS.records.forEach((record) => names.forEach((name, row) => {
-      pen.fillStyle = colourOf(name);
-      const up = record.flags[name] || "";
-      for (let k = 0; k < up.length; k++) {
-        if (up[k] !== "1") continue;
-        const [from, to] = [record.time[k], record.time[k + 1]].map((t) => width * (t - state.start) / (state.end - state.start || 1));
-        pen.fillRect(from, 3 * row, Math.max(to - from, 1), 2);
-      }
-    }));
-  };
   const loop = () => {
     const { region, start, end } = state, share = (t) => 100 * (t - start) / (end - start || 1);
     $("loop").hidden = !region;
@@ -124,10 +92,7 @@
     view.colourBy(kind);
     const scale = GS.scale(kind);
     $("legend").hidden = !scale;
-    if (scale) {
-      $("legend").innerHTML = `<b></b><i style="background:linear-gradient(90deg,${scale.colours.map(GS.css).join(",")})"></i><span></span><span></span>`;
-      [...$("legend").querySelectorAll("b, span")].forEach((part, k) => { part.textContent = [scale.title, scale.low, scale.high][k]; });
-    }
+    if (scale) GS.colourKey(scale.title, scale.colours.map(GS.css), [scale.low, scale.high]);
     show();
   };
   const enlarge = (factor) => {
@@ -149,11 +114,6 @@
       document.querySelector(".stage-options").hidden = true;
       return;
     }
-    const several = GS.records.length > 1;
-    document.querySelector("#colour option[value=force]").disabled = !GS.records.some((r) => r.force);
-    document.querySelector("#colour option[value=nearness]").disabled = !GS.records.some((r) => r.nearness);
-    document.querySelector("#colour option[value=run]").hidden = !several;
-    $("ghost").parentElement.hidden = !GS.records.some((r) => r.reference);
     const showParts = () => {
       const [reference, path, frames] = ["ghost", "trail", "frames"].map((id) => $(id).checked);
       view.showParts({ reference, path, frames });
@@ -175,19 +135,13 @@
     GS.onTheme(() => colourBy(colour));
     // paper shows a picture of the present moment
     GS.printStage = () => view.copy($("printed"));
-    $("colour").value = several ? "run" : GS.records.some((r) => r.force) ? "force" : "plain";
     colourBy($("colour").value);
   };
 
   const runs = () => {
-    if (page.runs.length < 2) return;
-    const boxes = page.runs.map((name, k) => {
-      const box = GS.element("input", { type: "checkbox", autocomplete: "off", onchange: () => GS.toggleRun(k) }), swatch = GS.element("i", { style: `background:var(--six-${k % 6})` });
-      box.checked = true;
-      return { box, label: GS.element("label", {}, box, swatch, name) };
-    });
-    $("runs").replaceChildren(...boxes.map(({ label }) => label));
-    GS.on("hiddenRuns", () => boxes.forEach(({ box }, k) => { box.checked = !state.hiddenRuns.has(k); }));
+    const boxes = [...$("runs").querySelectorAll("input")];
+    boxes.forEach((box, k) => box.addEventListener("change", () => GS.toggleRun(k)));
+    GS.on("hiddenRuns", () => boxes.forEach((box, k) => { box.checked = !state.hiddenRuns.has(k); }));
   };
   const copy = async () => {
     const address = `${location.href.split("#")[0]}#${GS.link()}`;
@@ -199,7 +153,6 @@
       $("linked").textContent = "the address of this page is the link";
     }
   };
-  const zoomIn = () => (state.region ? GS.zoomTo(state.region) : GS.zoomAbout({ range: GS.range, zoom: GS.zoomTo }, state.time, 0.5));
   const clear = () => {
     GS.set({ region: null, leg: null, picked: null, members: null });
     GS.clearCharts?.();
@@ -208,17 +161,14 @@
   const keys = (event) => {
     if (event.target.closest("select, input:not(#time), summary, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target.closest("#view") && event.key !== " " && !/^[0-9\][]$|Escape/.test(event.key)) return;
-    const { time, region, start, end } = state;
+    if (event.key === " " && event.target.closest("button")) return;  // a button handles the space bar itself
     const acts = {
       " ": toggle, ArrowLeft: () => (event.shiftKey ? leap(-0.1) : step(false)), ArrowRight: () => (event.shiftKey ? leap(0.1) : step(true)),
-      Home: () => { player.pause(); player.seek(GS.range()[0]); }, End: () => { player.pause(); player.seek(GS.range()[1]); },
-      "[": () => GS.mark([time, region && region[1] > time ? region[1] : end]), "]": () => GS.mark([region && region[0] < time ? region[0] : start, time]),
-      "+": zoomIn, "=": zoomIn, "-": () => GS.zoomAbout({ range: GS.range, zoom: GS.zoomTo }, time, 2), 0: () => GS.zoomTo(null), Escape: clear,
+      Home: () => { player.pause(); player.seek(GS.range()[0]); }, End: () => { player.pause(); player.seek(GS.range()[1]); }, Escape: clear,
     };
     const act = /^[1-6]$/.test(event.key) ? () => GS.pickLeg(Number(event.key)) : acts[event.key];
-    if (!act || (event.key === " " && event.target.closest("button"))) return;  // a button handles the space bar itself
+    if (act) act(); else if (!GS.rangeKey(event.key, GS.timeGroup, state.time)) return;
     event.preventDefault();
-    act();
   };
 
   const controls = () => {
@@ -228,12 +178,11 @@
     $("time").addEventListener("input", () => { player.pause(); GS.set({ hover: null }); player.seek(Number($("time").value)); });
     $("speed").addEventListener("change", () => { player.speed = Number($("speed").value); });
     $("leg").addEventListener("change", () => GS.set({ leg: $("leg").value ? Number($("leg").value) : null, picked: null }));
-    $("zoom-in").addEventListener("click", zoomIn);
+    $("zoom-in").addEventListener("click", () => GS.rangeKey("+", GS.timeGroup, state.time));
     $("zoom-out").addEventListener("click", () => GS.zoomTo(null));
     $("clear").addEventListener("click", clear);
     $("link").addEventListener("click", copy);
     document.addEventListener("keydown", keys);
-    addEventListener("resize", strips);
     GS.on("time hover", show);
     GS.on("region", loop);
     GS.on("zoom", () => { $("zoom-out").disabled = !state.zoom; });
@@ -244,17 +193,14 @@
       clearTimeout(resting);
       if (!state.playing) speak($("clock").textContent);
     });
-    GS.onTheme(strips);
     $("zoom-out").disabled = true;
-    $("leg").parentElement.hidden = !GS.records.length && !page.charts.some((chart) => chart.series.some((s) => s.leg !== undefined));
     runs();
-    strips();
   };
 
   // The range of time is known.
   GS.timed = (async () => {
     if (page.scenes.length) await GS.unpackScenes();
-    await ends();
+    await prepareClock();
   })();
   GS.started = (async () => {
     await GS.timed;

@@ -27,17 +27,7 @@
     });
   };
 
-  const next = new THREE.Quaternion(), home = new THREE.Quaternion(), axis = new THREE.Vector3();
-
-  // q becomes exp(factor log(q q₀⁻¹)) q₀: the rotation vector from home times the factor.
-  const larger = (q, from, factor) => {
-    q.multiply(next.copy(from).conjugate());
-    // of the two quaternions of a rotation, the one with the smaller angle
-    if (q.w < 0) q.set(-q.x, -q.y, -q.z, -q.w);
-    const sine = axis.set(q.x, q.y, q.z).length();
-    if (sine > 0) q.setFromAxisAngle(axis.divideScalar(sine), factor * 2 * Math.atan2(sine, q.w));
-    return q.multiply(from);
-  };
+  const next = new THREE.Quaternion(), home = new THREE.Vector3();
 
   // Sets an object to its pose at a time, with the displacement from home times the factor.
   GS.place = (object, values, record, at, factor) => {
@@ -46,8 +36,10 @@
     quaternion.fromArray(values, from + 3);
     if (at.share > 0) quaternion.slerp(next.fromArray(values, from + 10), at.share);
     if (factor !== 1) {
-      position.sub(axis.fromArray(record.home)).multiplyScalar(factor).add(axis);
-      larger(quaternion, home.fromArray(record.home, 3), factor);
+      position.sub(home.fromArray(record.home)).multiplyScalar(factor).add(home);
+      // exp(factor log(q q₀⁻¹)) q₀: of the smaller angle from home, factor times as much
+      next.copy(quaternion);
+      quaternion.fromArray(record.home, 3).slerp(next, factor);
     }
     object.updateMatrix();
   };
@@ -57,20 +49,12 @@
 GoughStewart.prepareColours = () => {
   const GS = GoughStewart;
   const PUSH = [0.84, 0.37, 0.0], PULL = [0.0, 0.45, 0.7], REST = [0.80, 0.83, 0.86], PLAIN = [0.62, 0.67, 0.72];
-  const mix = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
-  const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
+  const { rgb, mix } = GS, nearnessColour = GS.gradient(GS.page.nearness.stops), beyond = rgb(GS.page.nearness.beyond);
   const byForce = (force, largest) => {
     const share = Math.min(Math.abs(force) / largest, 1);
     return mix(REST, force < 0 ? PULL : PUSH, Math.sqrt(share));
   };
-  const stops = GS.page.nearness.stops.map(([share, hex]) => [share, rgb(hex)]), beyond = rgb(GS.page.nearness.beyond);
-  const byNearness = (near) => {
-    if (near > 1 + 1e-9) return beyond;
-    const k = stops.findIndex(([share]) => near <= share);
-    if (k <= 0) return stops[0][1];
-    const [[a, from], [b, to]] = [stops[k - 1], stops[k]];
-    return mix(from, to, (near - a) / (b - a));
-  };
+  const byNearness = (near) => (near > 1 + 1e-9 ? beyond : nearnessColour(near));
   const LARGEST = GS.records.reduce((most, r) => (r.force || []).reduce((m, f) => Math.max(m, Math.abs(f)), most), 1e-12);
   const PALE = 0.82;
   const plain = (kind, record, at, leg) => {
@@ -84,8 +68,6 @@ GoughStewart.prepareColours = () => {
     const colour = plain(kind, record, at, leg), { leg: picked } = GS.state;
     return picked === null || picked === leg + 1 ? colour : mix(colour, GS.theme().dark ? [0.16, 0.19, 0.23] : [0.93, 0.94, 0.95], PALE);
   };
-  GS.css = (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`;
-  GS.mixed = mix;
   const evenly = (n) => Array.from({ length: n }, (_, k) => k / (n - 1));
   // Title of the scale, its colours from low to high, and labels of its ends; undefined if there is no scale.
   GS.scale = (kind) => {
@@ -103,23 +85,12 @@ GoughStewart.prepareColours = () => {
 (() => {
   const GS = GoughStewart, { fixed } = GS;
 
-  const tableOf = (record, host) => {
-    const table = document.createElement("table");
-    const heads = ["", ...[1, 2, 3, 4, 5, 6].map((k) => `leg ${k}`)];
-    const rows = [...(record.force ? ["force [N]"] : []), "length [m]", ...(record.nearness ? ["of limit [%]"] : [])];
-    table.innerHTML = `<caption></caption><thead><tr>${heads.map((h) => (h ? `<th scope="col">${h}</th>` : "<td></td>")).join("")}</tr></thead><tbody>${
-      rows.map((r, k) => `<tr><th scope="row">${r}</th>${`<td>${k ? "" : "<i></i>"}<span></span></td>`.repeat(6)}</tr>`).join("")}</tbody>`;
-    host.append(table);
-    table.classList.add("now");
-    return {
-      record, caption: table.caption, dots: [...table.querySelectorAll("i")], cells: [...table.querySelectorAll("td span")],
-      title: GS.records.length > 1 ? `${record.name}: ` : "",
-    };
-  };
-
-  // Creates the tables in an element; returns a function that fills in the values of a time.
+  // Returns a function that fills the values of a time into the tables in an element, one for each run.
   GS.moment = (host) => {
-    const tables = GS.records.map((record) => tableOf(record, host));
+    const tables = GS.records.map((record, k) => {
+      const table = host.children[k], [dots, cells] = ["i", "td span"].map((part) => [...table.querySelectorAll(part)]);
+      return { record, caption: table.caption, dots, cells, title: GS.records.length > 1 ? `${record.name}: ` : "" };
+    });
     return (time, colour) => {
       for (const { record, caption, dots, cells, title } of tables) {
         const at = GS.frameAt(record, time), length = GS.between(record.length, 6, at);

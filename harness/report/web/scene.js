@@ -68,11 +68,7 @@ GoughStewart.prepareScene = () => {
     const fit = () => {
       const { high, aside } = roomOf(factor), middle = scale * (0.5 * (ground + high) - MIDDLE[2]);
       const radius = scale * Math.hypot(Math.max(extent, 0.6 * extent + aside), 0.6 * (high - ground));
-      const narrow = Math.min(element.clientWidth / element.clientHeight, 1) || 1;
-      controls.target.set(0, middle, 0);
-      away.setLength(0.97 * radius / Math.sin(camera.fov * Math.PI / 360) / narrow);
-      camera.position.copy(controls.target).add(away);
-      controls.update();
+      viewer.fit(new THREE.Vector3(0, middle, 0), away, 0.97 * radius);
     };
     let place = "corner";
     const look = (from) => {
@@ -108,7 +104,7 @@ GoughStewart.prepareScene = () => {
         apart ||= length > record.lower + record.upper;
         const colour = GS.legColour(shown, record, at, k, index);
         tint(parts.rod, k, colour);
-        tint(parts.sleeve, k, GS.mixed(colour, GREY, 0.25));
+        tint(parts.sleeve, k, GS.mix(colour, GREY, 0.25));
       }
       parts.core.visible = apart;
     };

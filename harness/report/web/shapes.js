@@ -9,21 +9,9 @@
   // Lighting per vertex: without a graphics card it takes a tenth of the time of lighting per pixel.
   const material = (colour, more = {}) => new THREE.MeshLambertMaterial({ color: colour, ...more });
 
-  // A tube from z = 0 to z = length.
-  const tube = (radius, length, sides = 14) => {
-    const geometry = new THREE.CylinderGeometry(radius, radius, length, sides);
-    geometry.rotateX(Math.PI / 2);
-    geometry.translate(0, 0, length / 2);
-    return geometry;
-  };
-
-  // A cone with its tip at z = 0.
-  const cone = (radius, length) => {
-    const geometry = new THREE.ConeGeometry(radius, length, 14);
-    geometry.rotateX(Math.PI / 2);
-    geometry.translate(0, 0, -length / 2);
-    return geometry;
-  };
+  // A tube from z = 0 to z = length, and a cone with its tip at z = 0.
+  const tube = (radius, length, sides = 14) => new THREE.CylinderGeometry(radius, radius, length, sides).rotateX(Math.PI / 2).translate(0, 0, length / 2);
+  const cone = (radius, length) => new THREE.ConeGeometry(radius, length, 14).rotateX(Math.PI / 2).translate(0, 0, -length / 2);
 
   // Merges indexed geometries, to draw them in one call. Each may have its own colour.
   const merged = (geometries, colours = null) => {

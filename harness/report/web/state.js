@@ -42,19 +42,21 @@
   };
   GS.pickLeg = (leg) => GS.set({ leg: state.leg === leg ? null : leg, picked: null });
 
-  // The address holds them: report.html#t=1.5&zoom=1,2&mark=1.2,1.4&leg=3
-  const digits = (x) => String(Number(x.toPrecision(9)));
-  GS.link = () => {
-    const parts = [`t=${digits(state.time)}`];
-    if (state.zoom) parts.push(`zoom=${state.zoom.map(digits).join(",")}`);
-    if (state.region) parts.push(`mark=${state.region.map(digits).join(",")}`);
-    if (state.leg) parts.push(`leg=${state.leg}`);
-    if (state.picked) parts.push(`pick=${encodeURIComponent(state.picked)}`);
-    if (state.members) parts.push(`members=${[...state.members].join(",")}`);
-    if (state.slice !== null) parts.push(`slice=${state.slice}`);
-    if (state.hiddenRuns.size) parts.push(`without=${[...state.hiddenRuns].join(",")}`);
-    return parts.join("&");
+  // The address holds them, as in report.html#t=1.5&zoom=1,2&mark=1.2,1.4&leg=3: how each is written, "" if it is not, and
+  // how its numbers, or its text, are followed.
+  const digits = (x) => String(Number(x.toPrecision(9))), listed = (values) => [...values ?? []].map(digits).join(",");
+  const pair = (numbers) => (numbers.length === 2 ? numbers : null);
+  const KEPT = {
+    t: [() => digits(state.time), ([time]) => { if (time !== undefined) GS.set({ time: Math.min(Math.max(time, state.start), state.end) }); }],
+    zoom: [() => listed(state.zoom), (ends) => GS.zoomTo(pair(ends))],
+    mark: [() => listed(state.region), (ends) => GS.mark(pair(ends))],
+    leg: [() => String(state.leg ?? ""), ([leg]) => GS.set({ leg: leg >= 1 && leg <= 6 ? leg : null })],
+    pick: [() => encodeURIComponent(state.picked ?? ""), (_, text) => GS.set({ picked: text ? decodeURIComponent(text) : null })],
+    members: [() => listed(state.members), (ids) => GS.set({ members: ids.length ? new Set(ids) : null })],
+    slice: [() => String(state.slice ?? ""), ([slice]) => GS.set({ slice: Number.isInteger(slice) && slice >= 0 ? slice : null })],
+    without: [() => listed(state.hiddenRuns), (runs) => GS.set({ hiddenRuns: new Set(runs) })],
   };
+  GS.link = () => Object.entries(KEPT).map(([name, [write]]) => [name, write()]).filter(([, text]) => text).map((part) => part.join("=")).join("&");
   let waiting = 0;
   const remember = () => {
     if (state.playing) return;
@@ -63,18 +65,10 @@
   };
   // What the address asks for; true if it says where to stand.
   GS.follow = (address) => {
-    const asked = new Map(address.replace(/^#/, "").split("&").map((part) => part.split("=")).filter((pair) => pair.length === 2));
+    const asked = new Map(address.replace(/^#/, "").split("&").map((part) => part.split("=")));
     const numbers = (name) => (asked.get(name) || "").split(",").filter(Boolean).map(Number).filter(Number.isFinite);
-    const [time] = numbers("t"), zoom = numbers("zoom"), marked = numbers("mark"), [leg] = numbers("leg"), [slice] = numbers("slice");
-    GS.zoomTo(zoom.length === 2 ? zoom : null);
-    GS.mark(marked.length === 2 ? marked : null);
-    GS.set({
-      leg: leg >= 1 && leg <= 6 ? leg : null, picked: asked.has("pick") ? decodeURIComponent(asked.get("pick")) : null,
-      slice: Number.isInteger(slice) && slice >= 0 ? slice : null,
-      members: asked.has("members") ? new Set(numbers("members")) : null, hiddenRuns: new Set(numbers("without")),
-    });
-    if (time !== undefined) GS.set({ time: Math.min(Math.max(time, state.start), state.end) });
-    return time !== undefined;
+    for (const [name, [, follow]] of Object.entries(KEPT)) follow(numbers(name), asked.get(name));
+    return numbers("t").length > 0;
   };
   GS.toggleRun = (run) => {
     const hidden = new Set(state.hiddenRuns);

@@ -21,7 +21,7 @@
     for (let k = 0; k < vertices.length; k++) position[k] = inBox(vertices[k], k % 3);
     values.forEach((v, k) => {
       const share = Math.min(Math.max((shown(v) - low) / (high - low || 1), 0), 1), rgb = colours[Math.round(255 * share)];
-      paint.setRGB(...rgb.map((c) => c / 255));
+      paint.setRGB(...rgb);
       colour.set([paint.r, paint.g, paint.b], 3 * k);
     });
     const geometry = new THREE.BufferGeometry();
@@ -47,14 +47,8 @@
     sun.position.set(2, -4, 5);
     viewer.room.add(root, sun, sky);
 
-    const { camera, controls } = viewer;
-    controls.home = () => {
-      const narrow = Math.min($("view").clientWidth / $("view").clientHeight, 1) || 1, radius = Math.hypot(...half) + 0.2;
-      controls.target.set(0, 0, 0);
-      camera.position.set(0.55, 0.42, 0.85).setLength(radius / Math.sin(camera.fov * Math.PI / 360) / narrow);
-      controls.update();
-    };
-    controls.home();
+    viewer.controls.home = () => viewer.fit(new THREE.Vector3(), new THREE.Vector3(0.55, 0.42, 0.85), Math.hypot(...half) + 0.2);
+    viewer.controls.home();
     const dress = ({ ink, roles }) => {
       for (const text of texts) text.paint(ink);
       box.material.color.set(ink);
@@ -72,15 +66,14 @@
     cut();
     GS.on("slice", cut);
 
-    const legend = $("legend"), told = ends.map((v) => `${GS.short(v * of.factor, of.digits)} ${of.unit}`.trim());
-    legend.hidden = false;
-    legend.replaceChildren(GS.element("b", {}, of.name), GS.element("i", { style: `background:linear-gradient(90deg,${colours.filter((_, k) => k % 15 === 0).map((c) => `rgb(${c})`).join(",")})` }), ...told.map((text) => GS.element("span", {}, text)));
+    const told = ends.map((v) => `${GS.short(v * of.factor, of.digits)} ${of.unit}`.trim());
+    GS.colourKey(of.name, GS.HEAT_STOPS, told);
 
     // Paper: the present view with the scale of its colours.
     GS.printStage = () => {
       dress(GS.theme());
       const { width, height: down } = viewer.copy($("printed")), pen = $("printed").getContext("2d"), unit = width / 100;
-      colours.forEach((c, k) => { pen.fillStyle = `rgb(${c})`; pen.fillRect(unit + k * 28 * unit / 256, down - 5 * unit, 28 * unit / 256 + 1, unit); });
+      colours.forEach((c, k) => { pen.fillStyle = GS.css(c); pen.fillRect(unit + k * 28 * unit / 256, down - 5 * unit, 28 * unit / 256 + 1, unit); });
       Object.assign(pen, { fillStyle: GS.theme().ink, font: `${1.6 * unit}px system-ui, sans-serif` });
       pen.fillText(of.name, unit, down - 5.8 * unit);
       pen.fillText(told[0], unit, down - 2 * unit);

@@ -107,6 +107,13 @@
     return /SwiftShader|llvmpipe|softpipe|Basic Render|software/i.test(name);
   };
 
+  // What the colours of the view mean: a title, colours from low to high, and what the ends are.
+  GS.colourKey = (title, colours, ends) => {
+    const key = document.getElementById("legend"), texts = [title, ...ends];
+    key.querySelector("i").style.background = `linear-gradient(90deg,${colours.join(",")})`;
+    key.querySelectorAll("b, span").forEach((part, k) => { part.textContent = texts[k]; });
+  };
+
   GS.viewer = (element) => {
     const soft = GS.software();
     if (soft === null) throw new Error("no context");
@@ -173,6 +180,14 @@
     };
     new ResizeObserver(resize).observe(element);
     resize();
-    return { soft, renderer, canvas, room, camera, changed, moved, copy, render, isStill, coarser, controls: GS.orbit(canvas, camera, changed) };
+    const controls = GS.orbit(canvas, camera, changed);
+    // Looks at a target from a direction, far enough to see a ball around it, also in a narrow view.
+    const fit = (target, direction, radius) => {
+      const narrow = Math.min(element.clientWidth / element.clientHeight, 1) || 1;
+      controls.target.copy(target);
+      camera.position.copy(direction).setLength(radius / Math.sin(camera.fov * Math.PI / 360) / narrow).add(target);
+      controls.update();
+    };
+    return { soft, renderer, canvas, room, camera, changed, moved, copy, render, isStill, coarser, controls, fit };
   };
 })();

@@ -340,9 +340,7 @@ def test_a_page_alone_is_opened_as_it_is(opened: list[str]) -> None:
     assert invoke("view", "checked", "--open").exit_code == 0
     assert opened == [Path("checked/report.html").absolute().as_uri()]
     done = invoke("view", "checked/report.json")
-    assert (done.exit_code, done.stderr) == (
-        1, "error: checked/report.json: no such file; expected the folder of a command, or its report.json\n",
-    )  # fmt: skip
+    assert (done.exit_code, "checked/report.json: no such file" in done.stderr) == (1, True)
 
 
 LAW, UNIT_CODE = "law.py", "unit.fmu"

@@ -91,6 +91,8 @@ def test_a_fitted_fastest_path_keeps_its_margin() -> None:
     assert found.amplitude_factor == pytest.approx(0.96**2, rel=1e-3)  # by the acceleration
     fitted = found.fitted("time")
     assert fitted.keeps_margin
+    # the run goes on after the path, as before
+    assert fitted.experiment.loop.duration == pytest.approx(1.2 / 0.96, abs=0.01)
     used = max(fitted.shares.peak(name).share for name in ("leg_velocity_max", "leg_acceleration_max"))
     assert 0.9 - 1e-6 <= used <= 0.9 + 1e-9
 
@@ -138,6 +140,9 @@ def test_a_payload_is_a_point_mass_on_the_platform() -> None:
     bare, loaded = gs.check("pitch_sine", hold), gs.check("pitch_sine", hold, payload="300 kg", payload_height="50 cm")
     m, before, after = 300.0, bare.platform, loaded.platform
     assert after.platform_mass == pytest.approx(before.platform_mass + m)
+    said = loaded.report(charts=False)
+    assert said.lead.startswith("platform motion_base with a payload of 300 kg at 0.5 m, ")
+    assert {setting.key for setting in said.settings} == {"reference", "loop.duration"}
     share = m / after.platform_mass
     arm = np.array([0, 0, 0.5]) - before.platform_com
     np.testing.assert_allclose(after.platform_com, before.platform_com + share * arm, atol=1e-12)

@@ -70,7 +70,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"sensors.noise": {"leg_length": "1 deg"}}, "sensors.noise: leg_length: expected a number of m, or a string with"),
     ({"sensors.noise": {"leg_length": 1e-320}}, "sensors.noise: leg_length is 1e-320; expected 0, or at least 1e-15 m"),
     # conditions of several keys
-    ({"platform.file": "x"}, "platform: expected preset or file, not both"),
+    ({"platform": {"preset": "x", "file": "y"}}, "platform: expected preset or file, not both; leave one of them out"),
     ({"controller": {"type": "pd"}}, "controller: expected a bandwidth, or proportional_gain and derivative_gain"),
     ({"controller.proportional_gain": 1}, "controller: expected a bandwidth or gains, not both"),
     ({"controller": {**GAINS, "damping_ratio": 1}}, "controller: damping_ratio needs a bandwidth; remove it, or re"),

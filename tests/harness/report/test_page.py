@@ -45,7 +45,13 @@ def test_every_part_is_on_the_page() -> None:
     assert data["charts"][0]["strips"][0]["share"] == "40 %"
     (scene,) = data["scenes"]
     assert unpacked(data["arrays"][scene["arrays"]["pose"]]) == pytest.approx(np.arange(21.0))
-    assert (scene["flags"], scene["nearnessOf"], scene["rows"]) == ({"force limited": "01"}, ["stroke", "force"], 30)
+    assert (scene["nearnessOf"], scene["rows"]) == (["stroke", "force"], 30)
+    assert [words_of(flag) for flag in elements(page, "//div[@id='flag-key']/span")] == ["force limited"]
+    (on,) = elements(page, "//svg[@class='flags']/path/@d")
+    start, end = data["clock"]["start"], data["clock"]["end"]
+    at, long = map(float, on.removeprefix("M").split(" 1h"))
+    times = unpacked(data["arrays"][scene["arrays"]["time"]])[1:]
+    assert [start + share / 100 * (end - start) for share in (at, at + long)] == pytest.approx(times, abs=1e-4)
     assert data["surfaces"][0]["title"] == "region"
 
 

@@ -47,6 +47,7 @@ TEXTS: list[tuple[Quantity, float, str, str]] = [
     (SHARE, 0.125, "12.5 %", "12.5 %"),
     (PERCENT, 12.5, "12.5 %", "12.5 %"),
     (NUMBER, 2.5, "2.5", "2.5"),
+    (of_unit("1"), 2.5, "2.5", "2.5"),
 ]
 
 
@@ -57,7 +58,7 @@ def test_numbers_have_units_and_digits_of_their_own_size(
     """Expected: by hand; nothing changes from a stroke of 1 cm on."""
     assert (quantity.text(stored), fine(quantity, 1.0).text(stored)) == (usual, usual)
     assert fine(quantity, 1e-4).text(stored) == small
-    assert quantity.text(None) == "–"
+    assert (quantity.text(None), quantity.range_text(None, stored)) == ("–", f"at most {usual}")
 
 
 def test_numbers_in_any_unit_are_stored_in_that_of_the_quantity() -> None:
@@ -78,13 +79,13 @@ def test_numbers_in_any_unit_are_stored_in_that_of_the_quantity() -> None:
         assert of_unit(unit).factor == pytest.approx(factor, rel=1e-15)
 
 
-def test_axes_show_a_tenth_of_what_numbers_tell_or_a_millionth_of_what_is_shown() -> None:
+def test_curves_have_a_tenth_of_what_numbers_tell_or_a_millionth_of_what_is_shown_and_axes_twice_what_is_told() -> None:
     """Expected: by hand; units of one quantity agree up to a factor of two."""
-    for unit, largest, least in (
-        ("mm", 0.0, 1e-4), ("mm", 99.9, 1e-4), ("mm", -100.1, 1.001e-4), ("deg", 2e-5, 1e-5),
-        ("none of these", 5.0, 5e-6), ("none of these", 0.0, 1e-7), ("N/s", 2.0, 1e-2),
+    for unit, largest, least, span in (
+        ("mm", 0.0, 1e-4, 2e-3), ("mm", 99.9, 1e-4, 2e-3), ("mm", -100.1, 1.001e-4, 2e-3), ("deg", 2e-5, 1e-5, 2e-4),
+        ("none of these", 5.0, 5e-6, 5e-6), ("none of these", 0.0, 1e-7, 2e-6), ("N/s", 2.0, 1e-2, 0.2),
     ):  # fmt: skip
-        assert least_span(unit, largest) == pytest.approx(least)
+        assert (least_span(unit, largest), least_span(unit, largest, is_axis=True)) == pytest.approx((least, span))
     degrees = 180 / math.pi
     for same in ({"m": 1, "mm": 1e3}, {"rad": 1, "mrad": 1e3, "deg": degrees}, {"rad/s": 1, "deg/s": degrees}):
         sizes = [LEAST_SPANS[unit] / factor for unit, factor in same.items()]
