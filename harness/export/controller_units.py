@@ -63,8 +63,8 @@ def component_of(
         output_delay=output_delay,
         notes=designed.notes,
         steps_a_sample=designed.carried.steps_a_sample,
-        has_rate_limit=designed.carried.drives,
-        has_switch=designed.carried.manual,
+        has_rate_limit="drives" in designed.carried.parts,
+        has_switch="manual" in designed.carried.parts,
     )
     return controller_component(controller, name)
 
