@@ -138,7 +138,7 @@ def loop_archive(
             variable = row.variable
             if variable.name not in outputs:
                 continue
-            read = AT_MOTORS.get(variable.name, variable.name) if at_motors and source == PLANT else variable.name
+            read = AT_MOTORS.get(variable.name, variable.name) if at_motors else variable.name
             for out, into in zip(rows.by_name[read].variable.scalar_names, variable.scalar_names, strict=True):
                 connectors.setdefault(source, []).append(("output", out, variable.unit))
                 connectors.setdefault(sink, []).append(("input", into, variable.unit))

@@ -29,7 +29,7 @@ CASES: dict[str, Any] = {
     },
     "PID held, with every limit": {
         "reference": SINE,
-        "controller": {**PID, "feedforward": "gravity", "discretisation": "zoh", "anti_windup_time": 0.02},
+        "controller": {**PID, "feedforward": "gravity", "discretisation": "zoh", "space": "task"},
         "actuators": {"force_limit": 47.0, "rate_limit": 900.0, "lag": 0.004},
     },
     "sines of an excitation": ("excitation", {"loop.duration": 0.3}),

@@ -320,8 +320,10 @@ def test_a_motion_by_hand_is_refused(tmp_path: Path) -> None:
 def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
     """Expected: linear interpolation by NumPy, and the end pieces beyond the ends, as a casadi.interpolant has it."""
     length, wanted = casadi.SX.sym("length", 6), casadi.SX.sym("wanted", 6)
-    force = casadi.vertcat(*(casadi.pw_lin(wanted[k] - length[k], POINTS, VALUES) for k in range(6)))
-    law = casadi.Function("law", [length, wanted], [force], ["leg_length", "reference_leg_length"], ["actuator_force"])
+    force, limit = (casadi.pw_lin(wanted[k] - length[k], POINTS, VALUES) for k in range(6)), casadi.SX.sym("limit")
+    names = ["leg_length", "reference_leg_length", "force_limit"]  # there is none, which the C has as 0
+    limited = casadi.fmin(casadi.vertcat(*force), limit)
+    law = casadi.Function("law", [length, wanted, limit], [limited], names, ["actuator_force"])
     error = np.array([0.011, -0.034, 0.05, 0.0, 0.0871, -0.02])
     found, _ = code_of(law).step(at_hold() - error)
     slope = (VALUES[-1] - VALUES[-2]) / (POINTS[-1] - POINTS[-2])
@@ -365,7 +367,10 @@ def test_a_controller_follows_while_it_is_off_and_begins_there(kind: str, space:
 
 
 def test_bad_inputs_while_it_is_off_change_nothing_and_a_bad_manual_force_is_none() -> None:
-    """Expected: the manual force whatever is measured, with its status; NaN as manual force leaves it on."""
+    """Expected: the manual force whatever is measured, with its status; NaN as manual force leaves it on.
+
+    Switched on it begins there, but a bad input has the feedforward alone.
+    """
     controller = {**PID, "feedforward": "gravity"}
     code = off(switched(uneven_experiment(reference=HOLD, controller=controller, actuators={"force_limit": 60.0})))
     code.step(at_hold())
@@ -374,7 +379,9 @@ def test_bad_inputs_while_it_is_off_change_nothing_and_a_bad_manual_force_is_non
         np.testing.assert_allclose(force, MANUAL)
         assert code.status[0] == status
     force, _ = off(code, np.full(6, np.nan)).step(at_hold())
-    assert np.isfinite(force).all()
+    np.testing.assert_allclose(force, MANUAL)
+    known = gs.static_leg_forces(UNEVEN, np.array(HOLD["position"]), np.array(HOLD["orientation"]))
+    np.testing.assert_allclose(code.step(np.full(6, np.nan))[0], np.minimum(known, 60), rtol=1e-9)
 
 
 # ---- compilers ----

@@ -113,11 +113,11 @@
 
   // What limits it, in words.
   const limits = (message) => {
-    const said = message.limited.flatMap((time, leg) => (time > 0 && !message.cut[leg] ? [`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`] : []));
+    const [low, high] = given.stroke || [-Infinity, Infinity], said = [];
     message.cut.forEach((is, leg) => { if (is) said.push(`the actuator of leg ${leg + 1} has failed`); });
     for (const leg of [...frozen].sort()) said.push(`the encoder of leg ${leg} is frozen`);
-    const [low, high] = given.stroke || [-Infinity, Infinity];
     last?.subarray(7, 13).forEach((length, leg) => { if (length < low || length > high) said.push(`leg ${leg + 1} ${length < low ? "below" : "beyond"} its stroke`); });
+    message.limited.forEach((time, leg) => { if (time > 0 && !message.cut[leg]) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
     return said.slice(0, 4).join("; ") || "no limit is reached";
   };
   engine.on("rows", (message) => {

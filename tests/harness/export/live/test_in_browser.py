@@ -186,10 +186,12 @@ def test_a_loop_is_played_with(browser: Browser, tmp_path: Path) -> None:  # noq
 
         # a crash: its cause, and a restart that keeps its rows
         put(page, "force limit", 500)
+        later(page, 0.1)
+        assert page.inner_text("#limits").startswith("leg 1 at 100 % of its force for 0.1 s")
         page.click("#restart")
         page.select_option("#speed", "fast")
         until(page, "GoughStewart.live.over !== null")
-        assert "at 100 % of its force for" in page.inner_text("#limits")
+        assert page.inner_text("#limits").startswith("leg 1 below its stroke; leg 2 below")
         assert page.inner_text("#over-text").startswith("At ")
         page.click("#tune-back")
         page.click("#over-restart")

@@ -38,6 +38,7 @@ PAGES: dict[str, Page] = {
     "notch": ("heave_step", {**EXACT, "controller.notch": NOTCH, **EVENTS}),
     "open": ("paper_open_loop", {"loop.duration": 0.5}),
 }
+UNEQUAL_ENDS = np.array([0.02, 0.0, 0.03, 0.01, 0.04, 0.02])  # of the strokes of legs [m]
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "actuator_force")
 Hand = Callable[[dict[str, Any]], list[dict[str, Any]]]
 
@@ -429,8 +430,9 @@ def test_a_hand_may_ask_for_what_the_legs_can_reach(tmp_path: Path) -> None:
     believed = gs.Platform(name="uneven", source="", **experiment.platform.parameters)
     at_home = gs.leg_geometry(believed, believed.home_position, believed.home_orientation).length
     for low, high in ((at_home.min() - 0.2, 3.9), (2.3, at_home.max() + 0.2)):
-        stroke = {"platform.parameters.leg_length_min": low, "platform.parameters.leg_length_max": high}
-        data = data_of((experiment, stroke), tmp_path)
+        ends = {"leg_length_min": (low - UNEQUAL_ENDS).tolist(), "leg_length_max": (high + UNEQUAL_ENDS).tolist()}
+        data = data_of((experiment, {f"platform.parameters.{key}": end for key, end in ends.items()}), tmp_path)
+        assert data["stroke"] == pytest.approx([low, high])
         reach, home = np.array(data["reach"]), np.array(data["home"])
         assert (reach > 0).all()
         for axis in range(6):
