@@ -140,7 +140,7 @@ def test_what_is_tuned_in_c_is_that_of_another_design(space: str) -> None:
 
 def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> None:
     """Expected: the harness, which evaluates B-splines; beyond the end the pose of the last row at rest."""
-    rng, times = np.random.default_rng(3), np.sort(np.append(np.linspace(-0.02, 0.15, 19), [0.0333, 0.0334]))
+    rng, times = np.random.default_rng(3), np.sort(np.append(np.linspace(-0.02, 0.15, 21), [0.0333, 0.0334]))
     pose = np.array([0.08, -0.05, 2.9, 0.04, -0.07, 0.11]) + 0.03 * np.sin(20 * times[:, None] + rng.uniform(0, 6, 6))
     columns = ["time", *(f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3))]
     rows = [",".join(columns), *(",".join(map(repr, map(float, row))) for row in np.column_stack([times, pose]))]

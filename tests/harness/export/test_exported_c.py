@@ -321,11 +321,13 @@ def test_a_piecewise_linear_gain_gives_the_forces_of_the_interpolant() -> None:
     """Expected: linear interpolation by NumPy, and the end pieces beyond the ends, as a casadi.interpolant has it."""
     length, wanted = casadi.SX.sym("length", 6), casadi.SX.sym("wanted", 6)
     force, limit = (casadi.pw_lin(wanted[k] - length[k], POINTS, VALUES) for k in range(6)), casadi.SX.sym("limit")
-    names = ["leg_length", "reference_leg_length", "force_limit"]  # there is none, which the C has as 0
+    names = ["leg_length", "reference_leg_length", "force_limit"]
     limited = casadi.fmin(casadi.vertcat(*force), limit)
     law = casadi.Function("law", [length, wanted, limit], [limited], names, ["actuator_force"])
     error = np.array([0.011, -0.034, 0.05, 0.0, 0.0871, -0.02])
-    found, _ = code_of(law).step(at_hold() - error)
+    code = code_of(law)
+    code.parameters["force_limit"] = 0.0  # none
+    found, _ = code.start().step(at_hold() - error)
     slope = (VALUES[-1] - VALUES[-2]) / (POINTS[-1] - POINTS[-2])
     expected = np.interp(error, POINTS, VALUES) + slope * np.maximum(error - POINTS[-1], 0)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)

@@ -392,7 +392,7 @@ def test_a_step_is_measured(tmp_path: Path) -> None:
 def test_a_crash_can_be_saved_after_a_restart(tmp_path: Path) -> None:
     """Expected: the rows until the platform fell, with their end, which `run` repeats; and the new session without."""
     no_forces, files = {"type": "forces", "values": [0.0] * 6}, {"type": "files", "ofCrash": True}
-    hand = [no_forces, some(300), some(300), {"type": "again"}, some(3), files]
+    hand = [no_forces, some(300), some(300), *[{"type": "again"}, some(3)] * 2, files]
     (said,) = played([(PAGES["open"], lambda _: hand)], tmp_path)
     crash, _ = written(said, tmp_path / "crash", 0)
     assert crash.metadata["outcome"]["status"] == "diverged"
