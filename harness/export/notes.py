@@ -67,7 +67,7 @@ def notes_of(  # noqa: PLR0912, PLR0915 - a note after the other
             "machine should have the same."
         )
     elif host == "fmu" and "drives" not in carried.parts:
-        around = f" The other {_samples(late - 1)} have to be around the unit." if late > 1 else ""
+        around = f" The rest, {_samples(late - 1)}, has to be around the unit." if late > 1 else ""
         text = (
             f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {delay}; "
             f"the feedforward is computed for {_samples(late)}.{around}{steps}"

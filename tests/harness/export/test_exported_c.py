@@ -477,12 +477,3 @@ def test_two_controllers_of_different_precision_link_into_one_program(tmp_path: 
     flags = [f"-D{names[0].upper()}_REAL=float", *(f"-I{source.parent}" for source in sources)]
     compiled(["gcc", "-std=c99", *flags, "-Wall", "-Werror", "main.c", *map(str, sources), "-lm"], tmp_path)
     assert subprocess.run([str(tmp_path / "a.out")], check=False).returncode == 0
-
-
-def test_the_sources_keep_the_rules_of_plain_c() -> None:
-    """Expected: no allocation, no memory of its own, no goto; loops of fixed length."""
-    experiment = uneven_experiment(**TABLES["PID in task space"])
-    text = source_of(experiment).read_text()
-    assert not re.search(r"\b(malloc|calloc|free|goto|printf|extern)\b", text)
-    assert not re.search(r"^(MAYBE_UNUSED )?\s*static (?!const |void |int |real |moment )", text, re.M)
-    assert set(re.findall(r"for \(k = 0; k < (\w+);", text)) <= {"3", "6", "9", "18", "n", "N_STATES", "N_WATCHED"}

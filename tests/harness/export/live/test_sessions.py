@@ -183,6 +183,14 @@ def test_it_goes_on_after_the_experiments_end(tmp_path: Path) -> None:
     assert_same_rows(ours, gs.run("pitch_sine", {"loop.duration": 0.8, **EXACT}), "beyond")
 
 
+def test_the_last_minute_is_kept(tmp_path: Path) -> None:
+    """Expected: of 64 s in rows of 20 ms, those of a minute and the one before it, to the last."""
+    slow = {"loop.sample_time": 0.02, "loop.plant_step": 0.02, "loop.delay": 0, "controller.bandwidth": 0.5, **EXACT}
+    (said,) = played([(("heave_step", slow), lambda _: [some(3200)])], tmp_path)
+    ours, _ = written(said, tmp_path / "page")
+    np.testing.assert_allclose(ours["time"], 0.02 * np.arange(199, 3200), rtol=1e-12)
+
+
 # ---- settings ----
 
 UNEQUAL: dict[str, Any] = {
@@ -422,6 +430,16 @@ def test_what_a_page_cannot_run_is_refused(settings: dict[str, Any], said: str, 
     """Expected: what was found, and what would work."""
     with pytest.raises(gs.GoughStewartError, match=said):
         gs.export("heave_step", settings, forms="page", out=tmp_path)
+
+
+def test_a_file_of_the_experiment_keeps_its_place_beside_the_record(tmp_path: Path) -> None:
+    """Expected: under another name than the record's; the saved experiment follows it."""
+    (tmp_path / "record.csv").write_text(gs.run("heave_step", {"loop.duration": 0.2}).table.write_csv())
+    motion = {"type": "file", "file": str(tmp_path / "record.csv")}
+    page: Page = ("heave_step", {"reference": motion, "loop.duration": 0.1, **EXACT})
+    (said,) = played([(page, lambda _: [some(50)])], tmp_path)
+    _, saved = written(said, tmp_path / "page")
+    assert list(data_of(page, tmp_path)["download"]["files"]) == [saved["reference"]["file"]] == ["record_2.csv"]
 
 
 def test_a_hand_may_ask_for_what_the_legs_can_reach(tmp_path: Path) -> None:
