@@ -46,8 +46,9 @@ _NUMBERS = (
 _CAUSES = {
     "truth value": "a condition depends on a signal",
     r"'SX' object has no attribute '(\w+)'": "a signal has no '{}' in equations",
+    "not iterable": "a signal is not iterable; write signal[k] for k in range(6)",
     "imension": "sizes do not fit each other",
-    "SX|(?i:casadi)": "a function or an index takes numbers only",
+    "SX|(?i:casadi)|slice": "a function or an index takes numbers only",
 }
 _START = "give it its start value in __init__, such as np.zeros(6)"
 
@@ -301,7 +302,7 @@ class _LostError(Exception):
     """A symbol became a number that is none, at a line."""
 
 
-def _trace(
+def _trace(  # noqa: PLR0915 - one road, in sections
     law: Any, name: str, start_values: Mapping[Place, FloatArray], known: KnownAhead
 ) -> tuple["casadi.Function", list[Line]]:
     """The function of a controller as it is now, and the lines of the user's that its call passed."""
@@ -364,7 +365,10 @@ def _trace(
     all_outputs = casadi.vertcat(*outputs.values())
     arguments = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(all_outputs, symbol)}
     arguments |= {MEMORY: casadi.vertcat(*map(casadi.vec, changes.values()))} if starts else {}
-    function = casadi.Function("law", [*arguments.values()], [*outputs.values()], [*arguments], [*outputs])
+    try:
+        function = casadi.Function("law", [*arguments.values()], [*outputs.values()], [*arguments], [*outputs])
+    except RuntimeError:  # symbols of the other trace
+        raise ControllerError(f"{name} cannot be traced: it keeps memory in a global; expected it in self") from None
     constants = [k for k in range(function.n_instructions()) if function.instruction_id(k) == casadi.OP_CONST]
     if any(np.isnan(function.instruction_constant(k)) for k in constants):
         raise ControllerError(f"{name} cannot be traced: its forces are not a number; {_NUMBERS}")

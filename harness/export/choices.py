@@ -73,24 +73,9 @@ class Carried:
     steps_a_reading: int | None = None  # None for readings at the samples
 
     @property
-    def manual(self) -> bool:
-        """Whether it can be switched off and on."""
-        return "manual" in self.parts
-
-    @property
-    def drives(self) -> bool:
-        """Whether it carries rate limit and lag."""
-        return "drives" in self.parts
-
-    @property
-    def sensors(self) -> bool:
-        """Whether it carries quantisation and the time of readings."""
-        return "sensors" in self.parts
-
-    @property
     def has_steps(self) -> bool:
         """Whether its clock is the plant's step, be it as long as a sample."""
-        return self.drives or self.steps_a_reading is not None
+        return "drives" in self.parts or self.steps_a_reading is not None
 
 
 def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:

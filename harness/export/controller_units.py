@@ -63,8 +63,8 @@ def component_of(
         output_delay=output_delay,
         notes=designed.notes,
         steps_a_sample=designed.carried.steps_a_sample,
-        has_rate_limit=designed.carried.drives,
-        has_switch=designed.carried.manual,
+        has_rate_limit="drives" in designed.carried.parts,
+        has_switch="manual" in designed.carried.parts,
     )
     return controller_component(controller, name)
 
@@ -138,7 +138,7 @@ def loop_archive(
             variable = row.variable
             if variable.name not in outputs:
                 continue
-            read = AT_MOTORS.get(variable.name, variable.name) if at_motors and source == PLANT else variable.name
+            read = AT_MOTORS.get(variable.name, variable.name) if at_motors else variable.name
             for out, into in zip(rows.by_name[read].variable.scalar_names, variable.scalar_names, strict=True):
                 connectors.setdefault(source, []).append(("output", out, variable.unit))
                 connectors.setdefault(sink, []).append(("input", into, variable.unit))

@@ -176,7 +176,7 @@ class Designed:
                 expected=f"a whole number of samples, at most {MOST_DELAY}",
             ),
             setting_of(force_limit, self.force_limit),
-            setting_of(rate_limit, self.rate_limit, "" if self.carried.drives else ", for the anti-windup"),
+            setting_of(rate_limit, self.rate_limit, "" if "drives" in self.carried.parts else ", for the anti-windup"),
             setting(
                 *("start_force", "N", None, "forces before the first sample, and while all inputs are zero"),
                 self.start_force,
@@ -184,9 +184,9 @@ class Designed:
                 expected=f"at most {LARGEST_FORCE:g} N",
             ),
         ]
-        if self.carried.drives:
+        if "drives" in self.carried.parts:
             settings.append(setting_of(lag, self.carried.lag, "; 0: none"))
-        if self.carried.sensors:
+        if "sensors" in self.carried.parts:
             steps = self.carried.quantisation
             for v, parameter in zip(self.measured, Sensor.parameters(self.measured), strict=True):
                 settings.append(setting_of(parameter, steps.get(v.name, 0.0), "; 0: none"))
@@ -248,7 +248,8 @@ def designed(
             assert loop.reference is not None
             rows_of_samples = loop.reference[:: loop.timing.steps_a_sample]
             function = traced_function(prepared.controller, prepared.known, rows_of_samples)
-            law = function_law(function, {}, f"traced from {name_of(made)}", fixes_sample_time=True)
+            name = f"traced from {name_of(made).removeprefix('object of ')}"
+            law = function_law(function, {}, name, fixes_sample_time=True)
     if law is None and choice.feedforward == "none":
         raise ExportError(
             f"controller is type = '{choice.type}' without feedforward: its forces are constant; expected a controller "

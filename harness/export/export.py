@@ -185,7 +185,7 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
 
         All of the delay is the unit's only in an SSP, or with drives, behind which nothing else could have the rest.
         """
-        delay = late if host == "ssp" or law.carried.drives else 1
+        delay = late if host == "ssp" or "drives" in law.carried.parts else 1
         of_host = replace(law, delay=late, notes=notes[host].inside)
         return component_of(of_host, functions, f"{name}_controller", duration, output_delay=delay)
 

@@ -43,16 +43,16 @@ def notes_of(  # noqa: PLR0912, PLR0915 - a note after the other
     step = 1000 * experiment.loop.sample_time / carried.steps_a_sample  # [ms]
 
     # what it carries
-    if carried.drives:
+    if "drives" in carried.parts:
         inside.append(
             "Drives: the forces are those that act, behind the force limit, the rate limit and the lag: their means "
             f"over each step of {step:g} ms."
         )
-    if carried.sensors:
+    if "sensors" in carried.parts:
         reading = carried.steps_a_reading
         often = "at each sample" if reading is None else f"every {step * reading:g} ms"
         inside.append(f"Sensors: measurements are read {often}, and quantised; their noise is not part of it.")
-    if carried.manual:
+    if "manual" in carried.parts:
         inside.append(
             "Manual: while `enabled` is 0 the forces follow `manual_force`; the stability is that of the loop on."
         )
@@ -66,8 +66,8 @@ def notes_of(  # noqa: PLR0912, PLR0915 - a note after the other
             f"a step computes its forces at once; the experiment has {delay} from measurement to force, and the "
             "machine should have the same."
         )
-    elif host == "fmu" and not carried.drives:
-        around = f" The other {_samples(late - 1)} have to be around the unit." if late > 1 else ""
+    elif host == "fmu" and "drives" not in carried.parts:
+        around = f" The rest, {_samples(late - 1)}, has to be around the unit." if late > 1 else ""
         text = (
             f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {delay}; "
             f"the feedforward is computed for {_samples(late)}.{around}{steps}"
@@ -113,7 +113,7 @@ def notes_of(  # noqa: PLR0912, PLR0915 - a note after the other
     if judged.loops:
         part = (
             "The lag of the drives was part of it, quantisation was not."
-            if carried.drives
+            if "drives" in carried.parts
             else "Of what is left out, only a lag, a sensors' clock and jitter that are named here were part of it."
         )
         inside.append(

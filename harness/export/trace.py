@@ -106,9 +106,9 @@ def traced(designed: Designed) -> Traced:
     hears_excess = of_poses.law is not None and "excess" in of_poses.law.name_in()
     options: dict[str, Any] = {} if hears_excess else {"left_out": ("change",), "wanted": ForceLimits.outputs[:2]}
     limits = component(ForceLimits, "force_limits", T, "command", **options)
-    drives = component(Drive, "drives", T / parts.steps_a_sample, "target") if parts.drives else None
+    drives = component(Drive, "drives", T / parts.steps_a_sample, "target") if "drives" in parts.parts else None
     sensors = None
-    if parts.sensors and measured:
+    if "sensors" in parts.parts and measured:
         steps = (casadi.repmat(settings[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured)
         values = {"quantisation": symbols.elements(casadi.vertcat(*steps))[:, None]}
         sensors = traced_component(Sensor, "sensors", values, T, settings, {"true": measured, "noise": 0})

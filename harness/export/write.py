@@ -8,7 +8,7 @@ lengths relative to home where the type of the numbers is float.
 import ctypes
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any
 
 import casadi
 import numpy as np
-from jinja2 import Environment, StrictUndefined, Template
+from jinja2 import Environment, StrictUndefined
 
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.codegen import Types, function_source
@@ -99,12 +99,18 @@ def controller_sources(designed: Designed, functions: Traced, prefix: str = "con
     law = "no feedback" if designed.law is None else designed.law.name
     title = " ".join(designed.title.replace("*/", "").replace("/*", "").split())
     title = f"{title}: {law}, feedforward: {designed.feedforward.replace('_', ' ')}"
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"comment": _comment, "plain": _plain}
-    template = environment.from_string(named(RUNTIME["controller.h.in"]))
-    written = partial(_header, template, designed, functions, switches, work, flash, title)
+    template = _TEMPLATES.from_string(named(RUNTIME["controller.h.in"]))
+    known = {
+        **{"design": designed, "components": [component.coefficients for component in functions.components]},
+        **{"title": title, "work": work, "flash": flash, "transfer_time": TRANSFER_TIME},
+        **{"ranges": partial(_ranges, designed), "is_function": isinstance(designed.law, FunctionLaw)},
+    }
+
+    def header(deviation: str) -> str:
+        return f"{template.render(switches, **known, deviation=deviation)}\n"
+
     units = {f"{prefix}.c": f"/* {title}. */\n{named(source)}"}
-    return ControllerSources(units, {f"{prefix}.h": written("")}, named(example), sum(operations.values()), written)
+    return ControllerSources(units, {f"{prefix}.h": header("")}, named(example), sum(operations.values()), header)
 
 
 # --- the header -------------------------------------------------------------------------------------------------------
@@ -130,55 +136,17 @@ def _comment(text: str) -> str:
     return "/* " + "\n".join(f"   {line}".rstrip() for line in lines)[3:].rstrip() + " */"
 
 
-def _header(
-    template: Template,
-    designed: Designed,
-    functions: Traced,
-    switches: Mapping[str, int],  # of the runtime
-    work: str,  # the operations per step, in words
-    flash: tuple[int, int],  # bytes of constants in double and in single precision
-    title: str,
-    deviation: str,  # what single precision costs, in words
-) -> str:
-    """NAME.h: what a caller of an exported controller sees, by the template runtime/controller.h.in."""
-    measured, reference = designed.measured, designed.reference_variables
+def _ranges(designed: Designed, variables: Iterable[Variable]) -> str:
+    """Ranges in words, once for all elements of a variable if they are the same."""
+    texts = []
+    for v in variables:
+        ends = [f"{low:.6g} to {high:.6g}" for low, high in zip(*designed.ranges.of(v), strict=True)]
+        texts.append(f"{v.name} {ends[0] if len(set(ends)) == 1 else ', '.join(ends)} {v.unit}")
+    return "; ".join(texts) or "none, since nothing comes in"
 
-    def ordinal(n: int) -> str:
-        """In words: `step`, `3rd step`."""
-        ending = {1: "st", 2: "nd", 3: "rd"}.get(n % 10 if n % 100 not in (11, 12, 13) else 0, "th")
-        return "step" if n == 1 else f"{n}{ending} step"
 
-    def ranges_of(variables: Iterable[Variable]) -> str:
-        """Once for all elements of a variable, if they are the same."""
-        texts = []
-        for v in variables:
-            ends = [f"{low:.6g} to {high:.6g}" for low, high in zip(*designed.ranges.of(v), strict=True)]
-            texts.append(f"{v.name} {ends[0] if len(set(ends)) == 1 else ', '.join(ends)} {v.unit}")
-        return "; ".join(texts) or "none, since nothing comes in"
-
-    ranges = ranges_of(measured)
-    safe_forces = (
-        "0",
-        f"the feedforward{', of the last good reference if that is the fault' if reference else ''}",
-        "`start_force`, since there is no feedforward",
-    )
-    text = template.render(
-        switches,
-        design=designed,
-        title=title,
-        ordinal=ordinal,
-        work=work,
-        flash=flash,
-        deviation=deviation,
-        transfer_time=TRANSFER_TIME,
-        frozen=designed.faults.frozen,
-        components=[(c.coefficients.name_out(0), c.coefficients.numel_out(0)) for c in functions.components],
-        measured=", ".join(f"{v.name}[{v.size}] [{v.unit}]" for v in measured) or "nothing",
-        ranges=f"{ranges}; of the reference: {ranges_of(reference)}" if reference else ranges,
-        safe=safe_forces[switches["SAFE_FORCE"]],
-        is_function=isinstance(designed.law, FunctionLaw),
-    )
-    return f"{text}\n"
+_TEMPLATES = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+_TEMPLATES.filters |= {"comment": _comment, "plain": _plain}
 
 
 def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
@@ -215,7 +183,7 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
         "HAS_DRIVES": functions.drives is not None,
         "HAS_SENSORS": functions.sensors is not None,
         "HAS_STEPS": carried.has_steps,
-        "HAS_MANUAL": carried.manual,
+        "HAS_MANUAL": "manual" in carried.parts,
         "STEPS_A_SAMPLE": carried.steps_a_sample,
         "STEPS_A_READING": reading,
         "STEPS_OF_TURN": common * max(1, 2**23 // common),

@@ -200,6 +200,8 @@ ZERO = "self.z = np.zeros(6)"
         ("pass", ["g = float(e[0])", "return g * e"], r"line 6: `g = float\(e\[0\]\)`.*float\(\)"),
         ("pass", ["return [float(e[k]) for k in range(6)]"], r"not a number; float\(\)"),
         ("pass", ["return np.outer(e, e)[0]"], "traced law differs"),
+        ("pass", ["return [9 * x for x in e]"], r"line 6: .* is not iterable; write signal\[k\] for k in range\(6\)"),
+        ("pass", ["global z", "z = globals().get('z', 0 * e) + e", "return z"], "memory in a global; expected it"),
         (ZERO, ["old = self.z", "self.z += e", "return e + old"], "at sample 0 of a run the traced law differs"),
         ("self.r = np.random.default_rng(1)", ["return e + self.r.normal(size=6)"], "no random numbers"),
         ("self.z = []", ["self.z.append(e)", "return sum(self.z)"], r"self.z.0 has the shape \(0,\) before"),

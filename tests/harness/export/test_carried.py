@@ -109,6 +109,15 @@ def test_settings_of_drives_and_sensors_are_live_and_bounded() -> None:
         code.parameters[name] = good
 
 
+def test_a_first_reading_is_taken_when_it_comes() -> None:
+    """Expected: at its sample, the forces of a controller without a sensors' clock, which is 8 steps here."""
+    slow = made({"actuators": AT_ONCE, "sensors": {**SENSORS, "sample_time": 0.004}})
+    code, at_once = Exported(source_of(slow, parts="sensors")).start(), Exported(source_of(slow)).start()
+    forces = [code.step(np.full(6, 3.0 * (k > 0)))[0] for k in range(4)]
+    expected = [at_once.step(lengths)[0] for lengths in (np.zeros(6), np.full(6, 3.0))]
+    np.testing.assert_allclose([forces[2], forces[3]], expected, rtol=1e-12)
+
+
 def test_signals_have_quantisers_of_their_own() -> None:
     """Expected: a CasADi function of two signals hears each rounded to its own step, by hand."""
     sizes = {"orientation": 3, "leg_length": 6}

@@ -514,16 +514,6 @@ def test_the_description_is_that_of_the_controller(files: Units) -> None:
     assert units == {v.unit for v in found.values() if v.unit}
 
 
-def test_the_page_lists_the_variables(files: Units) -> None:
-    """Expected: well-formed, with the title escaped and a line for every variable of the description."""
-    for file in files.files.values():
-        page = (file.folder / "documentation/index.html").read_text()
-        rows = ET.fromstring(page).findall(".//{http://www.w3.org/1999/xhtml}tbody/*")
-        assert len(rows) == len(file.variables)
-        assert "uneven &lt;loop&gt;" in page
-        assert "<code>start_force</code>" in page
-
-
 def test_the_sources_compile_without_a_warning(files: Units) -> None:
     """Expected: C11 to the letter, by gcc if it is there and by clang; the standard's own headers are its business."""
     flags = ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-isystem", "standard"]

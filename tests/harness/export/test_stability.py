@@ -149,6 +149,7 @@ def test_members_are_judged_with_their_machines_and_delays() -> None:
     settings = {
         **{"controller.bandwidth": 2.5, "loop.delay": 1, "ensemble.members": 12},
         **{"ensemble.platform_mass": {"grid": list(masses)}, "ensemble.loop.delay": {"grid": list(delays)}},
+        "limits.stroke": "stop",
     }
     prepared = prepare(gs.load_experiment("circle", settings))
     members = list(itertools.product(masses, delays))
@@ -170,6 +171,11 @@ def test_members_are_judged_with_their_machines_and_delays() -> None:
         assert loop.worst.size == pytest.approx(expected.max(), abs=1e-7)
         assert loop.unstable == int((expected >= 1).sum())
     assert 0 < (sizes(lambda delay: delay) >= 1).sum() < 12
+    for key, values in {"actuators.lag": [0.0, 0.004], "loop.jitter": [0.0, 5e-4]}.items():
+        varied = {"ensemble.members": 2, f"ensemble.{key}": {"grid": values}, "loop.plant_step": 5e-4}
+        (loop,) = found_of("circle", "c", varied)
+        assert loop.worst is not None
+        assert (loop.members, loop.worst.what) == (2, "member 1")
 
 
 def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_worst_delay() -> None:

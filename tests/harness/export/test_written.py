@@ -235,8 +235,8 @@ def test_notes_say_all_that_was_judged(tmp_path: Path) -> None:
 
 
 DELAYS: dict[Any, str] = {
-    ("fmu", 3): "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has a "
-    "delay of 3 samples; the feedforward is computed for 3 samples. The other 2 samples have to be around the unit.",
+    ("fmu", 2): "the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has a "
+    "delay of 2 samples; the feedforward is computed for 2 samples. The rest, 1 sample, has to be around the unit.",
     ("ssp", 0): "forces act 1 sample after their measurement (output_delay = 1); the experiment has no delay, but a "
     "unit needs one sample.",
 }
@@ -249,6 +249,10 @@ def test_notes_say_what_delay_a_form_has(tmp_path: Path) -> None:
         (path,) = gs.export("heave_step", settings, forms=form, fmi=["2.0"], out=tmp_path)
         with zipfile.ZipFile(path) as archive:
             page = archive.read("documentation/index.html").decode()
+            if form == "fmu":
+                start = re.search(r'name="output_delay".*?start="(.*?)"', str(archive.read("modelDescription.xml")))
+                assert start is not None
+                assert float(start[1]) == 1
         steps = " This holds for communication steps of a sample or less; longer ones add delay."
         assert f"Delay: {text}{steps}" in page
         assert "Nothing of the experiment is left out." in page

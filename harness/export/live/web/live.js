@@ -93,7 +93,7 @@
     for (const name of ["pointerup", "pointerleave", "pointercancel", "blur", "keyup"]) button.addEventListener(name, () => shove(false));
     button.addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") shove(true); });
   }
-  // Faults: legs whose force is cut, and encoders that stay: length and its rate are of one encoder.
+  // Faults: actuators without force, and frozen encoders, of which each has a length and its rate.
   const frozen = new Set();
   const faults = (id, places, label, chosen) => {
     for (let leg = 1; leg <= 6; leg++) {
@@ -107,17 +107,17 @@
       $(id).append(button);
     }
   };
-  faults("cut", [0], "no force in leg", new Set());
-  faults("freeze", [18, 24], "the encoder stays, leg", frozen);
+  faults("cut", [0], "failed actuator, leg", new Set());
+  faults("freeze", [18, 24], "frozen encoder, leg", frozen);
   $("freezing").hidden = !given.reads.some((name) => name.startsWith("leg_"));
 
   // What limits it, in words.
   const limits = (message) => {
-    const said = message.limited.flatMap((time, leg) => (time > 0 && !message.cut[leg] ? [`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`] : []));
-    message.cut.forEach((is, leg) => { if (is) said.push(`leg ${leg + 1} has no force`); });
-    for (const leg of [...frozen].sort()) said.push(`encoder ${leg} stays`);
-    const [low, high] = given.stroke || [-Infinity, Infinity];
+    const [low, high] = given.stroke || [-Infinity, Infinity], said = [];
+    message.cut.forEach((is, leg) => { if (is) said.push(`the actuator of leg ${leg + 1} has failed`); });
+    for (const leg of [...frozen].sort()) said.push(`the encoder of leg ${leg} is frozen`);
     last?.subarray(7, 13).forEach((length, leg) => { if (length < low || length > high) said.push(`leg ${leg + 1} ${length < low ? "below" : "beyond"} its stroke`); });
+    message.limited.forEach((time, leg) => { if (time > 0 && !message.cut[leg]) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
     return said.slice(0, 4).join("; ") || "no limit is reached";
   };
   engine.on("rows", (message) => {
@@ -182,11 +182,11 @@
     requestAnimationFrame(frame);
     GS.reference.poll();
     if (stage?.view.soft && speed() === null && now - before < 0.8 * ENOUGH) return;
-    if (fresh && last) {
+    if (fresh) {
       if (playing && frames > 30) keepUp(now - before);
       fresh = false;
       frames++;
-      stage?.show(last, push);
+      if (last) stage?.show(last, push);
       // charts by turns: each is drawn at a third of the frames
       const rests = Boolean(still || !playing || over);
       for (const draw of rests ? charts : [charts[turn++ % charts.length]]) draw(points, span, rests);

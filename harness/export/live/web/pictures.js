@@ -40,12 +40,13 @@
     // what moves is drawn only where it is seen
     return (points, span, rests) => {
       const width = canvas.clientWidth, height = canvas.clientHeight, theme = GS.theme();
-      if (!(seen || rests) || !width || !points.length) return;
-      const begin = Math.max(0, points[points.length - 1][0] - span), end = begin + span;
+      if (!(seen || rests) || !width) return;
+      const begin = Math.max(0, (points.at(-1)?.[0] ?? 0) - span), end = begin + span;
       let first = points.length - 1, low = Infinity, high = -Infinity;
       while (first > 0 && points[first - 1][0] >= begin) first--;
       const reach = (value) => { low = Math.min(low, value); high = Math.max(high, value); };
-      for (let k = first; k < points.length; k++) for (const { value } of curves) reach(value(points[k]));
+      const shown = points.slice(Math.max(first, 0));
+      for (const point of shown) for (const { value } of curves) reach(value(point));
       for (const { behind } of curves) behind?.forEach((value, k) => { if (times[k] >= begin && times[k] <= end) reach(value); });
       if (!Number.isFinite(high - low)) return;
       const middle = (low + high) / 2, half = Math.max((high - low) / 2, least / 2) * 1.08, pen = GS.pen(canvas, width, height);
@@ -77,12 +78,11 @@
       }
       pen.lineWidth = 1.6;
       pen.globalAlpha = 1;
-      const shown = points.slice(first);
       for (const { value, colour, dashes } of curves) {
         pen.strokeStyle = colour(theme);
         GS.stroke(pen, shown.map((p) => [x(p[0]), y(value(p))]), dashes);
       }
-      if (pointer !== null && pointer >= LEFT) {
+      if (pointer !== null && pointer >= LEFT && shown.length) {
         const near = shown.reduce((best, p) => (Math.abs(x(p[0]) - pointer) < Math.abs(x(best[0]) - pointer) ? p : best));
         pen.strokeStyle = theme.ink;
         pen.lineWidth = 1;
@@ -123,6 +123,7 @@
     GS.prepareBodies();
     GS.prepareScene();
     const view = GS.scene(element);
+    for (const values of [record.force, record.external_force]) values.fill(0); // what was there gave the scales
     view.colourBy("nearness");
     view.show(0); // colours of instances have to be there at the first picture
     view.showParts({ reference: !live.isOpen, path: false, frames: true });

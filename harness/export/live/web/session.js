@@ -8,18 +8,16 @@ const inline = (value) => {
   if (isTable(value)) return `{ ${entriesOf(value).map(([key, inner]) => `${bare(key)} = ${inline(inner)}`).join(", ")} }`;
   return typeof value === "number" && !Number.isFinite(value) ? (value > 0 ? "inf" : "-inf") : JSON.stringify(value);
 };
-// TOML of plain values: tables after the keys of each, and tables of a list one after the other.
-const toml = (table, path = []) => {
+// TOML of plain values: keys, then tables and lists of tables; what is deeper is written inline.
+const toml = (file) => {
   const isList = (value) => Array.isArray(value) && value.length > 0 && value.every(isTable);
-  const entries = entriesOf(table), keys = entries.filter(([, value]) => !isTable(value) && !isList(value));
-  const lines = (pairs) => pairs.map(([key, value]) => `${bare(key)} = ${inline(value)}\n`).join("");
-  const name = (key) => [...path, key].map(bare).join(".");
-  const head = path.length && (keys.length || !entries.length) ? `\n[${path.map(bare).join(".")}]\n` : "";
-  const inner = entries.map(([key, value]) => {
-    if (isTable(value)) return toml(value, [...path, key]);
-    return isList(value) ? value.map((element) => `\n[[${name(key)}]]\n${lines(entriesOf(element))}`).join("") : "";
-  });
-  return head + lines(keys) + inner.join("");
+  const lines = (table) => entriesOf(table).map(([key, value]) => `${bare(key)} = ${inline(value)}\n`).join("");
+  const parts = [lines(Object.fromEntries(entriesOf(file).filter(([, value]) => !isTable(value) && !isList(value))))];
+  for (const [key, value] of entriesOf(file)) {
+    if (isTable(value)) parts.push(`\n[${bare(key)}]\n${lines(value)}`);
+    else if (isList(value)) parts.push(...value.map((element) => `\n[[${bare(key)}]]\n${lines(element)}`));
+  }
+  return parts.join("");
 };
 
 const filesOf = (given, session) => {

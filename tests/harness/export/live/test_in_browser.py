@@ -28,6 +28,11 @@ HIDE = """hidden => {
 }"""
 CONTROLS = "button, input, select, summary, a[href], [tabindex='0']"
 NAME = "(control) => control.id || control.getAttribute('aria-label') || control.textContent.trim()"
+COLOURED = """(() => {
+    const canvas = document.querySelector(".plot-live canvas"), pen = canvas.getContext("2d");
+    const { data } = pen.getImageData(0, 0, canvas.width, canvas.height);
+    return data.some((value, k) => k % 4 === 2 && data[k + 1] && Math.abs(value - data[k - 2]) > 40);
+})()"""
 ABOVE = "(id) => document.getElementById(id).getBoundingClientRect().bottom"
 
 
@@ -156,12 +161,12 @@ def test_a_loop_is_played_with(browser: Browser, tmp_path: Path) -> None:  # noq
         later(page, 0.1)
         page.keyboard.up("Enter")
         assert page.evaluate(inputs) == 0
-        page.click("[aria-label='the encoder stays, leg 5']")
-        page.click("[aria-label='no force in leg 3']")
+        page.click("[aria-label='frozen encoder, leg 5']")
+        page.click("[aria-label='failed actuator, leg 3']")
         assert later(page, 0.02)[15] == 0
-        assert page.inner_text("#limits") == "leg 3 has no force; encoder 5 stays"
-        page.click("[aria-label='no force in leg 3']")
-        page.click("[aria-label='the encoder stays, leg 5']")
+        assert page.inner_text("#limits") == "the actuator of leg 3 has failed; the encoder of leg 5 is frozen"
+        page.click("[aria-label='failed actuator, leg 3']")
+        page.click("[aria-label='frozen encoder, leg 5']")
 
         # a step by key, then the download, which runs
         page.locator("#view canvas").focus()
@@ -181,10 +186,12 @@ def test_a_loop_is_played_with(browser: Browser, tmp_path: Path) -> None:  # noq
 
         # a crash: its cause, and a restart that keeps its rows
         put(page, "force limit", 500)
+        later(page, 0.1)
+        assert page.inner_text("#limits").startswith("leg 1 at 100 % of its force for 0.1 s")
         page.click("#restart")
         page.select_option("#speed", "fast")
         until(page, "GoughStewart.live.over !== null")
-        assert "at 100 % of its force for" in page.inner_text("#limits")
+        assert page.inner_text("#limits").startswith("leg 1 below its stroke; leg 2 below")
         assert page.inner_text("#over-text").startswith("At ")
         page.click("#tune-back")
         page.click("#over-restart")
@@ -202,12 +209,15 @@ def test_a_loop_is_played_with(browser: Browser, tmp_path: Path) -> None:  # noq
 
 
 def test_an_open_loop_on_a_phone_has_its_forces_by_hand(browser: Browser, tmp_path: Path) -> None:
-    """Expected: it stands until it is told; the published forces at first, then a field's; nothing overflows."""
+    """Expected: it stands until it is told, with what the file's forces do; these at first, then a field's."""
     with opened(browser, tmp_path / "open.html", "paper_open_loop", (390, 844)) as found:
         page = found.page
         assert page.inner_text("#play") == "▶ play"
         assert clock(page) == 0
         assert "They are ours, not the paper's" in page.inner_text("#behind")
+        page.locator(".plot-live canvas").first.scroll_into_view_if_needed()
+        until(page, COLOURED)
+        assert not any(page.evaluate("[...GoughStewart.records[0].external_force]"))  # nobody pushes
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         assert later(page, 0.1)[13:19] == [55, 49.5, 55, 49.5, 55, 49.5]
         put(page, "leg 2", "51")

@@ -38,6 +38,7 @@ PAGES: dict[str, Page] = {
     "notch": ("heave_step", {**EXACT, "controller.notch": NOTCH, **EVENTS}),
     "open": ("paper_open_loop", {"loop.duration": 0.5}),
 }
+UNEQUAL_ENDS = np.array([0.02, 0.0, 0.03, 0.01, 0.04, 0.02])  # of the strokes of legs [m]
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "actuator_force")
 Hand = Callable[[dict[str, Any]], list[dict[str, Any]]]
 
@@ -174,12 +175,14 @@ def test_a_page_has_the_rows_of_the_run(kind: str, tmp_path: Path) -> None:
         assert name == "hold" or np.ptp(record["leg_length"], axis=0).max() > 1e-5
 
 
-def test_it_goes_on_after_the_experiments_end(tmp_path: Path) -> None:
-    """Expected: the rows of an experiment that lasts three times as long; nothing of it has ended."""
-    (said,) = played([(("pitch_sine", {"loop.duration": 0.2, **EXACT}), lambda _: [some(150)] * 2)], tmp_path)
-    ours, _ = written(said, tmp_path / "page")
+def test_it_goes_on_after_the_experiments_end_and_keeps_the_last_minute(tmp_path: Path) -> None:
+    """Expected: of 64 s in rows of 20 ms, those of a minute, with one more, of an experiment that lasts so long."""
+    slow = {"loop.sample_time": 0.02, "loop.plant_step": 0.02, "loop.delay": 0, "controller.bandwidth": 0.5, **EXACT}
+    (said,) = played([(("heave_step", slow), lambda _: [some(3200)])], tmp_path)
+    ours, theirs = written(said, tmp_path / "page")[0], gs.run("heave_step", {**slow, "loop.duration": 65})
     assert ours.metadata["outcome"]["status"] == "completed"
-    assert_same_rows(ours, gs.run("pitch_sine", {"loop.duration": 0.8, **EXACT}), "beyond")
+    for name in ("time", *NAMES):
+        np.testing.assert_allclose(ours[name], theirs[name][199:3200], rtol=1e-9, atol=1e-9)
 
 
 # ---- settings ----
@@ -391,7 +394,7 @@ def test_a_step_is_measured(tmp_path: Path) -> None:
 def test_a_crash_can_be_saved_after_a_restart(tmp_path: Path) -> None:
     """Expected: the rows until the platform fell, with their end, which `run` repeats; and the new session without."""
     no_forces, files = {"type": "forces", "values": [0.0] * 6}, {"type": "files", "ofCrash": True}
-    hand = [no_forces, some(300), some(300), {"type": "again"}, some(3), files]
+    hand = [no_forces, some(300), some(300), *[{"type": "again"}, some(3)] * 2, files]
     (said,) = played([(PAGES["open"], lambda _: hand)], tmp_path)
     crash, _ = written(said, tmp_path / "crash", 0)
     assert crash.metadata["outcome"]["status"] == "diverged"
@@ -423,14 +426,25 @@ def test_what_a_page_cannot_run_is_refused(settings: dict[str, Any], said: str, 
         gs.export("heave_step", settings, forms="page", out=tmp_path)
 
 
+def test_a_file_of_the_experiment_keeps_its_place_beside_the_record(tmp_path: Path) -> None:
+    """Expected: under another name than the record's; the saved experiment follows it."""
+    (tmp_path / "record.csv").write_text(gs.run("heave_step", {"loop.duration": 0.2}).table.write_csv())
+    motion = {"type": "file", "file": str(tmp_path / "record.csv")}
+    page: Page = ("heave_step", {"reference": motion, "loop.duration": 0.1, **EXACT})
+    (said,) = played([(page, lambda _: [some(50)])], tmp_path)
+    _, saved = written(said, tmp_path / "page")
+    assert list(data_of(page, tmp_path)["download"]["files"]) == [saved["reference"]["file"]] == ["record_2.csv"]
+
+
 def test_a_hand_may_ask_for_what_the_legs_can_reach(tmp_path: Path) -> None:
     """Expected: along each axis to both sides, legs within the stroke of an uneven platform, whichever end is near."""
     experiment = uneven_experiment("pd", reference={"type": "hold"}, limits={"stroke": "ignore"})
     believed = gs.Platform(name="uneven", source="", **experiment.platform.parameters)
     at_home = gs.leg_geometry(believed, believed.home_position, believed.home_orientation).length
     for low, high in ((at_home.min() - 0.2, 3.9), (2.3, at_home.max() + 0.2)):
-        stroke = {"platform.parameters.leg_length_min": low, "platform.parameters.leg_length_max": high}
-        data = data_of((experiment, stroke), tmp_path)
+        ends = {"leg_length_min": (low - UNEQUAL_ENDS).tolist(), "leg_length_max": (high + UNEQUAL_ENDS).tolist()}
+        data = data_of((experiment, {f"platform.parameters.{key}": end for key, end in ends.items()}), tmp_path)
+        assert data["stroke"] == pytest.approx([low, high])
         reach, home = np.array(data["reach"]), np.array(data["home"])
         assert (reach > 0).all()
         for axis in range(6):
