@@ -32,7 +32,7 @@ from gough_stewart.harness.motion.motion import coordinates_of, extrapolated, mo
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.operations import greater, where
+from gough_stewart.model.vectors import greater, where
 
 # ---- plan.h ----
 

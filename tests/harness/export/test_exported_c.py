@@ -477,3 +477,9 @@ def test_two_controllers_of_different_precision_link_into_one_program(tmp_path: 
     flags = [f"-D{names[0].upper()}_REAL=float", *(f"-I{source.parent}" for source in sources)]
     compiled(["gcc", "-std=c99", *flags, "-Wall", "-Werror", "main.c", *map(str, sources), "-lm"], tmp_path)
     assert subprocess.run([str(tmp_path / "a.out")], check=False).returncode == 0
+
+
+def test_the_sources_allocate_nothing_and_keep_no_state_of_their_own() -> None:
+    text = source_of(uneven_experiment(**TABLES["PID in task space"])).read_text()
+    assert not re.search(r"\b(malloc|calloc|free|printf|extern)\b", text)
+    assert not re.search(r"^(MAYBE_UNUSED )?\s*static (?!const |void |int |real |moment )", text, re.M)
