@@ -60,7 +60,7 @@ def test_one_error_is_named_and_its_size_found(kind: str, seed: int, size: float
 
 
 def test_one_leg_is_named_whose_force_is_clipped_below_those_of_others() -> None:
-    """Expected: leg 2 and its level, a tenth below its largest force, to 0.1 %; forces of legs 1 and 5 go beyond it."""
+    """Expected: leg 2 and its level, a tenth below its largest force, known to 0.1 %; legs 1 and 5 go beyond it."""
     log = machine_log(course=Course(duration=6.0), seed=1)
     force = force_of(log)
     level = 0.9 * np.abs(force[:, 1]).max()
@@ -72,7 +72,8 @@ def test_one_leg_is_named_whose_force_is_clipped_below_those_of_others() -> None
     assert estimate.diagnosis is not None
     [finding] = estimate.diagnosis.findings
     assert finding.name == "force of leg 2 clipped"
-    assert finding.values == pytest.approx([level], rel=1e-3)
+    assert finding.standard_errors < 1e-3 * level
+    assert np.abs(finding.values - level) < 4.5 * finding.standard_errors
 
 
 def test_a_payload_left_out_is_named_and_never_joints() -> None:

@@ -75,7 +75,8 @@ def test_a_log_that_validates_is_judged(offset: float, is_judged_bad: bool) -> N
     assert v.alarm == is_judged_bad == any("rows kept for validation" in text for text in warned)
     assert v.rms == pytest.approx(np.hypot(v.expected, offset), rel=0.1)
     said = " ".join((*estimate.notes, *estimate.alarms))
-    assert f"off by {v.rms:.3g} N where {v.expected:.3g} N are expected (p = " in said
+    p = "(p < 1e-06)" if is_judged_bad else f"(p = {v.p_value:.2g})"  # 0 is no probability of a continuous statistic
+    assert f"off by {v.rms:.3g} N where {v.expected:.3g} N are expected {p}" in said
     assert ("does not predict" in said) == is_judged_bad
 
 

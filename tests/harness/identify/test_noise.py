@@ -102,7 +102,8 @@ def test_shares_of_both_noises_are_found_log_by_log() -> None:
     rows = [n, n, 2]
     parts = [part_noise(k, raw, by_legs[:m], np.ones((m, 6))) for k, m in enumerate(rows)]
     residual = np.concatenate([*noise, np.zeros((2, 6))])
-    found = fitted_noise(parts, RNG.standard_normal((2 * n + 2, 6, 5)), residual, np.ones((2 * n + 2, 6)))
+    columns = RNG.standard_normal((2 * n + 2, 6, 5))
+    found = fitted_noise(parts, columns[..., :3], columns[..., 3:], residual, np.ones((2 * n + 2, 6)))
     assert_allclose([found.shares[0], found.shares[1]], shares, rtol=0.3)
     assert_allclose(found.shares[2], np.sqrt(np.prod([found.shares[0], found.shares[1]], axis=0)))
 

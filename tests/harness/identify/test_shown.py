@@ -299,6 +299,11 @@ QUIET = replace(DIAGNOSIS, test=LackOfFit({"of phase": 0.4}, 0.4), cause="", fin
             r"Platform_mass 1516.9 ± 3.9 kg and leg_viscous_friction\[2\] 431.7 ± 5.9 N·s/m; the residuals are those "
             "of noise$",
         ),
+        (
+            replace(FEW, covariance=np.diag([4.0, 9e4])),
+            "marginal",
+            r"Platform_mass 1516.9 ± 3.9 kg and .*\] 432 ± 590 N",
+        ),
         (replace(FEW, diagnosis=None), "marginal", ".* kg and .* N·s/m; whether the model fits the log is not tested"),
         (
             replace(ESTIMATE, alarms=()),
