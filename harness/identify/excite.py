@@ -251,8 +251,9 @@ def _search_of(
         return motion + np.tile(home[:, None], count)
 
     def cost_of(x: Any) -> Any:
-        columns = informed.map(count)(along(x))
-        return measured(casadi.mtimes(columns, columns.T) / count)
+        # of the mean square force, of which noise is a share: else forces near a singular pose would inform best
+        columns, force = informed.map(count)(along(x))
+        return measured(6 * casadi.mtimes(columns, columns.T) / casadi.sumsqr(force))
 
     x, none = casadi.MX.sym("x", 6 * size), casadi.MX.sym("p", 0)
     quantities, slopes = limited.map(count)(along(x))
@@ -281,11 +282,11 @@ def _search_of(
 def _row_functions(
     platform: Platform, names: Sequence[str], first: Motion
 ) -> tuple[casadi.Function, casadi.Function, FloatArray, FloatArray]:
-    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6), and q -> limited quantities and their slopes; and the limits.
+    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6) and forces, and q -> limited quantities and slopes; and the limits.
 
-    D has the columns of these elements, scaled by what is usual along the `first` motion, over its RMS force.
+    D has the columns of these elements, scaled by what is usual along the `first` motion.
     """
-    _, phi, scaled, rms_force = _scaled(platform, names, first)
+    _, phi, scaled, _ = _scaled(platform, names, first)
     q = casadi.SX.sym("q", 18)
     motion = motion_of(*np.split(symbols(q), 3, axis=1))
     state = State(*motion[:4])
@@ -327,9 +328,9 @@ def _row_functions(
         np.concatenate([np.broadcast_to(limits[k], limits[0].shape[0]) for limits in limited]) for k in (1, 2)
     )
     # two functions, since the gradient of a cost of the first would differentiate the slopes, too
-    columns = casadi.densify(casadi.mtimes(W, scaled / rms_force).T)
+    columns = casadi.densify(casadi.mtimes(W, scaled).T)
     slopes = casadi.densify(casadi.jacobian(quantities, q))
-    informed = casadi.Function("informed", [q], [columns])
+    informed = casadi.Function("informed", [q], [columns, casadi.densify(force)])
     return informed, casadi.Function("limited", [q], [quantities, slopes]), lows, highs
 
 
