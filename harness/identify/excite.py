@@ -282,7 +282,7 @@ def _search_of(
 def _row_functions(
     platform: Platform, names: Sequence[str], first: Motion
 ) -> tuple[casadi.Function, casadi.Function, FloatArray, FloatArray]:
-    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6) and forces, and q -> limited quantities and slopes; and the limits.
+    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6), forces; and q -> limited quantities, slopes; and the limits.
 
     D has the columns of these elements, scaled by what is usual along the `first` motion.
     """
