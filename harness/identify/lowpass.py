@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 from scipy.signal import oaconvolve
+from scipy.special import spherical_jn
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.model.vectors import FloatArray
@@ -55,16 +56,10 @@ def kernel_of(step: float, cutoff: float, derivative: int = 0, delay: float = 0.
     """Weights (2 `edge` + 1,) of the samples about a row, as `smoothed` convolves them."""
     half = edge(step, cutoff)
     t = np.asarray(np.arange(-half, half + 1) * step + delay, dtype=float)
-    # s = sin(w0 t)/(w0 t) and its derivatives by w0 t; near 0 by series
+    # s = sin(x)/x with x = w0 t, and its derivatives by x: spherical Bessel functions
     w0, T = 2 * math.pi * cutoff, HALF_LENGTH / cutoff
-    x = w0 * t
-    small = np.abs(x) < 1e-2
-    safe = np.where(small, 1.0, x)
-    sinc = np.sin(safe) / safe
-    slope = (np.cos(safe) - sinc) / safe
-    s0 = np.where(small, 1 - x**2 / 6 + x**4 / 120, sinc)
-    s1 = np.where(small, -x / 3 + x**3 / 30, slope)
-    s2 = np.where(small, -1 / 3 + x**2 / 10, -sinc - 2 * slope / safe)
+    j0, j1, j2 = (spherical_jn(n, w0 * t) for n in range(3))
+    s0, s1, s2 = j0, -j1, (2 * j2 - j0) / 3
     # the window and its derivatives by t
     (a, b, c), p, q, inside = _WINDOW, math.pi / T, 2 * math.pi / T, np.abs(t) < T
     v0 = inside * (a + b * np.cos(p * t) + c * np.cos(q * t))

@@ -349,7 +349,6 @@ def test_everything_of_a_calibration_is_that_of_a_dense_least_squares() -> None:
     )
     np.testing.assert_allclose(found.nominal, before)
     freedom = 15 * 6 - 21
-    assert found.details["equations"] == 15 * 6
     assert found.details["factor"] == pytest.approx(np.sqrt(cost / freedom), rel=1e-4)
     expected = cost / freedom * np.linalg.inv(information)
     sizes = np.sqrt(np.diag(expected))
@@ -373,7 +372,6 @@ def test_everything_of_a_calibration_is_that_of_a_dense_least_squares() -> None:
     assert residuals.validation_rms is not None
     np.testing.assert_allclose(residuals.validation_rms, lengths_left(first, slice(12, None)), rtol=1e-3)
     np.testing.assert_allclose(residuals.signal_rms, log.leg_length.std(axis=0))
-    np.testing.assert_allclose(found.details["nominal_rms"], lengths_left(before, slice(None)), rtol=1e-9)
 
 
 def test_the_cost_in_an_own_frame_is_that_of_a_dense_least_squares() -> None:
