@@ -13,7 +13,6 @@ from tests.harness.identify.machine_logs import (
     NAMES,
     NOMINAL,
     Course,
-    Sensing,
     Swing,
     machine_log,
     value_of,
@@ -67,13 +66,6 @@ def test_numbers_of_motions_along_one_axis_are_right_or_missing(
     known = np.isfinite(estimate.standard_errors)  # not of what is at its bound
     truth = np.array([value_of(MACHINE, name) for name in estimate.names])
     assert (np.abs(estimate.values - truth)[known] < 5 * estimate.standard_errors[known]).all()
-
-
-def test_without_noise_heave_has_no_number_either() -> None:
-    """Expected: the same as with noise, since it is the motion that lacks."""
-    quiet = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
-    estimate = identify(machine_log(course=Course(HEAVE, duration=6.0), sensing=quiet), NOMINAL, NAMES)
-    assert estimate.not_excited == ("platform_com[3]", *INERTIA)
 
 
 def test_too_little_excitation_is_refused_with_the_elements() -> None:
