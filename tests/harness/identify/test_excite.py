@@ -116,7 +116,7 @@ def test_without_limits_a_motion_tells_more_than_random_ones_and_their_forces_st
     """Expected: noise is a share of the forces, so that forces of nearly singular poses are worth nothing."""
     platform = replace(gs.load_preset("liu2000"), platform_inertia=np.diag([5.0, 6.0, 9.0]))
     design = gs.excite(platform, NAMES, duration=5.0, frequency=0.4, harmonics=2, trials=1)
-    rng, shape = np.random.default_rng(2), np.shape(design.reference.position_sine)
+    rng, shape = np.random.default_rng(2), (2, 3)
     names = ("position_sine", "position_cosine", "orientation_sine", "orientation_cosine")
     for _ in range(5):
         drawn = {name: (0.15 * rng.standard_normal(shape)).tolist() for name in names}
