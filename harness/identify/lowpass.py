@@ -78,8 +78,8 @@ def kernel_of(step: float, cutoff: float, derivative: int = 0, delay: float = 0.
 def cutoff_of(leg_length: FloatArray, step: float) -> float:
     """A cut-off above the motion of a log [Hz]; accelerations matter, since they carry the masses and most noise.
 
-    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise. Legs that
-    move at the log's ends leak through a window: the square of Hann's lets f⁻⁶ of their power pass, his own f² of it.
+    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise. A leg that
+    moves at the log's ends leaks into all of it: f⁻² of this through Hann's window, f⁻⁶ through its square.
     """
     window = np.hanning(len(leg_length))[:, None] ** 2
     of_legs = np.abs(np.fft.rfft((leg_length - leg_length.mean(axis=0)) * window, axis=0)) ** 2
