@@ -221,8 +221,8 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
         best = refits[0]
         if rows is first:
             # once more: what only its own model describes was taken for noise
-            parts = [fit.columns, best.hypothesis.columns, *(family.columns for family in rows.families)]
-            noise = fitted_noise(rows.parts, np.concatenate(parts, axis=2), best.residual, fit.used)
+            every = [best.hypothesis.columns * best.hypothesis.sizes, *(f.columns * f.sizes for f in rows.families)]
+            noise = fitted_noise(rows.parts, fit.columns, np.concatenate(every, axis=2), best.residual, fit.used)
             rows = replace(rows, noise=noise)
             least = _CONTENDS * best.evidence - _NEAR
             contenders = [best.hypothesis, *(refit.hypothesis for refit in refits[1:] if refit.evidence > least)]

@@ -93,10 +93,10 @@ def estimate_verdict(estimate: Estimate) -> Verdict:
         """As in platform_mass 1216.9 ± 0.4 kg."""
         quantity = _quantity_of(names[k])
         shown = quantity.factor * float(half[k])
-        # as many decimals as the half width has in two digits
-        decimals = max(0, 1 - math.floor(math.log10(shown))) if shown > 0 else 3
-        number = f"{quantity.factor * estimate.values[k]:.{decimals}f}"
-        return f"{names[k]} {number} ± {shown:.2g} {quantity.unit_text}".rstrip()
+        # the half width in two digits, and as many decimals of the value
+        places = 1 - math.floor(math.log10(shown)) if shown > 0 else 3
+        number = f"{quantity.factor * estimate.values[k]:.{max(0, places)}f}"
+        return f"{names[k]} {number} ± {round(shown, places):g} {quantity.unit_text}".rstrip()
 
     half = estimate.half_width
     known = [k for k in range(len(names)) if math.isfinite(estimate.standard_errors[k])]

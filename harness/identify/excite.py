@@ -8,6 +8,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
+from gough_stewart.harness.identify.estimate import nominal_values
 from gough_stewart.harness.identify.fit import one_blas_thread, scales_of
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
@@ -16,7 +17,6 @@ from gough_stewart.harness.identify.regressor import (
     PER_LEG,
     elements_of,
     expanded,
-    force_derivatives,
     friction_columns,
     gradient,
     linear_parameters,
@@ -25,7 +25,7 @@ from gough_stewart.harness.identify.regressor import (
     unit_of,
     wrenches_function,
 )
-from gough_stewart.harness.identify.row_model import Regression
+from gough_stewart.harness.identify.row_model import Regression, RowModel
 from gough_stewart.harness.identify.sticking_friction import ideal_of
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
@@ -38,7 +38,6 @@ from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.interface import State
-from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import of_legs
 from gough_stewart.model.platform import Platform
@@ -251,8 +250,9 @@ def _search_of(
         return motion + np.tile(home[:, None], count)
 
     def cost_of(x: Any) -> Any:
-        columns = informed.map(count)(along(x))
-        return measured(casadi.mtimes(columns, columns.T) / count)
+        # of the mean square force, of which noise is a share: else forces near a singular pose would inform best
+        columns, force = informed.map(count)(along(x))
+        return measured(6 * casadi.mtimes(columns, columns.T) / casadi.sumsqr(force))
 
     x, none = casadi.MX.sym("x", 6 * size), casadi.MX.sym("p", 0)
     quantities, slopes = limited.map(count)(along(x))
@@ -281,11 +281,11 @@ def _search_of(
 def _row_functions(
     platform: Platform, names: Sequence[str], first: Motion
 ) -> tuple[casadi.Function, casadi.Function, FloatArray, FloatArray]:
-    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6), and q -> limited quantities and their slopes; and the limits.
+    """CasADi Functions of a row, q (18) -> Dᵀ (p, 6), forces; and q -> limited quantities, slopes; and the limits.
 
-    D has the columns of these elements, scaled by what is usual along the `first` motion, over its RMS force.
+    D has the columns of these elements, scaled by what is usual along the `first` motion.
     """
-    _, phi, scaled, rms_force = _scaled(platform, names, first)
+    _, phi, scaled, _ = _scaled(platform, names, first)
     q = casadi.SX.sym("q", 18)
     motion = motion_of(*np.split(symbols(q), 3, axis=1))
     state = State(*motion[:4])
@@ -327,9 +327,9 @@ def _row_functions(
         np.concatenate([np.broadcast_to(limits[k], limits[0].shape[0]) for limits in limited]) for k in (1, 2)
     )
     # two functions, since the gradient of a cost of the first would differentiate the slopes, too
-    columns = casadi.densify(casadi.mtimes(W, scaled / rms_force).T)
+    columns = casadi.densify(casadi.mtimes(W, scaled).T)
     slopes = casadi.densify(casadi.jacobian(quantities, q))
-    informed = casadi.Function("informed", [q], [columns])
+    informed = casadi.Function("informed", [q], [columns, casadi.densify(force)])
     return informed, casadi.Function("limited", [q], [quantities, slopes]), lows, highs
 
 
@@ -363,17 +363,16 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
     force = np.asarray(inverse_dynamics(platform, state, acceleration))
     length = np.asarray(leg_geometry(platform, state.position, state.orientation).length)
-    regression, elements = Regression.of([Part(time, length, force)], platform), elements_of(platform, names)
+    regression = Regression.of([Part(time, length, force)], platform)
     [segment] = regression.segments
     noise = segment.noise._replace(
         force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=np.full(6, _ENCODER) / np.sqrt(12)
     )
     regression = replace(regression, segments=(replace(segment, noise=noise),))
-    used = regression.used(names)
-    forces = regression.W @ linear_parameters(elements)
-    by_legs = force_derivatives(regression.motion, parameter_vector(platform), forces).by_legs
-    parts = noises_of(regression, by_legs, np.ones(len(used), dtype=bool), used)
-    columns = used[..., None] * (regression.W @ gradient(elements, names))
+    used, every = regression.used(names), np.ones(len(regression.time), dtype=bool)
+    fit = RowModel(regression, names).fit_at(nominal_values(names, platform), every, used)
+    parts = noises_of(regression, fit.derivatives.by_legs, every, used)
+    columns = used[..., None] * fit.columns
     white = whitened_by([part.factor(1.0, 1.0) for part in parts], columns.reshape(-1, len(names)))
     size = np.linalg.norm(white, axis=0)
     R = np.linalg.qr(white / size, mode="r")

@@ -66,6 +66,8 @@ _DELAY, _TILT = 0.01, 0.1
 _SMALLEST = 1e-6
 # Magnitudes beyond which a log is not one of these instruments: the filters hardly reach further [s].
 _LARGEST = {"delay": 0.02}
+# Smaller p-values are not known better, and none is 0.
+_LEAST_P = 1e-6
 # NumPy and SciPy have an OpenBLAS each; other libraries of linear algebra keep their threads.
 _PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
 Function = Callable[[FloatArray], FloatArray]
@@ -195,7 +197,8 @@ def judged(estimate: Estimate, whole: Whitened) -> Estimate:
     if not kept.any():
         return estimate
     validation = _validated(whole, estimate.scale, kept)
-    said = f"{validation.rms:.3g} N where {validation.expected:.3g} N are expected (p = {validation.p_value:.2g})"
+    p = f"= {validation.p_value:.2g}" if validation.p_value >= _LEAST_P else f"< {_LEAST_P:g}"
+    said = f"{validation.rms:.3g} N where {validation.expected:.3g} N are expected (p {p})"
     if not validation.alarm or estimate.alarms:
         note = f"rows kept for validation are off by {said}"
         return replace(estimate, validation=validation, notes=(*estimate.notes, note))

@@ -503,12 +503,7 @@ def identify_geometry(  # noqa: PLR0912, PLR0915 - one station after the other
         ),
         notes=(*notes, *left_out),
         alarms=alarms,
-        details={
-            "found": fit.found,
-            "nominal_rms": rms(_length_error(start._replace(t=fit.found.t, R=fit.found.R), used.measured)),
-            "equations": fit.redundant,
-            "factor": fit.factor,
-        },
+        details={"found": fit.found, "factor": fit.factor},
     )
 
 

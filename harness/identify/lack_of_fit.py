@@ -264,8 +264,8 @@ class Whitened:
             family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(fit, not_excited)
         )
         parts = tuple(noises_of(fit.model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used))
-        every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
-        return cls(fit, families, parts, fitted_noise(parts, every, fit.residual, fit.used))
+        extensions = np.concatenate([family.columns * family.sizes for family in families], axis=2)
+        return cls(fit, families, parts, fitted_noise(parts, fit.columns, extensions, fit.residual, fit.used))
 
     def of(self, rows: FloatArray) -> FloatArray:
         """Whitened rows: (6 n, k) of (n, 6, k), or (6 n,) of (n, 6)."""

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import oaconvolve
+from scipy.special import spherical_jn
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.model.vectors import FloatArray
@@ -58,16 +58,10 @@ def kernel_of(step: float, cutoff: float, derivative: int = 0, delay: float = 0.
     """Weights (2 `edge` + 1,) of the samples about a row, as `smoothed` convolves them."""
     half = edge(step, cutoff)
     t = np.asarray(np.arange(-half, half + 1) * step + delay, dtype=float)
-    # s = sin(w0 t)/(w0 t) and its derivatives by w0 t; near 0 by series
+    # s = sin(x)/x with x = w0 t, and its derivatives by x: spherical Bessel functions
     w0, T = 2 * math.pi * cutoff, HALF_LENGTH / cutoff
-    x = w0 * t
-    small = np.abs(x) < 1e-2
-    safe = np.where(small, 1.0, x)
-    sinc = np.sin(safe) / safe
-    slope = (np.cos(safe) - sinc) / safe
-    s0 = np.where(small, 1 - x**2 / 6 + x**4 / 120, sinc)
-    s1 = np.where(small, -x / 3 + x**3 / 30, slope)
-    s2 = np.where(small, -1 / 3 + x**2 / 10, -sinc - 2 * slope / safe)
+    j0, j1, j2 = (spherical_jn(n, w0 * t) for n in range(3))
+    s0, s1, s2 = j0, -j1, (2 * j2 - j0) / 3
     # the window and its derivatives by t
     (a, b, c), p, q, inside = _WINDOW, math.pi / T, 2 * math.pi / T, np.abs(t) < T
     v0 = inside * (a + b * np.cos(p * t) + c * np.cos(q * t))
@@ -86,15 +80,11 @@ def kernel_of(step: float, cutoff: float, derivative: int = 0, delay: float = 0.
 def cutoff_of(leg_length: FloatArray, step: float) -> float:
     """A cut-off above the motion of a log [Hz]; accelerations matter, since they carry the masses and most noise.
 
-    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise. Of a log
-    that is cut out of a motion a cubic with the values and the slopes of its ends is taken away: what it leaks through
-    the window would look like fast motion.
+    The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise. A leg that
+    moves at the log's ends leaks into all of it: f⁻² of this through Hann's window, f⁻⁶ through its square.
     """
-    rows, k = np.arange(len(leg_length)), max(2, len(leg_length) // 50)
-    slopes, values = np.moveaxis([np.polyfit(end, leg_length[end], 1) for end in (rows[:k], rows[-k:])], 1, 0)
-    cubic = CubicHermiteSpline(rows[[0, -1]], values + slopes * rows[[0, -1], None], slopes)
-    swings, window = leg_length - cubic(rows), np.hanning(len(rows))[:, None]
-    of_legs = np.abs(np.fft.rfft((swings - swings.mean(axis=0)) * window, axis=0)) ** 2
+    window = np.hanning(len(leg_length))[:, None] ** 2
+    of_legs = np.abs(np.fft.rfft((leg_length - leg_length.mean(axis=0)) * window, axis=0)) ** 2
     power, frequency = of_legs.sum(axis=1), np.fft.rfftfreq(len(leg_length), step)
     # encoder noise is white: its power is estimated from the upper half
     upper = slice(len(power) // 2, None)

@@ -29,8 +29,9 @@ _ENOUGH = 3
 # Logarithm of how much the ratio of both noises may differ from that of the raw signals.
 _LIKELY, _RATIOS = (-1.5, 1.5), (-18.0, 18.0)
 _CLOSE = 0.05
-# Singular values below this share of the largest are rounding errors.
-_DEPENDENT = 1e-9
+# Singular values below this share of the largest are rounding errors; effects of an extension's size that are below so
+# many standard deviations of the raw noise cannot be seen.
+_DEPENDENT, _INVISIBLE = 1e-9, 0.3
 # Added to the variances, so that what was cut off does not make a covariance indefinite.
 _CUT_OFF = 3e-5
 
@@ -108,10 +109,13 @@ def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArra
     return np.concatenate(white)
 
 
-def fitted_noise(parts: Sequence[PartNoise], columns: FloatArray, residual: FloatArray, used: FloatArray) -> RowNoise:
+def fitted_noise(
+    parts: Sequence[PartNoise], columns: FloatArray, extensions: FloatArray, residual: FloatArray, used: FloatArray
+) -> RowNoise:
     """The covariance with the shares of both noises that fit each log best, by restricted maximum likelihood.
 
-    `columns` (n, 6, k) are everything that may be in the mean of the rows: it takes no part in the likelihood.
+    The columns of the fit (n, 6, p) and of its extensions (n, 6, k), in units of their sizes, are all that may be in
+    the mean of the rows: it takes no part in the likelihood.
     """
     first = np.cumsum([0, *(len(part.unused) // 6 for part in parts)])
     logs = list(dict.fromkeys(part.which for part in parts))
@@ -130,24 +134,29 @@ def fitted_noise(parts: Sequence[PartNoise], columns: FloatArray, residual: Floa
                 windows.append(PartNoise(log, parts[k].raw, *bands))
                 rows.append(np.arange(first[k] + start, first[k] + end))
         at = np.concatenate(rows)
-        if len(logs) == 1 or used[at].sum() > _ENOUGH * columns.shape[2]:
-            shares[log] = _fitted_shares(windows, columns[at], residual[at], used[at])
+        if len(logs) == 1 or used[at].sum() > _ENOUGH * (columns.shape[2] + extensions.shape[2]):
+            shares[log] = _fitted_shares(windows, columns[at], extensions[at], residual[at], used[at])
     if not shares:  # all are short
-        shares[logs[0]] = _fitted_shares(parts, columns, residual, used)
+        shares[logs[0]] = _fitted_shares(parts, columns, extensions, residual, used)
     noise = RowNoise([], shares)
     shares = {log: noise.of(log) for log in logs}
     return RowNoise([part.factor(*shares[part.which]) for part in parts], shares)
 
 
 def _fitted_shares(
-    windows: Sequence[PartNoise], columns: FloatArray, residual: FloatArray, used: FloatArray
+    windows: Sequence[PartNoise], columns: FloatArray, extensions: FloatArray, residual: FloatArray, used: FloatArray
 ) -> tuple[float, float]:
     """The shares s_F and s_L of both noises in these windows."""
     n = int(used.sum())
-    X = (used[..., None] * columns).reshape(used.size, -1)
-    U, sigma, _ = np.linalg.svd(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300), full_matrices=False)
-    X = U[:, sigma > _DEPENDENT * sigma[0]]
-    Y, k = np.column_stack([X, (used * residual).ravel()]), X.shape[1]
+    D, X = ((used[..., None] * values).reshape(used.size, -1) for values in (columns, extensions))
+    U, sigma, _ = np.linalg.svd(D / np.maximum(np.linalg.norm(D, axis=0), 1e-300), full_matrices=False)
+    D = U[:, sigma > _DEPENDENT * sigma[0]]
+    # where the motion lacks, columns are noise of the lengths themselves, which must not explain that of the residual
+    white = whitened_by([window.factor(1.0, 1.0) for window in windows], np.concatenate([D, X], axis=1))
+    Q, rest = np.linalg.qr(white[:, : D.shape[1]])[0], white[:, D.shape[1] :]
+    _, sigma, directions = np.linalg.svd(np.linalg.qr(rest - Q @ (Q.T @ rest), mode="r"))
+    X = X @ directions[: len(sigma)][sigma > np.maximum(_INVISIBLE, _DEPENDENT * sigma[:1])].T
+    Y, k = np.column_stack([D, X, (used * residual).ravel()]), D.shape[1] + X.shape[1]
 
     def shares(log_ratio: float) -> tuple[float, float]:
         # the larger of both is 1

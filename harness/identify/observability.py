@@ -36,9 +36,9 @@ from gough_stewart.model.vectors import FloatArray
 _OF_CUTOFF = 1 / 8
 # At most this share of a part's length for one side of the filter.
 _EDGE = 0.15
-# A parameter is not excited if its standard error from the motion alone exceeds this share of its scale, or if noise of
-# lengths pulls it by more than the other share.
-_LARGEST_ERROR, _LARGEST_BIAS = 0.5, 0.05
+# A parameter is not excited if its standard error from the motion alone exceeds this share of its scale, if noise of
+# lengths pulls it by more than the other share, or if what is held moves it by so many of its standard errors.
+_LARGEST_ERROR, _LARGEST_BIAS, _MOVED = 0.5, 0.05, 2.0
 # Forces are never known better than this share of their changes, even if they seem to have no noise.
 _BEST_FORCE = 1e-3
 # Smaller singular values are rounding errors.
@@ -116,16 +116,21 @@ def identifiability(
     # (Iₘ + Iₙ)⁻¹ Nᵀ (Wₙ φ): noise makes forces that are not there
     inverse = np.linalg.pinv(D.T @ D + N.T @ N, hermitian=True)
     bias = inverse @ (N.T @ (rows.noise @ linear_parameters(elements)).ravel())
-    weak = (errors > _LARGEST_ERROR) | (np.abs(bias) > _LARGEST_BIAS)
     left = list(range(len(names)))
     # centres of mass are held first: inertias then take what the log knows of both, and need not be those of a body
     while left and (now := _errors(R[:, left])).max() > _LARGEST_ERROR:
         candidates = [k for k, error in zip(left, now, strict=True) if error > _LARGEST_ERROR]
         left.remove(max(candidates, key=lambda k: (names[k] in COM, errors[k])))
+    held = [k for k in range(len(names)) if k not in left]
+    weak = (errors > _LARGEST_ERROR) | (np.abs(bias) > _LARGEST_BIAS)
+    if left and held:
+        # where legs hardly move, viscous friction makes up for a wrong Coulomb friction
+        by_held = np.linalg.lstsq(R[:, left], R[:, held], rcond=None)[0]
+        weak[left] |= _LARGEST_ERROR * np.linalg.norm(by_held, axis=1) > _MOVED * now
     return Identifiability(
         -bias,
         tuple(name for name, is_weak in zip(names, weak, strict=True) if is_weak),
-        tuple(name for k, name in enumerate(names) if k not in left),
+        tuple(names[k] for k in held),
     )
 
 

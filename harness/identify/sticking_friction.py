@@ -10,7 +10,7 @@ and steady sliding are exact. ∂z/∂θ follows with it [model.friction; `leg_b
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -63,8 +63,6 @@ class StickingFriction:
 
     platform: Platform
     names: tuple[str, ...]  # (q,)
-    # what was bent last, by the number of rows: each log's
-    _last: dict[int, tuple[tuple[bytes, bytes, float], FloatArray]] = field(default_factory=dict, compare=False)
 
     def law(self, values: Sequence[float] | FloatArray = ()) -> Bristles:
         """The law at these values (q,), each of its fields (6,)."""
@@ -80,9 +78,6 @@ class StickingFriction:
 
     def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
         """Deflections z [m] and ∂z/∂θ (j, 6, 1 + q) at rows with these velocities (j, 6) [m/s], unbent at the first."""
-        key, last = (values.tobytes(), velocity.tobytes(), step), self._last.get(len(velocity))
-        if last is not None and last[0] == key:
-            return last[1]
         law, by_values, q = self.law(values), self._law_by_values(values), len(self.names)
         X = np.zeros((6, 1 + q), order="F")
         v, after = np.zeros((6, 2), order="F"), np.zeros((6, 1 + q), order="F")
@@ -98,7 +93,6 @@ class StickingFriction:
             v[:] = velocity[k : k + 2].T
             call()
             X[:] = bristles[k + 1] = after
-        self._last[len(velocity)] = key, bristles
         return bristles
 
     def force(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:

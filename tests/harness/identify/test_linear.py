@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import t
 
 from gough_stewart import GoughStewartError, IdentificationWarning, Log, identify
+from tests.harness.identify.information import sensitivities
 from tests.harness.identify.machine_logs import (
     MACHINE,
     NAMES,
@@ -47,6 +48,7 @@ def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() ->
         machine_log(sliding, Course(duration=6.0), NOISELESS), replace(NOMINAL, leg_coulomb_friction=0.0), names
     )
     assert exact.residuals.rms.max() < 0.01
+    assert exact.freedom == 6 * int(exact.notes[0].split()[0]) - len(exact.names)
     np.testing.assert_allclose(exact["platform_mass"], MACHINE.platform_mass, rtol=1e-6)
     np.testing.assert_allclose(exact["platform_inertia"][[0, 1, 4]], [380.0, 12.0, 8.0], atol=0.02)
 
@@ -76,8 +78,24 @@ def test_a_log_that_validates_is_judged(offset: float, is_judged_bad: bool) -> N
     assert v.alarm == is_judged_bad == any("rows kept for validation" in text for text in warned)
     assert v.rms == pytest.approx(np.hypot(v.expected, offset), rel=0.1)
     said = " ".join((*estimate.notes, *estimate.alarms))
-    assert f"off by {v.rms:.3g} N where {v.expected:.3g} N are expected (p = " in said
+    p = "(p < 1e-06)" if is_judged_bad else f"(p = {v.p_value:.2g})"  # 0 is no probability of a continuous statistic
+    assert f"off by {v.rms:.3g} N where {v.expected:.3g} N are expected {p}" in said
     assert ("does not predict" in said) == is_judged_bad
+
+
+def test_what_validates_is_expected_to_be_off_by_the_errors_of_the_estimate_too() -> None:
+    """Expected: of a large motion, by a fit of a small one, noise and ∂F/∂θ C ∂F/∂θᵀ by a Lagrangian's differences."""
+    machine = replace(MACHINE, leg_coulomb_friction=0.0)
+    names = ("platform_mass", "leg_armature", "leg_viscous_friction")
+    small, large = (Course(Swing(seed=9, size=size), duration=4.0) for size in (0.002, 0.06))
+    log = machine_log(machine, large, seed=1)
+    estimate = identify(machine_log(machine, small), machine, names, validation=log)
+    assert estimate.validation is not None
+    D = sensitivities(machine, large, np.linspace(0.4, 3.6, 60), names, {})
+    of_errors = np.einsum("nip,pq,niq->ni", D, estimate.covariance, D).mean()
+    noise = identify(log, machine, names).residuals.rms.mean()
+    assert of_errors > 0.5 * noise**2
+    assert estimate.validation.expected == pytest.approx(np.sqrt(noise**2 + of_errors), rel=0.1)
 
 
 def test_an_inertia_that_no_body_has_is_kept_physical() -> None:

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart import Acceleration, Platform, inverse_dynamics, leg_geometry
-from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of, smoothed
+from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of
 from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
 from gough_stewart.harness.identify.regressor import (
     force_derivatives,
@@ -48,21 +48,16 @@ def dense(n: int, by_legs: np.ndarray, force: np.ndarray, length: float) -> tupl
     return V[0].reshape(6 * n, 6 * n), V[1].reshape(6 * n, 6 * n)
 
 
-def test_correlations_are_those_of_white_noise_through_the_filters() -> None:
-    """Expected: sample covariances of 400,000 filtered samples, to 4 of their standard errors."""
-    noise = RNG.standard_normal((400_000, 1))
-    g = smoothed(noise, 1e-3, 20.0)[:, 0]
-    c = np.stack([size * smoothed(noise, 1e-3, 40.0, 1, d)[:, 0] for d, size in enumerate((1e3, 1.0, 1e-2))])
+def test_correlations_are_those_of_the_kernels() -> None:
+    """Expected: Σ_t g(t) g(t + m) in full, at every twentieth lag; of value, rate and acceleration each with each."""
     of_force, of_length = correlations()
-    for m in range(4):
-        shift = m * SPACING
-        end = len(g) - shift
-        # a correlation time is about a hundredth of a second
-        error = 4 / np.sqrt(len(g) / 20)
-        assert abs(g[:end] @ g[shift:] / end - of_force[m]) < error * of_force[0]
-        size = np.sqrt(np.diag(of_length[0]))
-        sample = c[:, : c.shape[1] - shift] @ c[:, shift:].T / c.shape[1]
-        assert (np.abs(sample - of_length[m]) < error * np.outer(size, size)).all()
+    g, c = kernel_of(1e-3, 20.0), [kernel_of(1e-3, 40.0, d) * size for d, size in enumerate((1e3, 1.0, 1e-2))]
+    full = np.correlate(g, g, "full")[len(g) - 1 :: SPACING]
+    assert_allclose(of_force, full[: len(of_force)], rtol=1e-12)
+    for d, e in np.ndindex(3, 3):
+        whole = np.correlate(c[d], c[e], "full")[len(c[0]) - 1 :: -SPACING]
+        n = min(len(whole), len(of_length))
+        assert_allclose(of_length[:n, d, e], whole[:n], atol=1e-12 * abs(c[d]).sum() * abs(c[e]).sum())
 
 
 def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_out() -> None:
@@ -102,7 +97,8 @@ def test_shares_of_both_noises_are_found_log_by_log() -> None:
     rows = [n, n, 2]
     parts = [part_noise(k, raw, by_legs[:m], np.ones((m, 6))) for k, m in enumerate(rows)]
     residual = np.concatenate([*noise, np.zeros((2, 6))])
-    found = fitted_noise(parts, RNG.standard_normal((2 * n + 2, 6, 5)), residual, np.ones((2 * n + 2, 6)))
+    columns = RNG.standard_normal((2 * n + 2, 6, 120))
+    found = fitted_noise(parts, columns[..., :3], columns[..., 3:], residual, np.ones((2 * n + 2, 6)))
     assert_allclose([found.shares[0], found.shares[1]], shares, rtol=0.3)
     assert_allclose(found.shares[2], np.sqrt(np.prod([found.shares[0], found.shares[1]], axis=0)))
 

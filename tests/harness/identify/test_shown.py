@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart import Estimate
-from gough_stewart.harness.identify.estimate import Diagnosis, Finding, Residuals, Unseen
+from gough_stewart.harness.identify.estimate import Diagnosis, Finding, Residuals, Unseen, expand_to_requested
 from gough_stewart.harness.identify.estimate_report import estimate_report, estimate_tables
 from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.report.chart import Chart
@@ -299,6 +299,11 @@ QUIET = replace(DIAGNOSIS, test=LackOfFit({"of phase": 0.4}, 0.4), cause="", fin
             r"Platform_mass 1516.9 ± 3.9 kg and leg_viscous_friction\[2\] 431.7 ± 5.9 N·s/m; the residuals are those "
             "of noise$",
         ),
+        (
+            replace(FEW, covariance=np.diag([4.0, 9e4])),
+            "marginal",
+            r"Platform_mass 1516.9 ± 3.9 kg and .*\] 432 ± 590 N",
+        ),
         (replace(FEW, diagnosis=None), "marginal", ".* kg and .* N·s/m; whether the model fits the log is not tested"),
         (
             replace(ESTIMATE, alarms=()),
@@ -369,6 +374,15 @@ def test_charts_have_the_numbers_of_the_estimate_and_the_report_its_words() -> N
     parts = [part for section in of_poses.sections for part in section.parts]
     assert not any(part.is_over_time for part in parts if isinstance(part, Chart))
     assert [section.title for section in estimate_report(ESTIMATE, "my base", charts=False).sections] == ["Parameters"]
+
+
+def test_an_expected_error_is_a_part_of_the_covariance_and_what_was_not_fitted_has_none() -> None:
+    """Expected: C + b bᵀ of the two that were fitted, in the places of three."""
+    names, bias = ("force_gain[4]", *FEW.names), np.array([9.0, 0.5, -2.0])
+    whole = expand_to_requested(FEW, names, np.zeros(3), np.ones(3), names[:1], bias)
+    assert_allclose(whole.covariance[1:, 1:], [[4.25, 0.5], [0.5, 13.0]])
+    assert_allclose(whole.values, [NAN, 1516.9, 431.7])
+    assert np.isnan(whole.covariance[0]).all()
 
 
 def test_the_platform_is_the_one_that_was_found() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.lowpass import edge, noise_beyond, smoothed
+from gough_stewart.harness.identify.lowpass import cutoff_of, edge, noise_beyond, smoothed
 
 H = 4e-3
 T = 7.3 + H * np.arange(400)
@@ -43,3 +43,13 @@ def test_white_noise_has_the_size_that_its_rejected_part_shows(cutoff: float) ->
     noise = np.random.default_rng(5).normal(size=(4000, 3)) * [1.0, 3.0, 0.2]
     motion = 50 * np.sin(2 * np.pi * 0.3 * H * np.arange(4000))
     assert_allclose(noise_beyond(motion[:, None] + noise, H, cutoff), [1.0, 3.0, 0.2], rtol=0.06)
+
+
+@pytest.mark.parametrize(("begin", "seconds"), [(0.0, 10.0), (1.3, 4.4), (1.5, 2.0), (3.1, 2.0)])
+def test_the_cut_off_is_that_of_the_motion_wherever_a_log_is_cut(begin: float, seconds: float) -> None:
+    """Expected: sixteen times 0.9 Hz and up to three steps of the spectrum more, of a log that begins at full speed."""
+    t = begin + np.arange(round(1e3 * seconds)) / 1e3
+    lines = np.array([0.15, 0.3, 0.45, 0.6, 0.75, 0.9])
+    noise = 1e-6 * np.random.default_rng(2).normal(size=(len(t), 6))
+    length = 1.5 + 0.04 * np.sin(2 * np.pi * lines * t[:, None] + np.arange(6)[:, None, None]).sum(axis=2).T + noise
+    assert 16 * 0.9 <= cutoff_of(length, 1e-3) <= 16 * (0.9 + 3 / seconds)

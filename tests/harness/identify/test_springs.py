@@ -62,6 +62,8 @@ def test_both_sides_of_a_log_show_the_springs() -> None:
     platform = found.platform(rigid)
     heavier = replace(platform, platform_mass=platform.platform_mass + 1.0)
     alone, other = (identify(elastic_log("both"), p, ["leg_stiffness", "leg_damping"]) for p in (platform, heavier))
+    # fewer than those of the masses
+    assert found.freedom == alone.freedom
     by_mass = (other.values - alone.values) * found.standard_errors[0]
     np.testing.assert_allclose(found.standard_errors[4:] ** 2, alone.standard_errors**2 + by_mass**2, rtol=1e-3)
     np.testing.assert_allclose(found.correlation[0, 4:], by_mass / found.standard_errors[4:], rtol=0.01)
