@@ -138,6 +138,8 @@ class Quantity:
 
     def range_text(self, low: float | None, high: float | None) -> str:
         """Two stored numbers with one unit: 9.8 to 12.3 mm; "at least 9.8 mm" of an end that is not defined."""
+        if low is high is None:
+            return NOTHING
         if low is None or high is None:
             return f"at least {self.text(low)}" if high is None else f"at most {self.text(high)}"
         return f"{self.number(low)} to {self.number(high)} {self.unit_text}".rstrip()

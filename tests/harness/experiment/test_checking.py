@@ -92,7 +92,7 @@ def test_a_fitted_fastest_path_keeps_its_margin() -> None:
     fitted = found.fitted("time")
     assert fitted.keeps_margin
     # the run goes on after the path, as before
-    assert fitted.experiment.loop.duration == pytest.approx(1.2 / 0.96, abs=0.01)
+    assert fitted.experiment.loop.duration == pytest.approx(1.2 / 0.96, abs=0.015)
     used = max(fitted.shares.peak(name).share for name in ("leg_velocity_max", "leg_acceleration_max"))
     assert 0.9 - 1e-6 <= used <= 0.9 + 1e-9
 
