@@ -1,7 +1,6 @@
 #include "instance.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,7 +15,6 @@ static const struct {
 } ALLOWED[NUMBER_OF_CALLS] = {
 #define AS_PERMISSION(name, kinds, discards, modes) {kinds, discards, modes},
     CALLS(AS_PERMISSION)
-#undef AS_PERMISSION
 };
 
 static const char *name_of_mode(fmi_mode mode)
