@@ -147,8 +147,8 @@ fmi_instance *new_instance(fmi_instance *request, const char *name, const char *
     return i;
 }
 
-fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined, double tolerance,
-                          double start_time, int stop_time_defined, double stop_time)
+fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined, double tolerance, double start_time,
+                          int stop_time_defined, double stop_time)
 {
     if (!is_allowed(i, call))
         return STATUS_ERROR;
