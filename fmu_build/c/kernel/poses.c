@@ -5,7 +5,6 @@
 #include "vectors.h"
 
 #include <math.h>
-#include <stddef.h>
 
 enum { MOST_ITERATIONS = 30 };
 /* Bound of a Newton step, in sizes of the platform and in rad; a smaller pivot, in row sums, is a singular pose. */

@@ -88,10 +88,13 @@ static void write_numbers(const vector *v, const rows_out *to, int64_t row, int 
 
 static void write_flags(const vector *v, const rows_out *to, int64_t row, int n, const lanes x[], mask where)
 {
-    for (int i = 0; to->at && i < n; i++)
+    for (int i = 0; to->at && i < n; i++) {
+        uint8_t *place = (uint8_t *)to->at + row * to->row + i * to->element + v->first;
+        mask is_set = x[i] != 0;
         for (int lane = 0; lane < v->live; lane++)
             if (HOLDS(where, lane))
-                ((uint8_t *)to->at)[row * to->row + i * to->element + v->first + lane] = LANE(x[i], lane) != 0;
+                place[lane] = HOLDS(is_set, lane) & 1;
+    }
 }
 
 /* Ends members at a row: it is their last one. */

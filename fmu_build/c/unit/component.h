@@ -69,7 +69,7 @@ outcome component_result_rates(component *c, double rates[]);
 /* The complete state: so many numbers, with which a component begins. They are finite; but the stop time may be infinite. */
 extern const size_t N_SAVED;
 enum { NOW, START_TIME, STOP_TIME };
-/* Whether a component can be in a state, all of whose numbers are as they should be; it can be in its own. */
+/* Whether a component can be in a state of such numbers; 1 for each that it has been in. */
 int component_can_restore(const double saved[]);
 /* To be called after the state has been replaced. */
 void component_forget(component *c);

@@ -153,7 +153,7 @@ FUNCTION(fmi3GetVariableDependencies, (fmi3Instance instance, fmi3ValueReference
     FUNCTION(name, (fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,                     \
                     const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[], size_t n_seed,       \
                     fmi3Float64 sensitivity[], size_t n_sensitivity),                                                  \
-             differentiate(i, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,       \
+             differentiate(i, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,                        \
                            sensitivity, n_sensitivity))
 DERIVATIVE_OF(fmi3GetDirectionalDerivative, 0)
 DERIVATIVE_OF(fmi3GetAdjointDerivative, 1)
@@ -222,8 +222,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 {
     fmi_instance *i = called(instance, __func__);
     if (!i || !has_array(i, eventHandlingNeeded, 1, "eventHandlingNeeded") ||
-        !has_array(i, terminateSimulation, 1, "terminateSimulation") ||
-        !has_array(i, earlyReturn, 1, "earlyReturn") ||
+        !has_array(i, terminateSimulation, 1, "terminateSimulation") || !has_array(i, earlyReturn, 1, "earlyReturn") ||
         !has_array(i, lastSuccessfulTime, 1, "lastSuccessfulTime"))
         return fmi3Error;
     step_observer observer = {i, intermediate_update};

@@ -1,7 +1,6 @@
 #include "instance.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,7 +15,6 @@ static const struct {
 } ALLOWED[NUMBER_OF_CALLS] = {
 #define AS_PERMISSION(name, kinds, discards, modes) {kinds, discards, modes},
     CALLS(AS_PERMISSION)
-#undef AS_PERMISSION
 };
 
 static const char *name_of_mode(fmi_mode mode)
@@ -149,8 +147,8 @@ fmi_instance *new_instance(fmi_instance *request, const char *name, const char *
     return i;
 }
 
-fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined, double tolerance,
-                          double start_time, int stop_time_defined, double stop_time)
+fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined, double tolerance, double start_time,
+                          int stop_time_defined, double stop_time)
 {
     if (!is_allowed(i, call))
         return STATUS_ERROR;

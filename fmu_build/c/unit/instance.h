@@ -77,17 +77,17 @@ fmi_status set_values(fmi_instance *i, const uint32_t references[], size_t n, co
 fmi_status no_such_type(fmi_instance *i, size_t n);
 
 /* Changes of the unknowns along the seed of the knowns; adjoint: the gradient to the knowns by the seed of the unknowns. */
-fmi_status differentiate(fmi_instance *i, int is_adjoint, const uint32_t unknowns[],
-                         size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
-                         size_t n_seed, double sensitivity[], size_t n_sensitivity);
-fmi_status get_output_rates(fmi_instance *i, const uint32_t references[], size_t n,
-                            const int32_t orders[], double values[], size_t n_values);
-fmi_status set_input_rates(fmi_instance *i, const uint32_t references[], size_t n,
-                           const int32_t orders[], const double values[]);
+fmi_status differentiate(fmi_instance *i, int is_adjoint, const uint32_t unknowns[], size_t n_unknowns,
+                         const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
+                         double sensitivity[], size_t n_sensitivity);
+fmi_status get_output_rates(fmi_instance *i, const uint32_t references[], size_t n, const int32_t orders[],
+                            double values[], size_t n_values);
+fmi_status set_input_rates(fmi_instance *i, const uint32_t references[], size_t n, const int32_t orders[],
+                           const double values[]);
 
 fmi_status begin_anew(fmi_instance *i);
-fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined,
-                          double tolerance, double start_time, int stop_time_defined, double stop_time);
+fmi_status set_experiment(fmi_instance *i, fmi_call call, int tolerance_defined, double tolerance, double start_time,
+                          int stop_time_defined, double stop_time);
 /* `check` may be NULL. */
 fmi_status change_mode(fmi_instance *i, fmi_call call, fmi_mode next, outcome (*check)(component *c));
 fmi_status do_step(fmi_instance *i, double time, double step, const step_observer *observer);

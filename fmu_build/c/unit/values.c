@@ -31,8 +31,8 @@ static int next_slot(slot_walk *at)
 }
 
 /* 1 if all references are known and the array has as many values as they have elements. */
-static int find_all(fmi_instance *i, const uint32_t references[], size_t n,
-                    const void *values, size_t n_values, const char *name)
+static int find_all(fmi_instance *i, const uint32_t references[], size_t n, const void *values, size_t n_values,
+                    const char *name)
 {
     size_t total = 0;
     int first, size;
@@ -128,8 +128,8 @@ static int is_known(int slot) { return is_input(slot) || role_at(slot) == STATE 
 static int is_unknown(int slot) { return role_at(slot) == STATE || role_at(slot) == RESULT || role_at(slot) == DERIVATIVE; }
 
 /* 1 if all references are of variables with a suitable role. */
-static int have_roles(fmi_instance *i, const uint32_t references[], size_t n,
-                      int (*fits)(int slot), const char *place, const char *expected)
+static int have_roles(fmi_instance *i, const uint32_t references[], size_t n, int (*fits)(int slot), const char *place,
+                      const char *expected)
 {
     for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
         if (!fits(at.slot))
@@ -139,17 +139,17 @@ static int have_roles(fmi_instance *i, const uint32_t references[], size_t n,
 }
 
 /* Gives the values of their slots if they are known, and concludes. */
-static fmi_status gather(fmi_instance *i, fmi_call call, outcome result,
-                         const uint32_t references[], size_t n, const double by_slot[], double values[])
+static fmi_status gather(fmi_instance *i, fmi_call call, outcome result, const uint32_t references[], size_t n,
+                         const double by_slot[], double values[])
 {
     for (slot_walk at = slots_of(i, references, n); result == DONE && next_slot(&at);)
         *values++ = by_slot[at.slot];
     return conclude(i, call, result);
 }
 
-fmi_status differentiate(fmi_instance *i, int is_adjoint, const uint32_t unknowns[],
-                         size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
-                         size_t n_seed, double sensitivity[], size_t n_sensitivity)
+fmi_status differentiate(fmi_instance *i, int is_adjoint, const uint32_t unknowns[], size_t n_unknowns,
+                         const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
+                         double sensitivity[], size_t n_sensitivity)
 {
     const double *of_unknowns = is_adjoint ? seed : sensitivity, *of_knowns = is_adjoint ? sensitivity : seed;
     size_t n_of_unknowns = is_adjoint ? n_seed : n_sensitivity, n_of_knowns = is_adjoint ? n_sensitivity : n_seed;
