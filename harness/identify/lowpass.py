@@ -91,7 +91,7 @@ def cutoff_of(leg_length: FloatArray, step: float) -> float:
     the window would look like fast motion.
     """
     rows, k = np.arange(len(leg_length)), max(2, len(leg_length) // 50)
-    slopes, values = np.moveaxis([np.polyfit(end, leg_length[end], 1) for end in (rows[:k], rows[-k:])], 1, 0)
+    slopes, values = np.stack([np.polyfit(end, leg_length[end], 1) for end in (rows[:k], rows[-k:])], axis=1)
     cubic = CubicHermiteSpline(rows[[0, -1]], values + slopes * rows[[0, -1], None], slopes)
     swings, window = leg_length - cubic(rows), np.hanning(len(rows))[:, None]
     of_legs = np.abs(np.fft.rfft((swings - swings.mean(axis=0)) * window, axis=0)) ** 2

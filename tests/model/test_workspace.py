@@ -49,7 +49,7 @@ def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
     assert one_sided.limit == Limit.LEG_TOO_LONG
     with pytest.raises(GoughStewartError, match=r"pose 2 is \[0\.0, nan, 2\.0, 0\.0, 0\.0, 0\.0\]; expected finite"):
-        evaluate_poses(MOTION_BASE, [[0, 0, 2], [0, np.nan, 2]], LEVEL)
+        evaluate_poses(MOTION_BASE, np.array([[0, 0, 2], [0, np.nan, 2]]), LEVEL)
 
 
 # Six different poses about and beyond the limits of the uneven platform.
