@@ -95,7 +95,9 @@ def cutoff_of(leg_length: FloatArray, step: float) -> float:
     )
     of_acceleration = np.maximum(power - floor, 0.0) * frequency**4
     share = np.cumsum(of_acceleration) / max(float(of_acceleration.sum()), 1e-300)
-    return max(_ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 1 - _BEYOND))]), LOWEST)
+    # all frequencies where nothing stands out
+    highest = min(int(np.searchsorted(share, 1 - _BEYOND)), len(share) - 1)
+    return max(_ABOVE_MOTION * float(frequency[highest]), LOWEST)
 
 
 def noise_beyond(values: FloatArray, step: float, cutoff: float) -> FloatArray:

@@ -308,7 +308,8 @@ class Excitation(AboutPose):
             listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise ValueError(f"expected the same number of coefficients of each kind; found {listed}")
         if 2 * self.fade > self.duration:
-            raise ValueError(f"fade is {self.fade:g} s at either end of a duration of {self.duration:g} s")
+            ends = f"fade is {self.fade:g} s at either end of a duration of {self.duration:g} s"
+            raise ValueError(f"{ends}; expected at most half of it")
         return self
 
     def _at(self, time: Array) -> Motion:

@@ -28,17 +28,6 @@ NOISY = Sensing(force_noise=0.002, length_noise=4e-6)
 NOISELESS = Sensing(force_noise=0.0, length_noise=0.0, encoder=0.0)
 
 
-def test_payload_com_and_friction_are_found_to_half_a_percent_a_millimetre_and_three_percent() -> None:
-    """Expected: the machine's own: mass to 0.5 %, centre of mass to 1 mm, friction to 3 %; joints 50 µm off."""
-    estimate = identify(machine_log(course=Course(joints=5e-5)), NOMINAL, NAMES)
-    assert abs(estimate["platform_mass"][0] / MACHINE.platform_mass - 1) < 0.005
-    np.testing.assert_allclose(estimate["platform_com"], MACHINE.platform_com, atol=1e-3)
-    assert abs(estimate["leg_viscous_friction"][0] / 560.0 - 1) < 0.03
-    assert abs(estimate["leg_coulomb_friction"][0] / 130.0 - 1) < 0.03
-    assert estimate.residuals.validation_rms is not None
-    assert (estimate.residuals.validation_rms < 0.02 * estimate.residuals.signal_rms).all()
-
-
 def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() -> None:
     """Expected: 1 % noise within the filter's band, 10 to 11 N; without noise and reversals of legs, 1e-6 of forces."""
     assert 9.0 < perfect_estimate().residuals.rms.mean() < 12.0
