@@ -303,10 +303,7 @@ def test_energies_of_each_sign_are_exact_where_power_is_linear_between_rows() ->
 
 
 def test_needs_say_what_they_leave_out() -> None:
-    """Expected: a jump of the reference and its time; friction or armature where the platform states none of it.
-
-    In a singular pose forces are not defined; lengths and speeds are.
-    """
+    """Expected: a jump and its time; friction or armature that the platform lacks; no forces in a singular pose."""
     first, *others = gs.check(experiment(UNEVEN, {"type": "hold"})).needs.notes
     assert "without external forces" in first
     assert others == []
