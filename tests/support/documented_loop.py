@@ -409,10 +409,7 @@ class DocumentedLoop:
 
 
 def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> DocumentedLoop:
-    """The loop about a pose q (6,) at rest, by central differences of the Lagrangian's accelerations.
-
-    Without Coulomb friction; sampled exactly for held commands, together with the lags of the drives.
-    """
+    """The loop at rest about a pose q (6,), with its drives, by differences of the Lagrangian's accelerations."""
     machine = replace(believed, leg_coulomb_friction=0.0)
     held, h = static_forces(machine, q), 1e-5
 
