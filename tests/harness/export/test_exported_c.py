@@ -363,7 +363,7 @@ def test_a_controller_follows_while_it_is_off_and_begins_there(kind: str, space:
 
 
 def test_bad_inputs_while_it_is_off_change_nothing_and_a_bad_manual_force_is_none() -> None:
-    """Expected: the manual force whatever is measured, with its status; a bad input then, feedforward."""
+    """Expected: the manual force whatever is measured, with its status; NaN as such leaves it on."""
     controller = {**PID, "feedforward": "gravity"}
     code = off(switched(uneven_experiment(reference=HOLD, controller=controller, actuators={"force_limit": 60.0})))
     code.step(at_hold())

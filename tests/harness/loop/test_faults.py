@@ -237,7 +237,7 @@ def test_the_command_follows_while_it_is_off_and_begins_there(controller: Any, p
 
 @pytest.mark.parametrize("controller", [linear(), Integral])
 def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(controller: Any) -> None:
-    """Expected: the errors of these runs; at 0 s the command before is the force that holds the machine."""
+    """Expected: commands of the recursion, errors of single runs; at 0 s the last one is the force that holds it."""
     varied = {
         "change.1.at": {"choice": ["0 ms", "36 ms", "40 ms"]},
         "change.2.at": {"choice": ["60 ms", "72 ms", "100 ms"]},

@@ -214,7 +214,7 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, 
 
 
 def test_poses_are_refused_from_the_limits_on() -> None:
-    """Expected: NumPy's condition numbers up to 1e8, on both sides of det J = 0; pitches near 90°; a leg."""
+    """Expected: NumPy's condition numbers up to 1e8, beside det J = 0; a pitch near 90°; a leg by its length."""
     scale = np.repeat([1.0, np.sqrt((UNEVEN.platform_points**2).sum() / 6)], 3)
 
     def jacobian(yaw: float) -> FloatArray:
