@@ -170,10 +170,7 @@ def test_the_search_puts_the_page_first_that_answers(browser: Browser, site: Pat
 
 
 def test_a_browser_shows_the_site_from_the_disk_and_axe_finds_nothing(browser: Browser, site: Path) -> None:
-    """Expected: nothing on the console, no request but for files, no page wider than its window, formulas of some size.
-
-    And no broken rule of axe, in the light and in the dark, on a desk and on a phone; 404.html needs a server.
-    """
+    """Expected: a silent console, no request but for files, nothing wider than its window, no broken rule of axe."""
     pages = sorted(page for page in site.glob("*.html") if page.stem != "404")
     assert len(pages) > 10
     for scheme, width in (("light", 1280), ("dark", 390), ("dark", 1280), ("light", 390)):

@@ -1,8 +1,4 @@
-"""Clients of `compatibility.py`, which know the files of a case alone: `python importers.py IMPORTER CASE [LIBRARY]`.
-
-Each runs in an environment that has its importer and NumPy, and prints a line for each run: what ran, and the largest
-deviation. LIBRARY is that of fmi4c, a C library.
-"""
+"""Clients of `compatibility.py`, which know a case's files alone: `python importers.py IMPORTER CASE [LIBRARY]`."""
 
 import ctypes
 import json

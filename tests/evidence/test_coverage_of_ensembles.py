@@ -43,10 +43,7 @@ def told(number: Number, bound: float) -> tuple[float, float, float]:
 
 
 def coverage(numbers: Iterable[Number], blocks: int, bounds: dict[float, float]) -> dict[float, tuple[float, float]]:
-    """Of each share, with its bound: how often the interval covers it, and its widest over that of so many blocks.
-
-    That is the exact interval by SciPy's beta distribution. Ends have three digits.
-    """
+    """By share, with its bound: how often intervals cover it; the widest over SciPy's exact one of so many blocks."""
     found: dict[float, list[tuple[bool, float]]] = {share: [] for share in bounds}
     for number in numbers:
         for share, bound in bounds.items():

@@ -22,10 +22,7 @@ STATE = "GoughStewart.engine.ask('state', 'state')"
 def test_ten_minutes_in_real_time_lose_nothing_and_need_no_memory(
     request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    """Expected: after the first minute, whose rows fill what is kept, the memory of script and machine stays.
-
-    Time that is lost is printed, not asserted: another program may have the processors.
-    """
+    """Expected: after the first minute, whose rows fill what is kept, the memory of script and machine stays."""
     (file,) = gs.export("heave_step", EVERYTHING, forms="page", out=tmp_path)
     assert CHROMIUM is not None, "expected Chromium; install the package chromium"
     heave = watched(request.getfixturevalue("browser"), 1440, 900)

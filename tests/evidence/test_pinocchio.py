@@ -1,7 +1,4 @@
-"""Pinocchio, an engine with other authors and another formulation, gives the same accelerations.
-
-`leg_armature` is its `armature` of the sliding joints.
-"""
+"""Pinocchio, an engine with other authors and another formulation, gives the same accelerations."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,4 @@
-"""Slow evidence: Ctrl-C and SIGTERM at random times in every command leave no process, no traceback, no broken file.
-
-This process adopts the processes that a command leaves (Linux's subreaper), so that every orphan is seen.
-"""
+"""Slow evidence: Ctrl-C and SIGTERM at random times in every command leave no process, traceback or broken file."""
 
 import ctypes
 import io

@@ -1,7 +1,4 @@
-"""Any sequence of calls: the unit has the bits of the stepping model, and both stay with their judge, `scipy`.
-
-The judge shares the equations, which Lagrangians judge elsewhere, and nothing of steps, saved states and copies.
-"""
+"""Any sequence of calls: the unit has the bits of the stepping model, and both stay with their judge, `scipy`."""
 
 import pickle
 from copy import copy, deepcopy

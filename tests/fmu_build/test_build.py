@@ -191,10 +191,7 @@ def test_all_targets_are_compiled_once_for_both_versions_and_lie_where_importers
 
 
 def test_a_library_for_apples_processors_has_the_digests_of_its_pages(tmp_path: Path) -> None:
-    """Expected: SHA-256 of each page in the code directory of the signature, which the system checks.
-
-    Start values are written into the library after it was linked and signed.
-    """
+    """Expected: SHA-256 of each page in the signature's code directory; start values are written after signing."""
     (library,) = binaries_of(built(tmp_path, "aarch64-darwin")).values()
     (n_commands,) = struct.unpack_from("<I", library, 16)
     at, signature = 32, 0

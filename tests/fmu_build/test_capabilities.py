@@ -224,10 +224,7 @@ def updated(fmu: Fmu, act: Act, *, early_return: bool = False) -> Plant:
 
 @pytest.mark.parametrize("early_return", [True, False])
 def test_intermediate_updates_come_at_the_states_that_a_step_passes(fmu3: Fmu, early_return: bool) -> None:
-    """Expected: states of the Lagrangian's motion. After an internal step inputs may be set and results read.
-
-    Before the end an early return may be asked for, if it was allowed.
-    """
+    """Expected: states of the Lagrangian's motion; inputs may be set there, and steps ended early if allowed."""
     seen: list[tuple[float, FloatArray]] = []
 
     def act(p: Plant, time: float, may: tuple[bool, ...]) -> None:

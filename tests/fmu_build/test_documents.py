@@ -1,7 +1,4 @@
-"""The documents in a unit's archive: description, terminals, reference results, page and pictures.
-
-Expected values are those of the table of variables and of the platform, of the unit itself, and of the standards.
-"""
+"""Documents in a unit's archive, against the table of variables, the platform, the unit itself and the standards."""
 
 import csv
 import html
@@ -128,10 +125,7 @@ Shown = dict[str, dict[str, bool]]
 
 @pytest.fixture(scope="module")
 def shown(fmus: dict[str, Fmu]) -> Shown:
-    """By unknown, the elements of inputs, states and parameters that change it, and whether always in proportion.
-
-    At three random points; any difference counts.
-    """
+    """By unknown, what changes it at three random points, and whether always in proportion."""
     rng, fmu = np.random.default_rng(4), fmus["2.0"]
     unknowns = [v for v in fmu.description.modelVariables if v.causality in ("output", "local")]
     knowns = [v for v in fmu.description.modelVariables if v.start and v.name != "fixed_step_size"]
@@ -247,10 +241,7 @@ def columns(fmu: Fmu, case: str, kind: str) -> dict[str, FloatArray]:
 
 @pytest.mark.parametrize("case", ["open_loop", "varying_inputs"])
 def test_reference_results_are_those_of_the_lagrangian_under_the_documented_inputs(fmu: Fmu, case: str) -> None:
-    """Expected: leg k pushes with its static force ± 10 %, k periods of it; a wrench of one sine squared.
-
-    The other case is the paper's by Froude's rule: lengths by λ, times by √λ, forces in its ratio of 55 to 49.5.
-    """
+    """Expected: leg k pushes with its static force ± 10 %, k periods of it; or the paper's case by Froude's rule."""
     results, inputs, start = (columns(fmu, case, kind) for kind in ("ref", "in", "start"))
     options = dict(
         csv.reader((fmu.folder / f"extra/gough_stewart/{case}/gough_stewart_ref.opt").read_text().splitlines())

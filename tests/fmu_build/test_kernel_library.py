@@ -46,10 +46,7 @@ def forget() -> None:
 
 @pytest.mark.usefixtures("folder")
 def test_it_evaluates_as_casadi() -> None:
-    """Expected: CasADi's interpreter of the same equations, but for reciprocals and the Jacobians' columns.
-
-    And the level of the processor by the flags that Linux lists, which leaves out what it has switched off.
-    """
+    """Expected: CasADi's interpreter, but for reciprocals and Jacobians' columns; the level by Linux's flags."""
     rng, library = np.random.default_rng(8), kernel_library()
     assert library is not None
     for _ in range(20):

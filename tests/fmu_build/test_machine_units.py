@@ -104,10 +104,7 @@ MASSLESS = UNEVEN.with_parameters(dict.fromkeys((*_ZEROS, "leg_viscous_friction"
 
 
 def test_a_platform_on_massless_legs_is_a_rigid_body_under_forces_along_them(fmu: Fmu) -> None:
-    """Expected: Newton and Euler for one body about its centre of mass; joints carry the actuators' forces alone.
-
-    At rest six of these balance the weight, by a linear system.
-    """
+    """Expected: Newton and Euler for one body under the actuators' forces; at rest six of them balance the weight."""
     R = Rotation.from_euler("xyz", STATE.orientation).as_matrix()
     arms, com = MASSLESS.platform_points @ R.T, R @ MASSLESS.platform_com
     u = STATE.position + arms - MASSLESS.base_points

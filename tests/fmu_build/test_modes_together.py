@@ -1,7 +1,4 @@
-"""Every pair of a unit's modes of use, against equations of motion by a Lagrangian under SciPy's DOP853.
-
-Neither the equations nor the integration are the unit's. In Model Exchange, DOP853 integrates the unit's derivatives.
-"""
+"""Every pair of a unit's modes of use, against equations of motion by a Lagrangian under SciPy's DOP853."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -96,10 +93,7 @@ def test_the_unit_moves_as_the_machine_does(row: dict[str, Any], fmus: dict[str,
 
 
 def inputs(row: dict[str, Any], t: float, times: FloatArray) -> FloatArray:
-    """Forces and wrench at a time since the start: on a straight line, or the value at the last communication point.
-
-    At the end, the values of the last step still act. FMI 3.0 has no rates of inputs in Co-Simulation.
-    """
+    """Forces and wrench at a time since the start: on a straight line, or held from the last communication point."""
     is_linear = row["inputs"] == "linear" and (row["kind"] == "Model Exchange" or row["version"] == "2.0")
     at = t if is_linear else float(times[:-1][np.searchsorted(times[:-1], t, "right") - 1])
     return np.asarray((FIRST + SLOPE * at) * np.repeat([1, row["wrench"]], 6))

@@ -170,10 +170,7 @@ def times_of(fmu: Fmu, case: str, steps: list[float], tolerance: float = 1e-8, t
 
 @pytest.mark.parametrize(("start", "parts"), [(0.0, 1), (0.01, 5), (-0.1, 3), (-0.1, 7), (1e6, 100), (-1e9, 10)])
 def test_fixed_steps_are_equal_and_fit_into_the_communication_step(fmu3: Fmu, start: float, parts: int) -> None:
-    """Expected: ⌈step/size⌉, early and late; the last ends where it should, to the last bit.
-
-    Of steps from -0.1 s, start + (end - start) is less than the end.
-    """
+    """Expected: ⌈step/size⌉, early and late; the last ends where it should, to the last bit."""
     step = 0.35000000000000003 if start == -0.1 else 0.01
     assert (start + ((start + step) - start) < start + step) == (start == -0.1)
     for seen in times_of(fmu3, "uneven", [step] * 2, time=start, fixed_step_size=1.001 * step / parts):

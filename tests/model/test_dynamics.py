@@ -8,19 +8,12 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from tests.support.documented_loop import twist_of_rates
+from tests.support.documented_loop import friction_of, twist_of_rates
 from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
 from tests.support.random_platforms import random_platform, random_state
 from tests.support.uneven import MOVING, STATE, UNEVEN
 
 HOME = UNEVEN.home_position, UNEVEN.home_orientation
-
-
-def friction_of(platform: gs.Platform, rate: FloatArray) -> FloatArray:
-    """As documented: c_i L̇ + C_i tanh(L̇/v_s)."""
-    viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor * rate
-    coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor
-    return np.asarray(viscous + coulomb * np.tanh(rate / platform.leg_friction_velocity))
 
 
 def twists_of(q: FloatArray, rate: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -193,10 +193,7 @@ REAL = real_platform("lugre", springs=True)
 
 @pytest.mark.parametrize("name", [*UNEVEN.as_dict(), "leg_velocity_max"])
 def test_equal_platforms_are_equal_in_every_field(name: str) -> None:
-    """Expected: a change of the last number of any field makes another platform; the same value makes the same.
-
-    So it is by `with_parameters`, whose arrays are read-only, too.
-    """
+    """Expected: a change of the last number of any field makes another platform; the same value makes the same."""
     value: Any = getattr(REAL, name)
     assert replace(REAL, **{name: value}) == REAL
     assert hash(replace(REAL, **{name: value})) == hash(REAL)

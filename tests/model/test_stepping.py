@@ -1,8 +1,4 @@
-"""The stepping model's contract, rule by rule; numbers are those of its docstring.
-
-What both integrators promise is asked of both, of the four variants of a platform. `scipy` shares the equations with
-`compiled`, not the integration; the equations have tests of their own, and one here against a Lagrangian.
-"""
+"""The stepping model's contract, rule by rule, of both integrators and four variants; one against a Lagrangian."""
 
 import re
 from copy import deepcopy

@@ -84,10 +84,7 @@ RANGES: list[tuple[Platform, tuple[str, ...], dict[str, Any], dict[str, float]]]
 def test_a_range_is_that_of_what_can_be_reached_rounded_outward(
     platform: Platform, looked_for: tuple[str, ...], given: dict[str, Any], fixed: dict[str, float]
 ) -> None:
-    """Expected: all that a random search reaches, and little more; ends are multiples of 1, 2 or 5 times 10ⁿ, or box's.
-
-    A range that is nearly symmetric about home is made so.
-    """
+    """Expected: what a random search reaches, and little more; ends are multiples of 1, 2 or 5 times 10ⁿ, or box's."""
     over = {**dict.fromkeys(looked_for), **given}
     w = sweep(platform, over, fixed, points=2)
     home = dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True)) | fixed

@@ -60,10 +60,7 @@ def open_report(
     webgl: bool = True,
     **options: Any,
 ) -> Iterator[Watched]:
-    """A page, drawn, until the end of a block: it must have caused no error and no request but for itself.
-
-    With a `link` such as "t=0" a page stands still.
-    """
+    """A page, drawn, until the end of a block, without error or request; a `link` such as "t=0" stops it."""
     found = watched(browser, *size, **options)
     if not webgl:
         found.page.add_init_script(WITHOUT_WEBGL)

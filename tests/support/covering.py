@@ -6,10 +6,7 @@ from typing import Any
 
 
 def covering(rows: Sequence[Mapping[str, Any]], times: int = 1) -> list[int]:
-    """Numbers of rows that hold every value so many times, or as often as all rows do, in ascending order.
-
-    The row that has most of the missing values is the next one, the first of several.
-    """
+    """Ascending numbers of rows that hold every value so many times, or as often as all do; the fullest row is next."""
     values = [{(name, str(value)) for name, value in row.items()} for row in rows]
     missing = Counter({each: min(times, n) for each, n in Counter(e for row in values for e in row).items()})
     chosen = list[int]()

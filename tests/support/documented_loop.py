@@ -255,7 +255,7 @@ def feedforward(options: Mapping[str, Any], believed: Platform, ahead: Pose) -> 
         return np.zeros(6)
     if options["feedforward"] == "gravity":
         return static_forces(believed, ahead.q[0])
-    return np.asarray(forces_along(believed, ahead)[0] + _friction(believed, legs_along(believed, ahead)[1][0]))
+    return np.asarray(forces_along(believed, ahead)[0] + friction_of(believed, legs_along(believed, ahead)[1][0]))
 
 
 class _Drive:
@@ -288,7 +288,8 @@ class _Drive:
         return np.asarray(((f[1:] + f[:-1]) / 2).mean(axis=0))
 
 
-def _friction(machine: Platform, velocity: FloatArray) -> FloatArray:
+def friction_of(machine: Platform, velocity: FloatArray) -> FloatArray:
+    """As documented: c_i L̇ + C_i tanh(L̇/v_s)."""
     viscous = machine.leg_viscous_friction * machine.leg_viscous_friction_factor
     coulomb = machine.leg_coulomb_friction * machine.leg_coulomb_friction_factor
     return np.asarray(viscous * velocity + coulomb * np.tanh(velocity / machine.leg_friction_velocity))
@@ -327,7 +328,7 @@ def accelerations(
 ) -> FloatArray:
     """q̈ (6,) from M q̈ + h = (∂L/∂q)ᵀ (F − friction) + Eᵀ w, with E of `twist_of_rates`."""
     M, h, by_angles = equations_at(machine, q, rate)
-    sliding_force = force - _friction(machine, by_angles @ rate)
+    sliding_force = force - friction_of(machine, by_angles @ rate)
     return _solved(M, by_angles.T @ sliding_force + twist_of_rates(q).T @ wrench - h)
 
 
@@ -409,10 +410,7 @@ class DocumentedLoop:
 
 
 def linear(options: Mapping[str, Any], believed: Platform, q: FloatArray) -> DocumentedLoop:
-    """The loop about a pose q (6,) at rest, by central differences of the Lagrangian's accelerations.
-
-    Without Coulomb friction; sampled exactly for held commands, together with the lags of the drives.
-    """
+    """The loop at rest about a pose q (6,), with its drives, by differences of the Lagrangian's accelerations."""
     machine = replace(believed, leg_coulomb_friction=0.0)
     held, h = static_forces(machine, q), 1e-5
 

@@ -1,7 +1,4 @@
-"""Exported controllers from the files that `gs.export` writes: compiled here, and called by what their header says.
-
-Their experiments are those of an uneven platform; what they are to command is in the record of `gs.run`.
-"""
+"""Exported controllers from the files that `gs.export` writes: compiled here, and called by what their header says."""
 
 import ctypes
 import os

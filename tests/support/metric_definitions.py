@@ -1,8 +1,4 @@
-"""The metrics of a record a second time, from the words of `gs.metrics`: plain loops over the rows of its table.
-
-Nothing of the package is used but names of columns, so it serves as expectation for `gs.metrics`, `metrics.json`, the
-printed tables, and, by `as_one_number`, for the columns of an ensemble.
-"""
+"""The metrics of a record a second time, from the words of `gs.metrics`: plain loops over the rows of its table."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -73,10 +69,7 @@ def same_to_rounding(found: Any, wanted: Any, at: str = "") -> None:
 
 
 def as_one_number(found: Mapping[str, Any]) -> dict[str, float | None]:
-    """The same by path, as in an ensemble's table: lists by leg or axis become their largest number.
-
-    Of the shortest leg length and of the time at which a limit was first exceeded it is the least.
-    """
+    """The same by path, as in an ensemble's table: of a list the largest number, or of two paths the least."""
     flat: dict[str, float | None] = {}
     for name, part in found.items():
         if name == "step_response":

@@ -1,8 +1,4 @@
-"""What tests use unless they need something else: platform, state, inputs and gains in which no two numbers are alike.
-
-Six different arms and legs, a full inertia, the centre of mass aside, gravity aslant, all friction. With these a wrong
-index, a transposed matrix or a forgotten term shows; with a preset, whose legs are alike, it may not.
-"""
+"""Platform, state, inputs and gains of which no two numbers are alike, so that a wrong index or transpose shows."""
 
 import numpy as np
 

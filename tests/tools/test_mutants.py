@@ -1,7 +1,4 @@
-"""The tool that plants bugs: on a small repository whose tests are known, and its changes of sources.
-
-Expected: written by hand.
-"""
+"""The tool that plants bugs: on a small repository whose tests are known, and its changes of sources, by hand."""
 
 import json
 import subprocess

@@ -1,7 +1,4 @@
-"""The licences of what is shipped: known ones pass, and an unknown one anywhere is a complaint.
-
-Expected: licences as packages write them, by hand; `make release-check` runs the whole on what it has built.
-"""
+"""Licences of what is shipped, as packages write them: known ones pass, an unknown one anywhere is a complaint."""
 
 import sys
 import tomllib

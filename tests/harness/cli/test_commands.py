@@ -270,10 +270,7 @@ NAMES = "platform_mass,platform_com,leg_armature,leg_viscous_friction,leg_coulom
 
 
 def test_several_logs_are_fitted_another_validates_and_what_is_missing_is_proposed() -> None:
-    """Expected: of heave alone the height of the centre of mass is null, and a command that runs proposes a motion.
-
-    The forces are those of the middle of each sample, as of a sampled controller: half a row late if not said.
-    """
+    """Expected: of heave alone the height of the centre of mass is null, and a command that runs proposes a motion."""
     slow, fast = (Course(Swing(axes=HEAVE.axes, size=size)) for size in (0.04, 0.06))
     late = Sensing(delay=-0.5e-3)
     logs = [

@@ -1,7 +1,4 @@
-"""Every file that a command writes goes through every command and every key that takes such a file.
-
-Commands and their parameters come from the command line itself: one that is new must be entered here.
-"""
+"""Every file that a command writes goes through every command and every key that takes such a file."""
 
 import re
 import shlex

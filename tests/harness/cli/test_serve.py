@@ -114,10 +114,7 @@ def test_the_platform_follows_a_sender_by_the_limits_of_motion_and_stays_when_it
 
 
 def test_a_binary_sender_that_asks_with_every_row_is_followed_by_the_filter_until_it_is_lost() -> None:
-    """Expected: 19 doubles, time, pose, lengths, reference; at 250 Hz steps of 4 ms, whatever the sample time.
-
-    The reference has the step response of 1/(s/w + 1)^3, w = 2 pi 1.5 Hz, which no limit touches. --stop then ends it.
-    """
+    """Expected: steps of 4 ms; the step response of 1/(s/w + 1)^3, w = 2 pi 1.5 Hz, which no limit touches."""
     start, change = np.array(HOME), np.array([2e-3, -1e-3, 3e-3, 1e-3, -2e-3, 1.5e-3])
     loop = [f"--set=loop.{key}" for key in ("duration=3", "sample_time=3 ms", "plant_step=1 ms")]
     loop.append("--set=reference.at=2.9")  # until then it rests

@@ -229,10 +229,7 @@ def test_defaults_follow_from_the_gains() -> None:
 @pytest.mark.parametrize("is_diagonal", [False, True])
 @pytest.mark.parametrize("method", ["tustin", "backward_diff", "zoh"])
 def test_sampling_is_python_controls(method: Any, is_diagonal: bool) -> None:
-    """Expected: the matrices of `control.sample_system`, by SciPy; of a system with three inputs and two outputs.
-
-    Its states depend on each other; or each on itself alone, one integrates and one grows.
-    """
+    """Expected: the matrices of `control.sample_system`, by SciPy, of states that depend on each other, or do not."""
     rng = np.random.default_rng(3)
     A = np.diag([-30.0, 0.0, 7.0, -110.0]) if is_diagonal else rng.normal(size=(4, 4)) - 20 * np.eye(4)
     system = control.ss(A, rng.normal(size=(4, 3)), rng.normal(size=(2, 4)), rng.normal(size=(2, 3)))

@@ -1,7 +1,4 @@
-"""Controllers in whole runs: what they are told, what linear ones compute, and each member of an ensemble as alone.
-
-The platform is uneven and away from home; forces are limited in size and rate, sensors are noisy, the start is off.
-"""
+"""Controllers in whole runs: what they are told, what linear ones compute, and members of an ensemble as alone."""
 
 from typing import Any
 
@@ -131,10 +128,7 @@ def recursion(plain: Any, u: FloatArray, u_at_rest: FloatArray) -> tuple[FloatAr
 @pytest.mark.parametrize("form", ["errors", "both", "excess"])
 @pytest.mark.parametrize("plant", ["model", "fmu3"])
 def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: tuple[str, ...], plant: str) -> None:
-    """Expected: of the record's references, measurements and limits, plus feedforward and injection; its states.
-
-    In the loop of machine code, and in the one around a unit.
-    """
+    """Expected: of the record's references, measurements and limits, plus feedforward and injection; in both hosts."""
     n = sum(PLACES[name] for name in names)
     plain = system({"errors": n, "both": 2 * n, "excess": 2 * n + 6}[form])
     record = run_of(gs.LinearController(plain, names), plant)
@@ -272,11 +266,7 @@ def test_warnings_of_a_users_arithmetic_are_seen_in_a_run_and_not_in_an_ensemble
 
 @pytest.mark.parametrize("plant", ["model", "fmu3"])
 def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory(plant: Any) -> None:
-    """Expected: of every sample its own readings, reference and time, and a memory that has counted from zero.
-
-    In the loop of machine code, and in the one around a unit. Its inputs are in another order than the signals, the
-    memory is a matrix, and no two gains are alike.
-    """
+    """Expected: of every sample its own readings, reference and time, and a memory that has counted from zero."""
     names = ("memory", "reference_leg_length", "time", "leg_velocity", "leg_length")
     memory, wanted, time = casadi.SX.sym("m", 2, 3), casadi.SX.sym("r", 6), casadi.SX.sym("t")
     velocity, length = casadi.SX.sym("v", 6), casadi.SX.sym("l", 6)

@@ -18,10 +18,7 @@ def relative(a: np.ndarray, b: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_the_exact_linearisation_is_that_of_python_controls_differences(name: str) -> None:
-    """Expected: control.linearize, by one-sided differences, within 1e-5 of the largest element of each block.
-
-    Away from home, where no two legs are alike.
-    """
+    """Expected: control.linearize, by one-sided differences, within 1e-5 of the largest element of each block."""
     platform = PLATFORMS[name]
     size = 0.05 * platform.characteristic_length
     pose = platform.home_position + size * np.array([1, -2, 1.5]), np.array([0.1, -0.05, 0.15])

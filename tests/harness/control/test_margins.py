@@ -247,10 +247,7 @@ def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> Non
 
 
 def test_the_scaled_norm_is_the_structured_singular_value() -> None:
-    """Expected: √|ab| of ((0, a), (b, 0)), the largest element of a diagonal or a triangular matrix.
-
-    Of six channels, never below the spectral radius of any M U, U diagonal and unitary.
-    """
+    """Expected: √|ab| of ((0, a), (b, 0)), a diagonal's largest; no less than ρ(M U), U diagonal and unitary."""
     pairs = np.array([[[0, 100], [0.01, 0]], [[0, 3j], [12, 0]], [[2, 0], [0, -5j]]], dtype=complex)
     assert scaled_norm(pairs) == pytest.approx([1.0, 6.0, 5.0], rel=1e-9)
     upper = np.array([[2, 40, -7], [0, -3j, 90], [0, 0, 1]], dtype=complex)

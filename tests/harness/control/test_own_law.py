@@ -1,8 +1,4 @@
-"""A user's own controller: what it is told, its margins, and its C, as it stands.
-
-Expected: of margins, those of the same law written as a discrete linear system, stated here; of exported C, what the
-class itself commanded in a run of the harness.
-"""
+"""A user's own controller, against the same law as a discrete linear system, and its C against a run of the class."""
 
 from collections import deque
 from pathlib import Path

@@ -103,10 +103,7 @@ def test_the_nonlinear_system_has_the_states_of_its_platform() -> None:
 
 
 def test_a_bandwidth_that_rigid_legs_bear_is_refused_on_legs_that_give() -> None:
-    """Expected: stable on rigid legs; on soft ones a run grows, no faster than the worst eigenvalue says.
-
-    A quarter of 2e7 N/m, with a mode at 37.95 Hz, has it at half of that.
-    """
+    """Expected: stable on rigid legs; on soft ones a run grows, no faster than the worst eigenvalue says."""
     soft = {"platform.parameters.leg_stiffness": 5e6}
     text = r"stable on rigid legs: those of 5e\+06 N/m, whose first structural mode is at 19 Hz, limit the bandwidth"
     with pytest.raises(UnstableLoopError, match=text) as caught:

@@ -1,7 +1,4 @@
-"""All numbers of `gs.margins` for uneven loops away from home, against a loop written from the documentation.
-
-Its matrices are differences of a Lagrangian's accelerations and written-out recursions, without code of the harness.
-"""
+"""All numbers of `gs.margins` for uneven loops away from home, against a loop written from the documentation."""
 
 from collections.abc import Callable
 from dataclasses import replace

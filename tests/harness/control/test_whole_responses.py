@@ -1,7 +1,4 @@
-"""All numbers of `gs.frf` for uneven loops away from home, computed again from columns of the record by plain sums.
-
-The linear model is that of a loop written from the documentation.
-"""
+"""All numbers of `gs.frf` for uneven loops, by plain sums over the record and a loop written from the documentation."""
 
 from typing import Any
 

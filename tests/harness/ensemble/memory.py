@@ -1,7 +1,4 @@
-"""A controller that keeps something between samples, written in the ways that a user may write it.
-
-A PID, uneven over the legs: its integral and its last error are its memory. The gains suit `heave_tolerances`.
-"""
+"""A PID, uneven over the legs, that keeps integral and last error in each of the ways that a user may write it."""
 
 from collections.abc import Callable
 from inspect import getsource

@@ -73,11 +73,7 @@ def test_a_fixed_step_of_the_plant_is_that_of_all_members(size: float | None, nu
 
 
 def test_errors_go_down_with_the_tolerance_where_legs_slip() -> None:
-    """Expected: 64 fixed steps a row; of 40 machines whose legs change direction within rows, none is off by chance.
-
-    A row's forces turn the friction of all legs within less than a row, where one estimate alone may vanish. Errors of
-    tracking change by no more than states do.
-    """
+    """Expected: 64 fixed steps a row; of 40 machines whose legs change direction within rows, none is off by chance."""
     varied = {"members": 40, "seed": 1, "platform_mass": {"factor": {"uniform": [0.8, 1.3]}}}
     varied["leg_coulomb_friction"] = {"uniform": ["0 N", "100 N"]}
     settings = {"loop.duration": 0.1, "reference.at": 0.03, "sensors.quantisation": {}, "ensemble": varied}

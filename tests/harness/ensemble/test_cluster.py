@@ -115,10 +115,7 @@ def test_workers_get_a_controller_from_python(cluster: Cluster) -> None:
 
 
 def test_a_worker_killed_in_mid_run_changes_no_byte(cluster: Cluster, tmp_path: Path) -> None:
-    """Expected: the other worker computes its chunks, and the files are those of a run without a cluster.
-
-    The last that uses the cluster, which has one worker afterwards.
-    """
+    """Expected: the files of a run without a cluster. The last that uses it: it has one worker afterwards."""
     done = list[int]()
 
     def progress(members: int, _total: int) -> None:

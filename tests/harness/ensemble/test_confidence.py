@@ -1,7 +1,4 @@
-"""How sure an ensemble is: resample by resample by NumPy, exact intervals by SciPy, and who matters beyond doubt.
-
-How often intervals cover the truth, in every design, is slow evidence.
-"""
+"""How sure an ensemble is: resample by resample by NumPy, exact intervals by SciPy, and who matters beyond doubt."""
 
 import re
 from typing import Any
@@ -150,10 +147,7 @@ def test_points_that_vary_in_nothing_have_no_share(what: str) -> None:
 
 
 def test_a_saltelli_ensemble_is_as_sure_as_its_points(tmp_path: Any) -> None:
-    """Expected: SciPy's intervals of 16 points, whose 7 other inputs copy 9 of 10 members; shares count as points.
-
-    As if its 160 members were independent, they would be three times as narrow.
-    """
+    """Expected: SciPy's intervals of 16 points; of 160 independent members they would be three times as narrow."""
     home = gs.load_preset("motion_base").home_position.tolist()
     others = ("platform_mass", "leg_lower_mass", "leg_upper_mass", "leg_viscous_friction", "platform_inertia",
               "leg_lower_com", "leg_upper_com")  # fmt: skip

@@ -1,8 +1,4 @@
-"""Controllers with memory: each member of each run has its own, and a function that keeps any is found out.
-
-Expected everywhere: what the member gives alone, run by the loop of a single run. That a fresh controller is called
-once a sample, in order, is counted by controllers that write down each call.
-"""
+"""Controllers with memory: each member has its own, as in a single run alone; a function that keeps any is found."""
 
 import re
 import sys

@@ -1,7 +1,4 @@
-"""What is said of an ensemble: how many machines do it, how well, how sure, what fails, and what makes them differ.
-
-Members have figures of merit that are closed forms of what varies; charts and tables are compared with the columns.
-"""
+"""What is said of an ensemble whose figures of merit are closed forms of what varies."""
 
 import re
 from typing import Any
@@ -42,10 +39,7 @@ def test_the_verdict_counts_machines_with_an_exact_interval(n: int, lost: int) -
 @pytest.mark.parametrize("metric", [PEAK, "stroke.margin"])
 @pytest.mark.parametrize(("n", "lost"), [(25, 0), (59, 3), (400, 10)])
 def test_most_machines_stay_within_a_quantile_between_order_statistics(metric: str, n: int, lost: int) -> None:
-    """Expected: the 95 % quantile of the completed, of a margin that of 5 %; ends by sums of the binomial distribution.
-
-    One value further in would leave more than 2.5 % outside; where no value is far enough out, there is no end.
-    """
+    """Expected: the 95 % quantile, of a margin that of 5 %; ends by sums of the binomial distribution, or none."""
     outcome = ["completed"] * n + ["stopped"] * lost
     found = with_columns(ensemble_of(normal(n + lost), outcome), **judged_by(metric))
     values, level = np.sort(found.values(metric)[:n]), 0.95 if metric == PEAK else 0.05
@@ -275,10 +269,7 @@ def test_failures_are_counted_by_cause_the_most_frequent_first() -> None:
 
 
 def test_the_worst_members_are_those_with_the_largest_value_and_before_them_those_that_failed() -> None:
-    """Expected: sorted by hand; of small margins, deviations and unstable loops the smallest; impossible never.
-
-    Numbers of members are not those of their rows.
-    """
+    """Expected: sorted by hand; of small margins, deviations and unstable loops the smallest; impossible never."""
     outcome = ["completed"] * 4 + ["stopped", "impossible", "diverged"]
     merit, number = [5.0, None, 9.0, 7.0, 1.0, 2.0, 3.0], np.arange(106, 99, -1)
     columns = {"ended": [2.0, 2.0, 2.0, 2.0, 0.7, None, 0.3], "force.peak": merit, "stroke.margin": merit,

@@ -206,10 +206,7 @@ def test_names_that_are_not_there_are_refused_before_anything_runs(
 
 
 def test_a_member_without_margins_is_a_row_with_its_cause(tmp_path: Path) -> None:
-    """Expected: 60 samples of delay are 360 states and 18 more, above 300; the other members have their margins.
-
-    Its run is what it was; a requirement on the margin counts it as one that does not hold it.
-    """
+    """Expected: 60 samples of delay are 360 states and 18 more, above 300; its requirement counts as not held."""
     delays = ("--set", "ensemble.margins=true", "--set", "ensemble.loop.delay={ grid = [1, 60] }")
     few = ("--set", "loop.duration=0.2", "--members", "4", "--workers", "1", "--out", str(tmp_path))
     done = invoke("ensemble", "heave_step", *delays, *few, "--require", "margins.disk >= 0.1")

@@ -1,8 +1,4 @@
-"""All that is said of one ensemble, number by number, against the records of its members.
-
-An uneven machine in trouble, of which masses, joints, friction, gains, delays, limits, noise, reference and disturbance
-differ; some members complete, some diverge, each at its own time, and some are impossible.
-"""
+"""All that is said of one ensemble of an uneven machine in trouble, against the records of its members."""
 
 import json
 import re

@@ -83,10 +83,7 @@ def test_the_own_controller_follows_poses_as_its_reference(settings: dict[str, A
 
 @pytest.mark.parametrize("actions", ["force", "pose"])
 def test_a_member_restarts_alone_and_forgets_everything(actions: Any) -> None:
-    """Expected: after its end a step with reward 0 to the start, then its first episode again, bit for bit.
-
-    The others' are those of an environment without it; with the platform's own seed a member's bits are its own.
-    """
+    """Expected: after its end a step with reward 0 to the start, then its first episode again; others as alone."""
     settings = {key: value for key, value in UNEVEN.items() if "noise" not in key} | PID
     settings |= {"limits.position_error": 0.06, "loop.duration": 0.4}
     if actions == "force":  # several internal steps, which begin with the size that the last one proposed

@@ -65,10 +65,7 @@ OF_FUNCTION = "of_law(6) → of_law(7) | power=5 → power=4 | k * sample → k 
 
 @pytest.mark.parametrize("change", f"{OF_CLASS.strip()} | {OF_FUNCTION}".replace("\n", " | ").split(" | "))
 def test_every_part_of_a_class_and_of_a_function_counts(change: str) -> None:
-    """Expected: of an object and its bound methods, and of the class but for values of its own; nothing else.
-
-    Of a function what it encloses, its defaults, its code, and globals that it reads; not the place.
-    """
+    """Expected: all of a class but values of its own; what a function encloses, its defaults, code and globals."""
     old, new = change.split(" → ")
     assert SOURCE.count(old) == 1
     one, other = compiled(SOURCE), compiled(SOURCE.replace(old, new))

@@ -92,10 +92,7 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> 
 
 
 def test_an_l_that_cannot_be_known_is_not_shown_however_coherent(shipped: gs.Record) -> None:
-    """Expected: S = 1/(1 + L) with a radius of 0.02: L of 0.5 is known, L of 0.01 is not; the crossover in between.
-
-    A circle about S that reaches its middle is no circle about 1/S.
-    """
+    """Expected: S = 1/(1 + L) with a radius of 0.02: L of 0.5 is known, 0.01 is not; the crossover in between."""
     f = np.array([1.0, 4.0, 16.0, 64.0])
     L: Any = np.array([4, 2, 0.5, 0.01], dtype=complex)
     made = gs.frf(shipped)

@@ -31,10 +31,7 @@ def growth(settings: Any, **more: Any) -> float:
 
 
 def test_readings_and_jitter_are_their_worst_delay() -> None:
-    """Expected: 3 samples of delay for readings every 4; 2 steps of 0.25 ms for readings every 3, and for jitter.
-
-    Which is one sample in all; a quarter of one is a factor e^(−iω 0.25 ms) far below half the rate.
-    """
+    """Expected: 3 samples of delay for readings every 4; 2 steps of 0.25 ms for readings every 3, and for jitter."""
     of_readings = gs.margins("heave_step", {"sensors.sample_time": 0.004})
     assert of_readings.late == pytest.approx(0.003)
     assert of_readings.as_dict()["margins"] == gs.margins("heave_step", {"loop.delay": 4}).as_dict()["margins"]

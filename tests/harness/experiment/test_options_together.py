@@ -252,10 +252,7 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
 
 
 def _samples(record: gs.Record) -> list[int]:
-    """The row of each sample, by the first change of the command; what jitter is there is no matter of the loop.
-
-    Of a machine at rest, whose commands stay, that of the sample at which the first one comes to act.
-    """
+    """The row of each sample, by the first change of the command; at rest, that at which the first one comes to act."""
     rows = []
     command, force = (
         (np.diff(record[name], axis=0) != 0).any(axis=1) for name in ("controller.force", "actuator_force")

@@ -17,10 +17,7 @@ HEADER = "time,x,y,z,roll,pitch,yaw,jumps"
 
 
 def test_other_gains_give_other_forces_of_the_same_error() -> None:
-    """Expected: at rest with an error e the force goes from kp e to kp' e, kp'/kp = (3/2)², without a kick.
-
-    A change between two samples acts at the later one.
-    """
+    """Expected: at rest the force goes from kp e to kp' e, kp'/kp = (3/2)², without a kick, at the later sample."""
     record = gs.run("heave_step", {**AT_REST, "loop.duration": 4, "change": [{"at": 3.5005, "controller": PD}]})
     before, after = record["actuator_force"][7001], record["actuator_force"][7002]
     assert np.ptp(record["actuator_force"][6900:7002], axis=0).max() < 1e-3 * np.abs(before).max()

@@ -86,10 +86,7 @@ def test_an_experiment_file_keeps_all_but_the_keys_that_are_set(tmp_path: Path) 
 
 
 def test_named_files_are_the_same_ones_from_any_folder(tmp_path: Path) -> None:
-    """Expected: what the operating system opens under both names; from a link, .. leads elsewhere.
-
-    In a folder where a shipped name means another file, nothing is written.
-    """
+    """Expected: what the system opens under both names; where a shipped name means another file, nothing is written."""
     mine, far = tmp_path / "mine", tmp_path / "far" / "away"
     (mine / "a").mkdir(parents=True)
     far.mkdir(parents=True)

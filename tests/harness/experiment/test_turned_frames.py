@@ -101,10 +101,7 @@ def gaps(ours: Mapping[str, FloatArray], theirs: Mapping[str, FloatArray]) -> di
 def test_checks_runs_and_metrics_are_those_of_the_unturned_machine(
     name: str, as_path: bool, frames: tuple[Frame, ...], tmp_path: Path
 ) -> None:
-    """Expected: the same poses in the frame as shipped; curves have the rounding of second derivatives of splines.
-
-    Between the rows of a table, splines through the angles of another frame differ, where 3 rad mix roll and pitch.
-    """
+    """Expected: the same poses in the frame as shipped; curves have the rounding of second derivatives of splines."""
 
     def found(frame: Frame) -> dict[str, FloatArray]:
         changes = machine(name, frame) | {"reference": reference(name, frame, tmp_path, as_path=as_path)}
@@ -157,10 +154,7 @@ def test_a_workspace_goes_through_half_a_turn(
 
 
 def test_angles_that_differ_by_a_turn_are_the_same_in_starts_references_and_errors() -> None:
-    """Expected: no error and no force, whichever turn start, reference and home are counted in.
-
-    References are counted in the turns of home: a first yaw of 4 rad, as home has it, of a path and of a recording.
-    """
+    """Expected: no error and no force, whichever turn start, reference and home are counted in."""
     system = control.ss([], [], [], np.ones((6, 6)) * 1e3, 1e-3)
     follows = gs.LinearController(system, signals=("position", "orientation"))
     for sign in (1, -1):

@@ -171,10 +171,7 @@ def test_a_function_that_keeps_memory_is_said_once_and_in_the_record(is_told: bo
 
 @pytest.mark.parametrize("plant", [None, "model"])
 def test_a_run_of_a_member_warns_as_a_plain_run_does(plant: Any) -> None:
-    """Expected: the limit that its reference exceeds with permission, and the hint at its sensors, as of the plain run.
-
-    A function that keeps memory is a plain run's only: members do not share one.
-    """
+    """Expected: the plain run's limit and hint at its sensors; a function that keeps memory is a plain run's only."""
     settings = {
         "platform.parameters": {"leg_velocity_max": 0.05},
         "limits.reference": "warn",

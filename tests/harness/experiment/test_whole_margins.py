@@ -139,10 +139,7 @@ def test_the_verdict_says_what_all_legs_bear_alike_and_independently(found: gs.L
 
 
 def test_charts_have_the_loops_of_the_legs(found: gs.LoopMargins, report: Any) -> None:
-    """Expected: gain and phase of each leg's loop by the formula for one leg cut; σ of S and T from L; units.
-
-    The phase has no jump of half a turn, and gaps where the gain is negligible.
-    """
+    """Expected: each leg's loop by the formula for one leg cut; σ of S, T from L; gaps where gains are negligible."""
     gain, phase, sigma, step = report.charts
     everything = LOOP.response(2 * np.pi * gain.x.values)
     for k in range(6):

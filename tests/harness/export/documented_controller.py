@@ -1,8 +1,4 @@
-"""An exported controller written a second time, from docs/export.md and docs/control.md alone.
-
-Laws, motions, feedforward and plant are those of `tests.support.documented_loop`; what a unit, an SSP and bad inputs
-add is stated here. Nothing of the harness is used.
-"""
+"""An exported controller written a second time, from docs/export.md and docs/control.md, without the harness."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -41,11 +37,7 @@ class Sample:
 
 
 class DocumentedController:
-    """A controller of some options: numbers in SI units under the names of the experiment file.
-
-    Besides those of `documented_loop`: `type`, `constant_force`, `reference_from`, `safe_force`, `frozen`, and
-    `delay`, for which the feedforward is computed ahead [samples].
-    """
+    """A controller of some options: numbers in SI units under the names of the experiment file."""
 
     def __init__(self, options: Mapping[str, Any], believed: Platform, start_force: FloatArray) -> None:
         self.options, self.believed, self.start_force = options, believed, start_force
@@ -167,10 +159,7 @@ def closed(
     start: FloatArray | None,
     measure: Callable[[FloatArray, FloatArray], Measured],
 ) -> tuple[FloatArray, FloatArray]:
-    """Leg lengths and forces (n, 6) at the ends of the steps of an importer that begins with inputs of zero.
-
-    `delay` samples after a measurement its force acts; there are no drives. `measure`: from pose and lengths.
-    """
+    """Leg lengths and forces (n, 6) at an importer's steps from inputs of zero; a force acts `delay` samples later."""
     q, rate = (each[0] for each in motion_of(options, _home(believed))(np.zeros(1))[:2])
     if start is not None:
         q, rate = start.copy(), np.zeros(6)

@@ -25,10 +25,7 @@ class Outputs(NamedTuple):
 def run_unit(
     path: Path, inputs: Sequence[Values], step: float, start: float, parts: int = 1, more: Sequence[str] = ()
 ) -> tuple[Outputs, Values]:
-    """Outputs at the end of each sample's step, and the start values of all variables by name; more outputs likewise.
-
-    Inputs are set before a step, which is made in some parts; between these nobody looks at them.
-    """
+    """Outputs at the end of each sample's step, made in some parts, and the start values of all variables by name."""
     names, found = ("actuator_force", "force_limited", "input_status", "input_bad_time", *more), []
     with plant(Fmu(path)) as unit:
         unit.initialise(time=start)
@@ -44,10 +41,7 @@ def run_unit(
 
 
 def run_source(source: Path, measured: FloatArray, reference: FloatArray | None, *, real: str = "double") -> Outputs:
-    """Outputs of each sample of measurements (n, …) and references (n, 18) that come in, compiled without a warning.
-
-    `real`: of all numbers.
-    """
+    """Outputs of each sample of measurements (n, …) and references (n, 18), by C in numbers `real`, no warning."""
     code, found = Exported(source, real).start(), []
     for k, row in enumerate(measured):
         force, limited = code.step(row, None if reference is None else reference[k])

@@ -63,10 +63,7 @@ def made(tables: Mapping[str, Any]) -> gs.Experiment:
 
 @pytest.mark.parametrize("name", ROWS)
 def test_c_gives_the_forces_that_act_in_a_run(name: str) -> None:
-    """Expected: the run's own rows, whose true signals the code is fed with, the delay later; 1e-9 of the largest.
-
-    A delay is the same before the drives, where the run has it, and behind them.
-    """
+    """Expected: the run's own rows, whose true signals the code is fed with, the delay later; 1e-9 of the largest."""
     tables, parts = ROWS[name]
     experiment = made(tables)
     record, code, loop = gs.run(experiment), Exported(source_of(experiment, parts=parts)), experiment.loop
@@ -209,10 +206,7 @@ def test_a_unit_says_what_it_carries(written: Written) -> None:
 
 
 def test_an_ssp_with_its_parts_is_the_loop_of_the_harness(tmp_path: Path) -> None:
-    """Expected: a run with drives and encoders, but for flips of an encoder; a run without them is another one.
-
-    The machine is what is believed, and the reference rests at first, as FMPy's first sample is one of zeros.
-    """
+    """Expected: a run with drives and encoders, but for flips of an encoder; a run without them is another one."""
     settings = {
         **EXPORTED, "loop.duration": 0.12, "loop.plant_step": 0.001, "reference.at": 0.02,
         "actuators": {"rate_limit": 2e5, "lag": 0.004}, "limits.reference": "warn",
@@ -236,10 +230,7 @@ def test_an_ssp_with_its_parts_is_the_loop_of_the_harness(tmp_path: Path) -> Non
 
 
 def test_what_is_carried_is_not_left_out_and_the_loop_with_drives_is_judged_with_their_lag(tmp_path: Path) -> None:
-    """Expected: by part, beside noise and what varies; of members the carried lag, since a form holds one.
-
-    Members in C without drives have their own. All of an FMU's delay is its own with drives, so that it has one loop.
-    """
+    """Expected: by part, beside noise and what varies; of members the carried lag; one loop of a unit with drives."""
     settings = {
         "controller.bandwidth": 2, "loop.delay": 2, "actuators.rate_limit": 1e5, "actuators.lag": 0.004,
         "loop.duration": 0.05,

@@ -1,9 +1,4 @@
-"""Exported controllers in C against the controllers of the harness, at every sample of a run.
-
-Expected: what the controller of `gs.run` commanded (laws and feedforward in NumPy), from the same measurements. The
-platform is uneven, as are gains and motions; runs start off the reference, with noise. Options and laws in all
-combinations are in test_options_together.py, against a controller that is written from the documentation.
-"""
+"""Exported controllers in C against what those of `gs.run` commanded from the same noisy measurements."""
 
 import re
 from pathlib import Path
@@ -61,10 +56,7 @@ def test_an_exported_controller_gives_the_forces_of_the_harness(case: str) -> No
 
 @pytest.mark.parametrize("motion", PATHS)
 def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
-    """Expected: the feedforward of the run, to 1e-6 of the largest force, since the time law of a path is rounded.
-
-    From before the motion to after its end. A header says what the rounding costs, and the flash that it takes.
-    """
+    """Expected: the run's feedforward, to 1e-6 of the largest force, since the time law of a path is rounded."""
     settings = {**PATH, **PATHS[motion]}
     alone = {**settings, "controller": {"type": "open_loop", "feedforward": "computed_torque"}}
     expected = exported.samples_of(gs.run("fastest_path", settings), "controller.feedforward")

@@ -1,7 +1,4 @@
-"""What exported C promises beside its forces: its start, bad inputs, parameters, manual operation, and what C it is.
-
-Inputs come as on a machine: dead buses, spikes, NaN, frozen sensors; coefficients that were never prepared.
-"""
+"""What exported C promises beside its forces: start, bad inputs, parameters, manual operation, and what C it is."""
 
 import re
 import shutil
@@ -90,10 +87,7 @@ def test_a_reference_of_zeros_is_one_where_the_platform_can_be_there() -> None:
 
 
 def test_a_bad_sample_gives_the_feedforward_and_leaves_the_law_as_it_was() -> None:
-    """Expected: all six forces of the run's feedforward, none limited, and the states of before, by each kind of fault.
-
-    The next good sample goes on as if unhurt: next to a controller that saw the good measurement, a part of its steps.
-    """
+    """Expected: all six forces of the run's feedforward, and the states of before, by each kind of fault."""
     experiment = uneven_experiment(**TABLES["PID"])
     record, source = gs.run(experiment), source_of(experiment)
     measured, known = exported.measured_by(record), exported.samples_of(record, "controller.feedforward")[40]
@@ -369,10 +363,7 @@ def test_a_controller_follows_while_it_is_off_and_begins_there(kind: str, space:
 
 
 def test_bad_inputs_while_it_is_off_change_nothing_and_a_bad_manual_force_is_none() -> None:
-    """Expected: the manual force whatever is measured, with its status; NaN as manual force leaves it on.
-
-    Switched on it begins there, but a bad input has the feedforward alone.
-    """
+    """Expected: the manual force whatever is measured, with its status; NaN as such leaves it on."""
     controller = {**PID, "feedforward": "gravity"}
     code = off(switched(uneven_experiment(reference=HOLD, controller=controller, actuators={"force_limit": 60.0})))
     code.step(at_hold())
@@ -440,10 +431,7 @@ def test_a_cortex_m4f_computes_without_software_arithmetic() -> None:
 
 
 def test_a_program_in_c_plus_plus_calls_a_controller_in_c() -> None:
-    """Expected: it links with the object that a C compiler made, and prints the forces of the example in C.
-
-    The first are those of a sample exactly on the reference.
-    """
+    """Expected: it links with the object that a C compiler made, and prints the forces of the example in C."""
     available("gcc")
     source = shipped("saturation")
     folder = source.parent

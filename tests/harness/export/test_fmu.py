@@ -245,10 +245,7 @@ def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plan
 
 
 def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant) -> None:
-    """Expected: start forces, since there is no feedforward, of the samples at 3 T and 4 T; the law's memory is kept.
-
-    Reported from a sample later on, counted in T; forces wait in the delay line, reports do not.
-    """
+    """Expected: start forces at 3 T and 4 T, reported from a sample later on; the law's memory is kept."""
     for delay in (1, 2):
         with Plant(unit.file) as one:
             one.set("output_delay", float(delay))
@@ -489,10 +486,7 @@ def test_the_files_are_the_same_every_time(files: Units, tmp_path: Path) -> None
 
 
 def test_the_description_is_that_of_the_controller(files: Units) -> None:
-    """Expected: names of the contract; limits as designed; units of gains; times; no direct feedthrough.
-
-    At the start the forces are the start forces, one by one.
-    """
+    """Expected: names of the contract, limits as designed, units of gains, start forces; no direct feedthrough."""
     for file in files.files.values():
         outputs = {"actuator_force", "force_limited", "input_status", "input_bad_time"}
         assert {u.variable.name.split("[")[0] for u in file.description.outputs} == outputs

@@ -268,10 +268,7 @@ def _at_faults(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _of(*forms: str, often: int | None = None) -> pytest.MarkDecorator:
-    """The rows of some forms: those that hold every value, or the first ones, and the others with the evidence.
-
-    A program in C takes a second to compile and run, a unit two.
-    """
+    """The rows of some forms that hold every value, or the first ones; the others with the evidence."""
     rows = [row for row in ROWS if row["form"] in forms]
     always = covering([{**row, **_at_faults(row)} for row in rows]) if often is None else range(often)
     marked = [
@@ -342,10 +339,7 @@ def _assert_example(row: dict[str, Any], program: str, motion: Pose) -> None:
 
 
 def _assert_values(row: dict[str, Any], begun: Any) -> None:
-    """Expected: no limit is 0; the feedforward is for the loop's delay, the unit's own is one sample; start forces.
-
-    What other values do is in the forces.
-    """
+    """Expected: no limit is 0; the feedforward is for the loop's delay, the unit's own is one sample; start forces."""
     options, limits = _options(row), [row[name] for name in ("force_limit", "rate_limit")]
     found = [begun[name][0] for name in ("delay", "output_delay", "force_limit", "force_rate_limit")]
     assert found == [options["delay"], 1, *(limit if np.isfinite(limit) else 0 for limit in limits)]

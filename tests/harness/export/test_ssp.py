@@ -60,10 +60,7 @@ def test_documents_are_valid_and_the_same_every_time(ssp: Path, tmp_path: Path) 
 
 
 def test_the_structure_connects_what_has_the_same_name(ssp: Path, tmp_path: Path) -> None:
-    """Expected: lengths to the controller, forces to the plant, in both; SI units; the master's step of importers.
-
-    Parameters are the start values of the units, once with the component and once in the set, which prefixes names.
-    """
+    """Expected: lengths to the controller, forces to the plant, in both; SI units; start values once with each unit."""
     structure, values = documents(ssp)
     assert structure.nsmap == SPACES
     assert re.fullmatch(r"gough-stewart \d+\.\d+.*", str(structure.get("generationTool")))
@@ -110,10 +107,7 @@ def test_the_structure_connects_what_has_the_same_name(ssp: Path, tmp_path: Path
 
 @pytest.mark.evidence
 def test_encoders_at_the_motors_are_connected_with_the_motors(tmp_path: Path) -> None:
-    """Expected: the harness with encoders there; those at the legs are ten times as far away.
-
-    FMPy hands on no start values, so the first sample of the controller's unit has the lengths without stretch.
-    """
+    """Expected: the harness with encoders there; those at the legs are ten times as far away."""
     soft = {"platform.parameters.leg_stiffness": 1e8, "controller.bandwidth": 2}
     settings = {**EXPORTED, **soft, "sensors.side": "motor", "sensors.quantisation.leg_length": 0.0}
     found = simulate_ssp(str(exported_loop(tmp_path, settings)), stop_time=0.299, step_size=0.002)

@@ -1,8 +1,4 @@
-"""Stability of exported loops: figures against an independent formulation, and against runs of what is exported.
-
-`radius` builds the sampled closed loop from python-control's c2d of the linear plant, with every delayed force and
-every drive as states of their own; the harness multiplies transfer functions. Growth is seen in FMPy.
-"""
+"""Stability of exported loops, by python-control's c2d with delays and drives as states, and by growth in FMPy."""
 
 import itertools
 import zipfile
@@ -179,10 +175,7 @@ def test_members_are_judged_with_their_machines_and_delays() -> None:
 
 
 def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_worst_delay() -> None:
-    """Expected: readings up to 4 − gcd(4, 2) steps old, and one step of jitter: 1.5 ms; the margins of `gs.margins`.
-
-    An SSP has neither the clock nor the jitter, but the clock if it carries the sensors.
-    """
+    """Expected: readings up to 4 − gcd(4, 2) steps old, and a step of jitter: 1.5 ms; of an SSP what it carries."""
     clocks = {"sensors.sample_time": 0.002, "loop.jitter": 0.0005, "loop.plant_step": 0.0005, "loop.delay": 1}
     experiment = gs.load_experiment("heave_step", clocks)
     prepared = prepare(experiment)
@@ -227,10 +220,7 @@ def test_margins_are_those_of_the_nominal_machine_and_of_the_member_with_the_sma
 
 @pytest.mark.parametrize("bandwidth", [5, 3])
 def test_an_exported_loop_that_is_called_unstable_diverges_at_its_eigenvalue(bandwidth: float, tmp_path: Path) -> None:
-    """Expected: FMPy's run of the SSP grows by |z| a sample; with a lower bandwidth, which is stable, it does not.
-
-    The machine starts micrometres beside the pose that it is to hold, most of it about the axes that oscillate first.
-    """
+    """Expected: FMPy's run of the SSP grows by |z| a sample; with a lower bandwidth, which is stable, it does not."""
     machine, loops = gs.load_preset("liu2000"), list[Any]()
     home = machine.home_position, machine.home_orientation
     beside = np.array([[2e-7, -1e-7, 1e-7], [1e-6, -7e-7, 1e-7]])
@@ -298,10 +288,7 @@ def test_margins_of_an_ensembles_member_have_the_geometry_that_is_believed() -> 
 
 
 def test_what_is_not_judged_is_said(tmp_path: Path) -> None:
-    """Expected: members of a negative mass; a law of whole micrometres, whose slope is 0 or none; no feedback.
-
-    The same law without rounding is judged; of forces without feedback nobody is warned.
-    """
+    """Expected: members of a negative mass; a law of whole micrometres, whose slope is 0 or none; no feedback."""
     (loop,) = found_of("heave_step", "c", {"ensemble.platform_mass": {"grid": [900.0, -5.0, 800.0, -1.0]}})
     assert (loop.members, loop.impossible) == (2, 2)
 

@@ -1,8 +1,4 @@
-"""Logs of machines by a Lagrangian, perfect or with one thing wrong: for tests of identification.
-
-Nothing here is what an identification inverts. Lengths and forces follow from a motion in closed form by
-`tests.support.lagrangian`; friction, sensors and faults are written here.
-"""
+"""Logs of machines by `tests.support.lagrangian`, perfect or with one thing wrong; nothing is what a fit inverts."""
 
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
@@ -119,11 +115,7 @@ class Course:
 def machine_log(
     machine: Platform = MACHINE, course: Course = Course(), sensing: Sensing = Sensing(), *, seed: int = 0
 ) -> Log:
-    """What a machine records along a course; `seed` is that of the noise.
-
-    The machine is what the fit must find: its joints are those that the fit believes, its gravity is that of a level
-    base; `course` puts them wrong.
-    """
+    """What a machine, whose joints and gravity the fit believes, records along a course; `seed` is the noise's."""
     time = np.arange(round(course.duration * course.rate)) / course.rate
     # only the sensing of forces depends on the delay, so that draws of one machine share the rest
     length, force = _recorded(_Machine(machine), course, sensing.delay)
@@ -279,10 +271,7 @@ def perfect_estimate() -> gs.Estimate:
 
 
 def random_machine(seed: int, *, equal_friction: bool = True) -> tuple[Platform, Platform]:
-    """A machine near `motion_base`, and what its designer believes: the same joints, legs and gravity.
-
-    Joints differ by centimetres, so that no two legs are alike; payload, armature and friction are the machine's own.
-    """
+    """A machine near `motion_base`, whose joints differ by centimetres, and what its designer believes."""
     rng = np.random.default_rng([seed, 24])
     while True:
         joints = [

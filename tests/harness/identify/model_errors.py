@@ -1,8 +1,4 @@
-"""Logs by a Lagrangian with one known error of model or instruments: what `identify` may call it, and how large it is.
-
-Each kind is a function of a draw: it changes the machine that records, or what is recorded. The platform that the fit
-believes in is right in everything else that is not estimated.
-"""
+"""Logs by a Lagrangian with one known error of model or instruments, each a function of a draw; the rest is right."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

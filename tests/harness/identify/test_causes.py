@@ -173,10 +173,7 @@ def without_error() -> Estimate:
     ],
 )
 def test_what_no_residual_shows_is_told_with_its_size(error: str) -> None:
-    """Expected: what the estimates of logs with and without the error differ by.
-
-    Those of masses and gravity are made in what the fit believes, which is a hundredth less than the machine's.
-    """
+    """Expected: what the estimates of logs with and without the error differ by."""
     sensing, change, smaller = UNSEEN[error]
     believed = random_machine(3)[1]
     believed = believed.with_parameters({name: getattr(believed, name) / 1.01 for name in smaller})

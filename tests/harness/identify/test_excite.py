@@ -52,10 +52,7 @@ def information_of(platform: gs.Platform, pose: Pose) -> tuple[FloatArray, float
 
 
 def test_what_a_motion_excites_is_told_as_by_a_lagrangian_within_nine_tenths_of_the_tightest_limit() -> None:
-    """Expected: both criteria by another formulation; each motion is better by its own one.
-
-    A ninth more keeps the limit of the stroke, a few percent beyond that do not.
-    """
+    """Expected: both criteria by another formulation; each motion is better by its own; a ninth more just fits."""
     options: dict[str, Any] = {"duration": 6.0, "frequency": 0.25, "harmonics": 3, "fade": 0.7, "trials": 1, "seed": 3}
     said: list[str] = []
     designs = {
@@ -84,10 +81,7 @@ def test_what_a_motion_excites_is_told_as_by_a_lagrangian_within_nine_tenths_of_
 
 
 def test_promised_errors_are_those_of_a_log_and_a_motion_tells_ten_times_more_than_a_circle() -> None:
-    """Expected: standard errors of a log of the motion, by a Lagrangian, with the noise that the promise states.
-
-    Condition numbers of one measure, and forces within the limit.
-    """
+    """Expected: standard errors of a log of the motion, by a Lagrangian, with the noise that the promise states."""
     platform = replace(gs.load_preset("motion_base"), actuator_force_max=9000.0)
     names = f"{NAMES},leg_viscous_friction,leg_coulomb_friction"
     design = gs.excite(platform, names, duration=2.5, fade=0.5, frequency=1.0, harmonics=2, trials=1, seed=1)

@@ -119,10 +119,7 @@ def test_sixty_poses_make_fresh_poses_twenty_times_as_exact_and_intervals_hold_t
 
 @pytest.mark.parametrize(("missing", "target"), [(0, (0.4, -0.7, 1.2)), (12, (0.4, -0.7, 1.2)), (12, (0.0, 0.0, 0.0))])
 def test_the_frames_of_a_tracker_are_found_of_any_target(missing: int, target: tuple[float, float, float]) -> None:
-    """Expected: the frames that made the readings, of a target far from Op or there; some have no position or angles.
-
-    Of a machine whose joints are as believed, to the tracker's noise.
-    """
+    """Expected: the frames that made the readings, to the tracker's noise; some have no position or angles."""
     machine = Machine()
     machine.base, machine.top = NOMINAL.base_points, NOMINAL.platform_points
     log = in_own_frame(machine.log(3, n=30), np.array(target))

@@ -80,10 +80,7 @@ def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_ou
 
 
 def test_shares_of_both_noises_are_found_log_by_log() -> None:
-    """Expected: the shares that made the noise of each log, within 4 standard errors of about 7 %.
-
-    A log with hardly any rows has what the others have on average.
-    """
+    """Expected: the shares that made the noise of each log, within 4 standard errors of about 7 %."""
     n, shares = 150, np.array([[2.0, 0.5], [0.5, 1.5]])
     by_legs, force = np.tile(RNG.standard_normal((6, 3, 6)), (n, 1, 1, 1)), np.ones(6)
     V_force, V_length = dense(n, by_legs, force, 1.0)

@@ -1,7 +1,4 @@
-"""The command `poses`: an encoder's file, written here by hand, to a table of poses.
-
-Expected poses are those whose lengths |p + R b − a| are in the file.
-"""
+"""The command `poses`: files of encoders by hand to tables of poses, whose lengths |p + R b − a| are in the file."""
 
 import json
 import math

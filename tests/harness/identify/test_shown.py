@@ -1,7 +1,4 @@
-"""What tables, files, page and figures show of one estimate in which no two numbers are alike.
-
-Expected: written out by hand from the numbers of `ESTIMATE`.
-"""
+"""What tables, files, page and figures show of `ESTIMATE`, in which no two numbers are alike; written by hand."""
 
 import json
 import re

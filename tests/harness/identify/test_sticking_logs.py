@@ -24,10 +24,7 @@ TRUE = {
 
 
 def test_a_slow_log_shows_how_legs_stick() -> None:
-    """Expected: the machine's parameters, within their intervals but for a chance of 1 in 1000; no alarm.
-
-    More noise of the lengths than this log has decides on the cut-off, since it would hide the friction.
-    """
+    """Expected: the machine's parameters, within their intervals but for a chance of 1 in 1000; no alarm."""
     known = NOMINAL.with_parameters({"leg_bristle_stiffness": Law().stiffness, "leg_bristle_damping": Law().damping})
     log = sticking_log(duration=6.0)
     estimate = identify(log, known, list(TRUE))

@@ -54,10 +54,7 @@ def test_times_that_do_not_fit_the_clock_are_refused_with_both(tables: dict[str,
 
 
 def test_times_at_the_very_bounds_are_taken() -> None:
-    """Expected: a jitter of one step and of all but one, readings at every step, changes at the first and last row.
-
-    Clocks fit within rounding: 0.3 s and 0.1 s have no whole numbers of 0.1 ms to the last bit.
-    """
+    """Expected: all taken, within rounding: 0.3 s and 0.1 s have no whole numbers of 0.1 ms to the last bit."""
     changes = [{"at": at, "parameters": {"platform_mass": 12.0 + at}} for at in (0.0, 0.04)]
     for jitter, sensors in ((1e-3, 1e-3), (4e-3, 0.04)):
         record = run_of(loop={"jitter": jitter}, sensors={"sample_time": sensors}, change=changes)

@@ -17,10 +17,7 @@ STEP, STEPS = 2e-3, 50
 
 
 class Rail:
-    """A user's plant that keeps the rules and inherits nothing: a mass on a rail along y, pushed by six forces' mean.
-
-    From a step on, one result is another, or a call fails.
-    """
+    """A user's plant, a mass on a rail along y under six forces' mean; from a step on a result is another, or fails."""
 
     def __init__(self, since: int = 10**6, broken: dict[int, float] | None = None, fails: str = "") -> None:
         self.since, self.broken, self.fails = since, broken or {}, fails
@@ -122,10 +119,7 @@ class Elastic(Rail):
     ],
 )
 def test_what_a_plant_breaks_is_said_of_the_plant(kind: type[Rail], at: int, name: str, value: float) -> None:
-    """Expected: its result by name, value and unit at the row that has it, and no sample from there on.
-
-    What the controller would make of it is not the cause.
-    """
+    """Expected: its result by name, value and unit at the row that has it, and no sample from there on."""
     times = list[float]()
 
     def law(sample: gs.Sample) -> FloatArray:
@@ -174,10 +168,7 @@ def test_a_bound_itself_is_allowed(limits: dict[str, Any], stated: dict[str, flo
 
 @pytest.mark.parametrize("end", ["leg_length_min", "leg_length_max"])
 def test_the_first_leg_beyond_its_stroke_ends_a_run_that_shall_stop(end: str) -> None:
-    """Expected: the first row with a length outside of the nominal stroke; the message has its leg and length.
-
-    At home the shortest leg is 2 mm above its limit, or the longest one 2 mm below its own, and a force drives it out.
-    """
+    """Expected: the first row with a length outside of the nominal stroke, 2 mm from home; its leg and length."""
     length = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
     is_low = end == "leg_length_min"
     leg = int(length.argmin() if is_low else length.argmax())

@@ -68,10 +68,7 @@ def test_a_cut_leg_has_no_force_from_that_row_on(plant: str) -> None:
 @pytest.mark.parametrize("plant", HOSTS)
 @pytest.mark.parametrize("own_clock", [False, True])
 def test_a_frozen_sensor_holds_its_last_reading(plant: str, own_clock: bool) -> None:
-    """Expected: what it measured last before the fault, noise and step included; afterwards the noise of before.
-
-    One that is frozen from the start has the first reading of the run without the fault.
-    """
+    """Expected: what it measured last before the fault, or first; afterwards the noise of before."""
     sensors = {**AROUND["sensors"], **({"sample_time": "3 ms"} if own_clock else {})}
     freeze = {"at": 0.05, "freeze": {"leg_length": [1, 4]}, "duration": 0.05}
     from_then, always = {"at": 0.06, "freeze": {"leg_length": [6]}}, {"at": 0, "freeze": {"leg_length": [3]}}
@@ -240,10 +237,7 @@ def test_the_command_follows_while_it_is_off_and_begins_there(controller: Any, p
 
 @pytest.mark.parametrize("controller", [linear(), Integral])
 def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(controller: Any) -> None:
-    """Of machines that differ; at 0 s the command before is the force that holds the machine.
-
-    In the ensemble itself they have the errors of these runs.
-    """
+    """Expected: commands of the recursion, errors of single runs; at 0 s the last one is the force that holds it."""
     varied = {
         "change.1.at": {"choice": ["0 ms", "36 ms", "40 ms"]},
         "change.2.at": {"choice": ["60 ms", "72 ms", "100 ms"]},

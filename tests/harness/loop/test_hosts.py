@@ -1,7 +1,4 @@
-"""The host in machine code and that in Python give the same rows, and members of ensembles are runs of their own.
-
-A CasADi function runs in machine code; a class that calls it at each sample, in the host in Python.
-"""
+"""The host in machine code and that in Python give the same rows, and members of ensembles are runs of their own."""
 
 from collections.abc import Callable
 from pathlib import Path

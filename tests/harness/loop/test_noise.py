@@ -68,10 +68,7 @@ def test_readings_have_the_noise_of_their_elements(seed: int) -> None:
 
 
 def test_both_hosts_and_every_size_of_ensemble_have_a_members_noise() -> None:
-    """Expected: readings minus the truth of member 5, in machine code and row by row with an FMU, of 8 and 600 members.
-
-    σ is 1e4 times what the two loops' poses differ by.
-    """
+    """Expected: readings minus the truth of member 5, in both hosts, of 8 and 600 members."""
     clocks = {"loop.duration": 0.1, "loop.sample_time": 0.002, "loop.plant_step": 0.001}
     settings = {**clocks, "sensors": {"noise": {"leg_length": "10 um"}, "quantisation": {}, "seed": 9}}
 

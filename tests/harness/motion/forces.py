@@ -6,6 +6,7 @@ import numpy as np
 
 from gough_stewart import Platform
 from tests.support.arrays import FloatArray
+from tests.support.documented_loop import friction_of
 from tests.support.lagrangian import Pose, forces_along
 
 
@@ -21,13 +22,6 @@ def pose_along(motion: Any, time: FloatArray) -> Pose:
         values.append((coefficients * since[..., None] ** powers).sum(axis=2))
         coefficients = coefficients[:, :, :-1] * powers[:-1]
     return Pose(*values)
-
-
-def friction_of(platform: Platform, velocity: FloatArray) -> FloatArray:
-    """Of legs that move so fast (n, 6) [N]."""
-    viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
-    coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor
-    return np.asarray(viscous * velocity + coulomb * np.tanh(velocity / platform.leg_friction_velocity))
 
 
 def actuator_forces(platform: Platform, pose: Pose, velocity: FloatArray) -> FloatArray:

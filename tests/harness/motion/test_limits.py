@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from tests.harness.motion.forces import actuator_forces
 from tests.support.arrays import FloatArray
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.lagrangian import Pose, legs_along
 from tests.support.motions import experiment, motion_of
 from tests.support.uneven import UNEVEN
 
@@ -290,11 +291,7 @@ def test_energies_of_each_sign_are_exact_where_power_is_linear_between_rows() ->
     q, rate, acceleration = (np.outer(wave, along) for wave in waves)
     pose = Pose(home + q, rate, acceleration)
     velocity = legs_along(UNEVEN, pose)[1]
-    viscous = UNEVEN.leg_viscous_friction * UNEVEN.leg_viscous_friction_factor * velocity
-    coulomb = UNEVEN.leg_coulomb_friction * UNEVEN.leg_coulomb_friction_factor
-    power = (
-        forces_along(UNEVEN, pose) + viscous + coulomb * np.tanh(velocity / UNEVEN.leg_friction_velocity)
-    ) * velocity
+    power = actuator_forces(UNEVEN, pose, velocity) * velocity
     assert (power[:-1] * power[1:] < 0).any()
     fine = np.linspace(0, 0.4, 200_001)
     for sign, name in ((1, "motoring_energy"), (-1, "regenerated_energy")):
@@ -303,10 +300,7 @@ def test_energies_of_each_sign_are_exact_where_power_is_linear_between_rows() ->
 
 
 def test_needs_say_what_they_leave_out() -> None:
-    """Expected: a jump of the reference and its time; friction or armature where the platform states none of it.
-
-    In a singular pose forces are not defined; lengths and speeds are.
-    """
+    """Expected: a jump and its time; friction or armature that the platform lacks; no forces in a singular pose."""
     first, *others = gs.check(experiment(UNEVEN, {"type": "hold"})).needs.notes
     assert "without external forces" in first
     assert others == []

@@ -33,10 +33,7 @@ def rotations(angles: Any) -> Any:
 
 @pytest.mark.parametrize("interpolation", ["cubic", "quintic"])
 def test_a_path_is_the_documented_spline_through_its_poses(interpolation: Any) -> None:
-    """Expected: SciPy's natural cubic spline, and its quintic one without second and fourth derivatives at the ends.
-
-    Of positions and of rotation vectors from the first pose, over s that grows with √(|Δp|² + ℓ² |Δρ|²).
-    """
+    """Expected: SciPy's natural cubic and quintic splines over s that grows with √(|Δp|² + ℓ² |Δρ|²)."""
     poses = np.array([*POSES, [0.0, 0.15, 2.9, -0.1, 0.05, -0.15]])
     poses[:, 3:] += [[-0.3, 0.2, -0.4], [0.35, -0.25, 0.5], [-0.2, -0.35, 0.1], [0.3, 0.3, -0.3]]  # large turns
     path = gs.ViaPath(poses=poses, interpolation=interpolation, timing=2).about(FREE)
@@ -80,10 +77,7 @@ def test_two_poses_are_joined_by_a_straight_line_and_one_axis(angle: float) -> N
 
 
 def test_poses_close_together_do_not_turn_a_path_out_of_their_plane() -> None:
-    """Expected: all points in the plane of the poses, as every spline of points of a plane is, to 1e-7 m.
-
-    Two poses are as near as is allowed, 1e-8 m; of 1e-12 m their rounding would choose a direction.
-    """
+    """Expected: all points in the plane of the poses, to 1e-7 m; two poses are 1e-8 m apart, as near as is allowed."""
     normal = np.array([2.0, -3.0, 6.0]) / 7
     across, along_it = (
         np.array([3.0, 2.0, 0.0]) / np.sqrt(13),

@@ -289,10 +289,7 @@ def test_smoothing_has_its_stated_gain_and_no_phase(frequency: float, tmp_path: 
 def test_resampling_keeps_what_the_new_rate_can_have_and_takes_out_the_rest(
     frequency: float, least: float, most: float, tmp_path: Path
 ) -> None:
-    """Expected: gain 1/(1 + (f/(0.4 · 100 Hz))¹⁶), with the frequencies of the bilinear rule, and no phase.
-
-    At 100 Hz, 60 Hz look like 40 Hz, and 90 Hz like 10 Hz: without the filter their amplitude would stay.
-    """
+    """Expected: gain 1/(1 + (f/(0.4 · 100 Hz))¹⁶), with the frequencies of the bilinear rule, and no phase."""
     rate, new = 1000.0, 100.0
     slow = recorded(waves(tmp_path / "log.parquet", rate, frequency, 3001), resample=new)
     assert slow.time == pytest.approx(np.arange(301) / new, abs=1e-12)

@@ -26,11 +26,7 @@ def disturbed(run: Trajectory, columns: tuple[str, ...], change: FloatArray) -> 
 
 
 def test_each_comparison_measures_what_it_names() -> None:
-    """Expected: a disturbance of known size in one of the runs appears in its own row, and is 0 elsewhere.
-
-    A rotation of angle δ in the last row moves one angle by δ; a factor 1 + δ of all forces, at a row, is δ of their
-    size there over the largest.
-    """
+    """Expected: a disturbance of known size in one of the runs appears in its own row, and is 0 elsewhere."""
     kernel, kane, stepping, leap = run_kernel(CASE), run_kane(CASE), run_stepping(CASE), run_stepping(CASE, rows=False)
     wrong = kernel.states.copy()
     wrong[-1, 5] += 4e-4
@@ -78,10 +74,7 @@ def test_each_comparison_measures_what_it_names() -> None:
 
 
 def test_another_platform_gets_the_case_scaled_to_its_size() -> None:
-    """Expected: Froude's rule: with lengths λ, masses λ³, inertias λ⁵ a copy moves alike in time √λ, forces λ³.
-
-    Odd legs have 55/49.5 of the even ones' force; the paper's platform under another name has the paper's case.
-    """
+    """Expected, by Froude's rule: lengths λ, masses λ³, inertias λ⁵, times √λ, forces λ³; odd legs 55/49.5 of even."""
     scale, p = 0.25, replace(gs.load_preset("liu2000"), platform_mass=14.0, leg_armature=3.0)
     powers = {1: ("base_points", "platform_points", "home_position", "leg_lower_com", "leg_upper_com"),
               3: ("platform_mass", "leg_lower_mass", "leg_upper_mass", "leg_armature"),

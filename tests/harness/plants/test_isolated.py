@@ -200,10 +200,7 @@ def test_a_unit_that_fails_in_mid_run_leaves_the_rows_before(unit: Path, failure
 def test_a_unit_that_warns_and_prints_runs_to_its_end_and_leaves_nothing(
     unit: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Expected: one warning for those of its 10 steps from 0.01 s on; its prints are kept back.
-
-    It is freed, by a trace of fmi2FreeInstance, and the temporary folder is as empty as before, also if it is refused.
-    """
+    """Expected: one warning for its 10 steps from 0.01 s on, no prints; it is freed, and the temporary folder empty."""
     freed, folder = tmp_path / "freed", tmp_path / "temporary"
     folder.mkdir()
     monkeypatch.setenv(FREED, str(freed))

@@ -1,8 +1,4 @@
-"""Many platforms at once: each moves as it would alone, whatever the others are and do.
-
-Expected motions are those of the tests' Lagrangian under SciPy's DOP853; of machines that stick or give, those of the
-stepping model at a tight tolerance.
-"""
+"""Many platforms at once, each as alone: by a Lagrangian under DOP853; where they stick or give, a stepping model."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -130,10 +126,7 @@ def test_members_move_as_the_lagrangian_says_with_changes_for_those_that_are_mea
 
 
 def test_the_largest_error_of_any_step_of_a_run_is_kept() -> None:
-    """Expected: the largest distance of a step from the exact one, which starts in the same state.
-
-    Forces jump, and legs with Coulomb friction reverse, between the multiples of any interval.
-    """
+    """Expected: the largest distance of a step from the exact one, which starts in the same state."""
     n, size = 2, 8e-3
     platforms, starts, inputs = members(n)
     platforms = [replace(each, leg_coulomb_friction=3.0, leg_friction_velocity=2e-2) for each in platforms]
@@ -221,10 +214,7 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, 
 
 
 def test_poses_are_refused_from_the_limits_on() -> None:
-    """Expected: condition numbers from NumPy's inverse, on both sides of where det J changes its sign; 1e8 is too much.
-
-    A pitch ends a motion 1e-3 rad below 90° of either sign; a leg by its number and length.
-    """
+    """Expected: NumPy's condition numbers up to 1e8, beside det J = 0; a pitch near 90°; a leg by its length."""
     scale = np.repeat([1.0, np.sqrt((UNEVEN.platform_points**2).sum() / 6)], 3)
 
     def jacobian(yaw: float) -> FloatArray:

@@ -33,10 +33,7 @@ PLATFORMS = {
     "name", [name if name == "uneven" else pytest.param(name, marks=pytest.mark.evidence) for name in PLATFORMS]
 )
 def test_units_pass_all_checks(name: str, tmp_path: Path) -> None:
-    """Expected: the files' reference results at 1e-12 in Python; inputs vary linearly in one of the cases.
-
-    To a fifth of the bound, so that a sound unit of another platform does not fail.
-    """
+    """Expected: the files' reference results at 1e-12 in Python, to a fifth of the bound."""
     gs.save_platform(PLATFORMS[name], tmp_path / "mine.toml")
     done = invoke("build", "--check", "--platform", str(tmp_path / "mine.toml"), "--out", str(tmp_path / "out"))
     assert done.exit_code == 0, done.output

@@ -86,10 +86,7 @@ LOOKS = [*product(PAGES, ("light", "dark"), (390, 1440), ("",)), *product(PAGES,
     [pytest.param(*look, marks=() if look in ALWAYS else pytest.mark.evidence) for look in LOOKS],
 )
 def test_axe_finds_nothing(opened: Open, kind: str, scheme: str, width: int, theme: str) -> None:
-    """Expected: no rule of axe is broken, and the scripts complain of nothing; headings go down one level at a time.
-
-    On a phone, tables that would be wider are cards, with the head of each value beside it.
-    """
+    """Expected: no broken rule of axe, silent scripts, headings by single levels; on a phone wide tables are cards."""
     seen = opened(kind, scheme, width, theme)
     page = "[document.documentElement.lang, scrollX, document.documentElement.scrollWidth]"
     assert seen.page.evaluate(page) == ["en", 0, width]

@@ -87,10 +87,7 @@ def test_a_run_that_follows_says_how_near_and_which_limit_it_uses_most() -> None
 
 @pytest.mark.parametrize("size", [0.03, -0.12])
 def test_a_jump_is_judged_by_where_it_ends_and_when_it_settles(size: float) -> None:
-    """Expected: the exponential y = r (1 − exp(−t/τ)) is within 2 % at τ ln 50; a step is no tracking error.
-
-    What is left is its error at the beginning of the last tenth of the rows, in which it is largest.
-    """
+    """Expected: r (1 − exp(−t/τ)) is within 2 % at τ ln 50; what is left is its error as the last tenth begins."""
     tau, at = 0.05, 101
     record = stepping(PLATFORM, tau, size, at=at, actuator_force=20.0)
     time, text = record["time"], verdict(record).text

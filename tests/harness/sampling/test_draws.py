@@ -131,10 +131,7 @@ COVARIANCE = np.array([[4.0, 1.2, 0.1], [1.2, 1.0, 0.2], [0.1, 0.2, 0.25]])
 
 @pytest.mark.parametrize(("sampling", "within"), [("random", 4.5), ("sobol", 1.5), ("latin_hypercube", 1.0)])
 def test_normal_scores_have_the_correlation_of_the_matrix_in_its_order(sampling: str, within: float) -> None:
-    """Expected: of 500 draws each of 21 pairs, of vectors too, within 4.5 standard errors (1 − ρ²)/√n.
-
-    Random draws exceed that in any pair once in 7000 seeds; the others are nearer to their matrix than chance.
-    """
+    """Expected: of 500 draws each of 21 pairs, within 4.5 standard errors (1 − ρ²)/√n; 1 of 7000 seeds fails."""
     ensemble = {
         "members": 500,
         "sampling": sampling,

@@ -55,10 +55,7 @@ def test_a_range_has_bounds_value_unit_and_scale(settings: dict[str, Any], axes:
 
 
 def test_candidates_fill_a_range_evenly_on_its_scale_from_the_lower_bound_to_the_upper() -> None:
-    """Expected: of 40 candidates of a Latin hypercube one in each fortieth; whole numbers in equal parts; five digits.
-
-    The first candidate is the experiment.
-    """
+    """Expected: of 40 candidates one in each fortieth; whole numbers in equal parts; the first is the experiment."""
     keys = ["controller.bandwidth=1..6Hz", "actuators.lag=0.5..50ms,log", "loop.delay=1..4"]
     settings = {**SHORT, "controller.bandwidth": 1, "actuators.lag": 0.05, "loop.delay": 4}
     found = gs.tune("heave_step", keys, "force.rms", settings, **{**ONCE, "population": 40}).candidates
@@ -85,10 +82,7 @@ def forces() -> list[float]:
 def test_a_condition_holds_on_its_side_and_at_its_bound_only_if_it_says_so(
     forces: list[float], sign: str, holds: tuple[int, ...]
 ) -> None:
-    """Expected: below, at and above a value that a candidate has; a violation is the share of the bound that lacks.
-
-    Conditions come before the metric, and members that failed before both: a million for each, and for one more.
-    """
+    """Expected: below, at and above a value; a violation is the bound's share that lacks; failed members come first."""
     bound = forces[2]
     conditions = [f"force.rms {sign} {bound!r} N", "stroke.margin >= 10 um"]
     found = gs.tune("heave_step", KEYS, "power.peak", SLOW, subject_to=conditions, **ONCE)

@@ -107,10 +107,7 @@ def test_the_experiment_that_is_written_runs_and_has_the_values(folder: Path, fo
 
 
 def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
-    """Expected: single runs of each candidate's value; the words of a search in which nothing is random; no quantile.
-
-    The rise time is undefined for slow candidates, which count as the worst and are not kept.
-    """
+    """Expected: single runs of each candidate's value; an undefined rise time counts as the worst; no quantile."""
     out, metric = folder / "one", "step_response.z.rise_time"
     # the experiment as it is leaves the motion
     short = ("--set", "loop.duration=0.28", "--set", "controller.bandwidth=0.05")

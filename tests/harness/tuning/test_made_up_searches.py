@@ -85,10 +85,7 @@ def test_the_best_meets_all_conditions_and_the_one_that_most_break_is_named_with
 
 
 def test_fresh_members_carry_the_verdict_and_doubts_are_said(real: gs.Tuning) -> None:
-    """Expected: from 9 to 7 mm is 22 % less; the search's own 6 mm is a number, not the verdict.
-
-    A value within 1 % of its range from the end; a search that was interrupted; one that made it worse.
-    """
+    """Expected: from 9 to 7 mm is 22 % less; the search's own 6 mm is a number, not the verdict."""
     goal = replace(real.search.goal, conditions=(), quantile=0.9, metric="tracking.position.norm_rms")
     axis = replace(real.search.axes[0], low=1.0, high=6.0, is_log=False)
 

@@ -201,11 +201,7 @@ _ALWAYS = covering(ROWS)
     ids=lambda row: "-".join(map(str, row.values())),
 )
 def test_every_pair_of_options_gives_what_single_runs_give(row: dict[str, Any], tmp_path: Path) -> None:
-    """Expected: single runs of every candidate and member, formulas for metrics, quantiles counted by hand.
-
-    The bounds of the conditions lie between values that the first candidates have, so that some break them; the first
-    generation is the same with and without conditions.
-    """
+    """Expected: single runs of every candidate and member, formulas for metrics, quantiles counted by hand."""
     gs.save_platform(UNEVEN, tmp_path / "uneven.toml")
     path = tmp_path / "searched.toml"
     path.write_text(FILE.partition("[ensemble]")[0] + _PUSHES)

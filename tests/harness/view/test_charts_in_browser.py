@@ -506,10 +506,7 @@ def test_words_are_explained_where_a_reader_points(fresh: Page) -> None:
 
 
 def test_each_chart_has_a_name_that_says_what_it_shows(fresh: Page, record: gs.Record, platform: gs.Platform) -> None:
-    """Expected: title, axis, lines, the smallest and largest value of the record's columns, to four digits, and limits.
-
-    The share of the time at a limit is that of the rows with its flag, but the last.
-    """
+    """Expected: title, axis, lines, extremes of the record to four digits, limits, and the share of rows at a limit."""
     box_of(fresh, FORCE)
     low, high = (f"{pick(record['actuator_force']):.4g}".replace("-", "−") for pick in (np.min, np.max))
     legs = "; ".join(f"leg {k}" for k in range(1, 7))

@@ -153,10 +153,7 @@ def test_what_differs_between_the_files_is_said_first() -> None:
 
 
 def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None:
-    """Expected: of two records with other clocks, six sines that differ by a sine; colours by run, names by component.
-
-    A row's straight line is off by (2π f h)²/8 of the amplitude at most.
-    """
+    """Expected: six sines that differ by a sine, by other clocks; a row's line is off by (2π f h)²/8 at most."""
     records = [waving_record(BASE, rows=501, size=0.04), waving_record(BASE, rows=251, size=0.03, step=1.7e-3)]
     page = page_of_records(records, ["long", "short"])
     charts = charts_of(page)
@@ -176,11 +173,7 @@ def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None
 
 @pytest.mark.parametrize("later", [0.0, 0.06, 5.0])
 def test_a_difference_is_of_the_times_that_both_records_span(later: float) -> None:
-    """Expected: of lines 2t + 3 and 5 - t, -3t + 2 at the times of both; none without a common span.
-
-    A force holds from its row to the next. Hundredths as multiples and as sums differ in the last bits, and are the
-    same rows.
-    """
+    """Expected: of lines 2t + 3 and 5 - t, -3t + 2 at the times of both; none without a common span."""
     first, other = (waving_record(BASE, rows=rows, size=0.0, step=step) for rows, step in ((12, 0.01), (30, 0.007)))
     one, two = first["time"], other["time"] + later
     lines = [1e-3 * np.outer(line, np.ones(3)) for line in (2 * one + 3, 5 - two)]

@@ -101,10 +101,7 @@ def rotation(orientation: Floats) -> Floats:
 
 
 def test_the_page_plays_by_itself_in_silence(playing: Watched, report: Path) -> None:
-    """Expected: time goes on at the speed of the clock, as far as frames come; no complaint, no request.
-
-    Chromium draws in software here: the first chart comes before the first picture, which holds everything up.
-    """
+    """Expected: time goes on at the speed of the clock, as far as frames come; no complaint, no request."""
     found, page = playing, playing.page
     marks = [f"performance.getEntriesByName('{name}')[0].startTime" for name in ("curves", "first-picture")]
     chart, picture = page.evaluate(f"[{', '.join(marks)}]")
@@ -347,11 +344,7 @@ def test_the_path_is_seen_where_the_plate_would_hide_it(one: Watched, record: gs
 def test_runs_lie_over_each_other_in_their_colours_and_can_be_hidden(
     browser: Browser, record: gs.Record, platform: gs.Platform, tmp_path: Path
 ) -> None:
-    """Expected: each at its own pose of the moment, also where one has ended; arrows go to the next row of either.
-
-    Legs and path are in the run's colour, a plate of the same hue, lighter: on the line from it to white. A machine
-    throws its shadow where the sun's ray through the plate's middle meets the base, unless it is hidden.
-    """
+    """Expected: each at its own pose in its colour, its plate lighter; shadows where the sun's ray meets the base."""
     other = waving_record(platform, rows=251, size=0.02, step=1.7e-3)
     path = gs.view([record, other], tmp_path / "page.html", names=["run 0", "run 1"])
     with open_report(browser, path, "t=0", SIZE) as found:
@@ -383,10 +376,7 @@ def check_two_runs(page: Page, record: gs.Record, other: gs.Record, platform: gs
 
 
 def test_fingers_scroll_the_page_turn_the_view_and_tap_times(browser: Browser, report: Path) -> None:
-    """Expected: sideways over the view it turns, up it scrolls, as over a chart, whose time and range stay.
-
-    A tap on a chart at 60 % of 0.5 s is 0.3 s. A reader who wants no motion gets none, until it is asked to play.
-    """
+    """Expected: sideways over the view it turns, up it scrolls; a tap on a chart at 60 % of 0.5 s is 0.3 s."""
     context = browser.new_context(
         viewport={"width": 390, "height": 640}, has_touch=True, is_mobile=True, reduced_motion="reduce"
     )

@@ -421,10 +421,7 @@ def test_why_most_poses_are_out_of_reach_is_a_sentence(
 
 
 def test_a_surface_lies_where_a_leg_reaches_its_limit(tmp_path: Path) -> None:
-    """Expected: inside the box, |p + R b − B| of some leg is its limit: to 0.1 mm, at edges to a fine cell of 5 mm.
-
-    Its numbers are condition numbers at its corners, interpolated in logarithms over a fine cell.
-    """
+    """Expected: inside the box, |p + R b − B| of some leg is its limit: to 0.1 mm, at edges to a fine cell of 5 mm."""
     platform = replace(DESKTOP, joint_angle_max=None)
     over: Over = {"x": (-0.14, 0.14), "z": (0.06, 0.26), "pitch": (-0.6, 0.6)}
     done = run(platform, tmp_path, over, {"y": 0.004, "roll": 0.02, "yaw": -0.05}, 7, "--json")

@@ -16,21 +16,14 @@ INPUTS = Inputs(**INPUT_VALUES)
 
 @pytest.mark.parametrize("axial_inertia", [0.0, 0.7])
 def test_accelerations_and_joint_forces_are_those_of_both_formulations(axial_inertia: float) -> None:
-    """Expected: the multipliers λ of eq. (30) are the forces that Newton and Euler find in the platform joints.
-
-    Of random platforms and of two whose legs share joints, at random states. By eq. (25) legs do not spin, so the
-    moment of inertia about u never works.
-    """
+    """Expected: the multipliers λ of eq. (30) are Newton and Euler's forces in the platform joints; no leg spins."""
     rng = np.random.default_rng(2000)
     for platform in (*SHARED, *(random_platform(rng) for _ in range(100))):
         assert largest_difference(platform, rng, axial_inertia) <= 1e-10
 
 
 def test_both_terms_of_baumgarte_have_their_own_number() -> None:
-    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α ≠ β from a gap and from a slip, by the exponential of its matrix.
-
-    Legs too long by six different gaps, with speeds that satisfy no constraint of the closures.
-    """
+    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α ≠ β from six gaps and from slips, by the exponential of its matrix."""
     alpha, beta, times = 9.0, 3.5, np.array([0.0, 0.05, 0.2])
     configuration, y = kane.consistent_start(UNEVEN, STATE)
     stretched = configuration._replace(slide=configuration.slide + 1e-5 * np.arange(1, 7))

@@ -148,10 +148,7 @@ with file_set(Path("."), ["table"]) as new:
 def test_what_a_killed_process_left_is_removed_and_said(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Expected: both temporary places go when their process is dead, not before; other hidden files stay.
-
-    Nothing goes on a file system that refuses to lock.
-    """
+    """Expected: both temporary places go when their process is dead, not before; nothing where locks are refused."""
     mine = {".mine.part", ".hidden", "table.part", ".download.12345678.part.txt"}
     for name in mine:
         (tmp_path / name).write_bytes(b"mine")

@@ -1,7 +1,4 @@
-"""The page of a live loop in Chromium: it runs offline, shows what the machine says, and does what a hand asks.
-
-What the worker computes and saves is tested without a browser, in `test_sessions`.
-"""
+"""The page of a live loop in Chromium: it runs offline, shows what the machine says, and does what a hand asks."""
 
 import zipfile
 from collections.abc import Iterator

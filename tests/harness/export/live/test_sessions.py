@@ -1,7 +1,4 @@
-"""Live pages, played in their worker by Node: rows against runs, margins, and what they save, which runs again.
-
-The page is what `gs.export` writes: its data and its worker are read from the HTML.
-"""
+"""Live pages as `gs.export` writes them, played in their worker by Node: rows against runs, margins, what they save."""
 
 import json
 import re
@@ -456,10 +453,7 @@ def test_a_hand_may_ask_for_what_the_legs_can_reach(tmp_path: Path) -> None:
 
 
 def test_behind_an_open_loop_is_its_run_by_other_code(tmp_path: Path) -> None:
-    """Expected: `run` to 1e-7 of SI units, the digits that are carried; the paper's own case is known as such.
-
-    Other forces, start or machine are told apart; what changes on the way has nothing behind it.
-    """
+    """Expected: `run` to 1e-7 of SI units, the digits carried; other forces, start or machine are told apart."""
     record, behind = gs.run("paper_open_loop"), data_of(("paper_open_loop", {}), tmp_path)["behind"]
     assert behind["isPublished"]
     pose = np.concatenate([record["position"], record["orientation"]], axis=1)
