@@ -66,6 +66,7 @@ FOUND: dict[str, tuple[Floats, Floats | None, dict[str, Any] | None]] = {
     "a cycle that decays by a fifth": (cycle(38, rate=-0.18), None, None),
     "a cycle that decays by an eighth": (cycle(38, rate=-0.14), None, {"is_growing": False}),
     # it grows if 2 s double it, from the first quarter to the last third: e^(1.5 · 0.462) = 2
+    "a slow cycle that grows little": (cycle(1.5, 1e-2, 0.45), None, None),
     "a cycle that grows little": (cycle(38, rate=0.46), None, {"is_growing": False}),
     "a cycle that grows": (cycle(38, rate=0.5), None, {"is_growing": True, "frequency": 38, "since": 0.0}),
     "a cycle that grows fast": (

@@ -260,7 +260,10 @@ def test_every_column_is_a_chart_with_its_words_unit_and_limits() -> None:
         _, group, unit, components, has_reference, limits = CHARTS[chart.title]
         assert (chart.group, tuple(mark.value for mark in chart.marks)) == (group, limits)
         is_held = group in ("actuators", "controller", "flags")
-        assert (chart.kind, chart.y is not None) == ("step" if is_held else "line", group == "flags")
+        assert (chart.kind, chart.y and chart.y.labels) == (
+            "step" if is_held else "line",
+            ("no", "yes") if group == "flags" else None,
+        )
         assert {series.quantity.unit for series in chart.series} == {unit}
         role = "error" if group == "errors" else "actual"
         shown = [(series.component, series.role) for series in chart.series]
