@@ -60,9 +60,7 @@ _JITTER = 0.1  # of a row's time, in samples
 _SLOWEST_SAMPLES = 0.1  # [s]
 # Share of each log, taken from its end, that validates the fit.
 VALIDATION = 0.2
-
-
-# Of a row of a log's arrays.
+# Shapes of a row of a log's arrays.
 _SIZES: dict[str, tuple[int, ...]] = {
     **{"leg_length": (6,), "time": (), "actuator_force": (6,), "position": (3,)},
     **{"orientation": (3,), "motor_position": (6,)},

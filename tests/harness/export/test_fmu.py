@@ -512,6 +512,10 @@ def test_the_description_is_that_of_the_controller(files: Units) -> None:
     assert (float(experiment.stopTime), float(experiment.stepSize)) == (0.4, T)
     units = {u.name for u in files.files["3.0"].description.unitDefinitions}
     assert units == {v.unit for v in found.values() if v.unit}
+    for file in files.files.values():  # a page with a line for each, and the title escaped
+        page = (file.folder / "documentation/index.html").read_text()
+        rows = ET.fromstring(page).findall(".//{http://www.w3.org/1999/xhtml}tbody/*")
+        assert (len(rows), "uneven &lt;loop&gt;" in page) == (len(file.variables), True)
 
 
 def test_the_sources_compile_without_a_warning(files: Units) -> None:
