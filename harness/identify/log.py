@@ -113,8 +113,11 @@ class Log(_Rows):
             except (ValueError, TypeError):  # ragged, or no numbers
                 raise LogError(f"{self.where}: {name} is {value!r:.60}; expected an array of numbers") from None
             rows = rows or values.shape[:1]
-            if values.shape != (*rows, *size):
-                raise LogError(f"{self.where}: {name} has the shape {values.shape}; expected {(*rows, *size)}")
+            if not rows or values.shape != (*rows, *size):
+                expected = f"{(*rows, *size)}, a row for each of leg_length"
+                if name == "leg_length":
+                    expected = "(n, 6), a row for each time"
+                raise LogError(f"{self.where}: {name} has the shape {values.shape}; expected {expected}")
             object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
