@@ -48,6 +48,7 @@ WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
     (lambda: gs_any.tune("heave_step", ["a=1..2"], 3), "minimise is 3; expected a text"),
     (lambda: gs_any.view(3), "records is 3; expected a Record, the folder or file of one, or a list"),
     (lambda: gs_any.sweep("motion_base", "x,y"), "over is 'x,y'; expected a dict by coordinate"),
+    (lambda: gs_any.sweep("motion_base", {"x": None}, {"roll": ["1 deg", "3 mm"]}), r"at\['roll'\] is '3 mm'; expec"),
     (
         lambda: gs_any.sweep("motion_base", {"x": ("0 s", 1), "y": None}),
         r"over\['x'\] is '0 s'; expected a number of m, or a text",

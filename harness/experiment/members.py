@@ -1,4 +1,7 @@
-"""The members of an ensemble: what varies, their drawn values, and the plan that determines all results."""
+"""The members of an ensemble: what varies, their drawn values, and the plan that determines all results.
+
+Of a controller from Python the plan has a fingerprint.
+"""
 
 import dis
 import hashlib

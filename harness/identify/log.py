@@ -60,9 +60,7 @@ _JITTER = 0.1  # of a row's time, in samples
 _SLOWEST_SAMPLES = 0.1  # [s]
 # Share of each log, taken from its end, that validates the fit.
 VALIDATION = 0.2
-
-
-# Of a row of a log's arrays.
+# Shapes of a row of a log's arrays.
 _SIZES: dict[str, tuple[int, ...]] = {
     **{"leg_length": (6,), "time": (), "actuator_force": (6,), "position": (3,)},
     **{"orientation": (3,), "motor_position": (6,)},
@@ -115,8 +113,11 @@ class Log(_Rows):
             except (ValueError, TypeError):  # ragged, or no numbers
                 raise LogError(f"{self.where}: {name} is {value!r:.60}; expected an array of numbers") from None
             rows = rows or values.shape[:1]
-            if values.shape != (*rows, *size):
-                raise LogError(f"{self.where}: {name} has the shape {values.shape}; expected {(*rows, *size)}")
+            if not rows or values.shape != (*rows, *size):
+                expected = f"{(*rows, *size)}, a row for each of leg_length"
+                if name == "leg_length":
+                    expected = "(n, 6), a row for each time"
+                raise LogError(f"{self.where}: {name} has the shape {values.shape}; expected {expected}")
             object.__setattr__(self, name, values)
 
     def __len__(self) -> int:

@@ -60,7 +60,7 @@ class SamplingDesign:
 
     def __post_init__(self) -> None:
         if self.members % self.block:
-            # of a Sobol sequence, whose numbers are powers of two
+            # a Sobol' sequence is balanced at powers of two
             near = 2 ** max(0, round(math.log2(self.members / self.block))) * self.block
             raise ValueError(
                 f"members is {self.members}; Saltelli's design needs {self.block} per point ({len(self.groups)} inputs "

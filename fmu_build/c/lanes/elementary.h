@@ -41,7 +41,7 @@ static inline lanes wave(lanes r, mask quarters)
     return number(bits(w) ^ shifted(quarters & 2, 62));
 }
 
-/* sin(x + (number of quarter turns) pi/2) */
+/* sin(x + quarters_ahead pi/2) */
 static inline lanes sine(lanes x, int quarters_ahead)
 {
     mask quarters;

@@ -24,8 +24,8 @@ typedef struct {
     double *internal_steps;   /* (M), internal steps so far, with those that were too large */
 } batch;
 
-/* A step under constant inputs, also of no time. Returns the number of members that fail; their states do not change, and
-   `failure` has the reason. Poses are checked at the end of each internal step. Writes the signals at the end
+/* A step under constant inputs, of any duration from 0 on. Returns the number of members that fail; their states do not
+   change, and `failure` has the reason. Poses are checked at the end of each internal step. Writes the signals at the end
    (N_SIGNALS, M) unless NULL; computing them here is cheap.
 
    With `substeps` so many of classical RK4, each of `size` [s]. The error is max |x - x5| / (1 + |x|) with x5 of order 5
@@ -34,7 +34,7 @@ typedef struct {
    The error of an internal step is at most `tolerance`; that of a step the sum of its internal ones. A member that needs
    more than MOST_LANE_STEPS fails. */
 OFFERED int64_t lanes_step(const batch *members, double size, int64_t substeps, double tolerance, double *signals);
-/* Checks the current poses: like `lanes_step` of zero duration. */
+/* Checks the current poses, which a step of no duration does not; returns as `lanes_step`. */
 OFFERED int64_t lanes_check(const batch *members);
 /* (N_RESULTS, M) */
 OFFERED void lanes_results(const batch *members, double *results);

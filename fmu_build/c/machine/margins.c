@@ -115,7 +115,7 @@ static void turn(int64_t n, int64_t low, int64_t m, double complex *h, double co
 /* Eigenvalues (n) of a matrix (n, n) as `reduce` leaves it, which is overwritten. 0, or 1 if they do not converge. */
 static int eigenvalues(int64_t n, double complex *h, double complex *values)
 {
-    for (int64_t m = n - 1, tries = 0; m >= 0; tries++) {
+    for (int64_t m = n - 1, tries = 1; m >= 0; tries++) {
         int64_t low = m;
         for (; low > 0; low--) {
             double near = cabs(h[low * n + low]) + cabs(h[(low - 1) * n + low - 1]);

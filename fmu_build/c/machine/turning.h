@@ -38,12 +38,12 @@ typedef struct {
     double filter_time, tracking_time; /* [s] that the experiment states, or 0 */
     const double *notch;               /* values of its keys */
     double *wanted, *used;
-    /* the plant from forces to the law's signals, small signals at the sample time: x+ = A x + B u, y = C x (n_plant
-       states); from its measurements to those of the law's space, and from the law's output to forces */
+    /* the plant from forces to the readings of the law, in its space, small signals at the sample time: x+ = A x + B u,
+       y = C x (n_plant states); and from the law's output to forces */
     int64_t n_plant;
     const double *A, *B, *C, *to_force;
     double *work, *results; /* room for the analysis of at most `most_states` of the closed loop */
-    int64_t n_work, most_states;
+    int64_t most_states;
 } turning;
 
 /* Poles, modes and margins of the linear loop with the present gains and delay. Returns 0, or 1 if there are too many

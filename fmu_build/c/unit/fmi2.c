@@ -52,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 
 FUNCTION(fmi2SetupExperiment,
          (fmi2Component instance, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
-                               fmi2Boolean stopTimeDefined, fmi2Real stopTime),
+          fmi2Boolean stopTimeDefined, fmi2Real stopTime),
          set_experiment(i, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime))
 FUNCTION(fmi2EnterInitializationMode, (fmi2Component instance),
          change_mode(i, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL))

@@ -153,8 +153,8 @@ FUNCTION(fmi3GetVariableDependencies, (fmi3Instance instance, fmi3ValueReference
     FUNCTION(name, (fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,                     \
                     const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[], size_t n_seed,       \
                     fmi3Float64 sensitivity[], size_t n_sensitivity),                                                  \
-             differentiate(i, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,                        \
-                           sensitivity, n_sensitivity))
+             differentiate(i, is_adjoint, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed, sensitivity,            \
+                           n_sensitivity))
 DERIVATIVE_OF(fmi3GetDirectionalDerivative, 0)
 DERIVATIVE_OF(fmi3GetAdjointDerivative, 1)
 

@@ -7,7 +7,7 @@
   GS.look = ({ look: { colour, dashes }, run }) => {
     const { roles, six } = GS.theme();
     // earlier runs are wide and pale under later ones, so that both are seen where they coincide
-    const over = run === undefined ? 0 : page.runs.length - 1 - run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
+    const over = run === undefined ? 0 : Math.max(page.runs.length - 1 - run, 0), width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
     return { colour: roles[colour] ?? six[colour], dashes: dashes.map((each) => Math.max(1, each * WIDTH)), width: over ? width : WIDTH, alpha: over ? 0.6 : 1 };
   };
 

@@ -486,7 +486,10 @@ def test_the_files_are_the_same_every_time(files: Units, tmp_path: Path) -> None
 
 
 def test_the_description_is_that_of_the_controller(files: Units) -> None:
-    """Expected: names of the contract, limits as designed, units of gains, start forces; no direct feedthrough."""
+    """Expected: names of the contract; limits as designed; units of gains; times; no direct feedthrough.
+
+    At the start the forces are the start forces, one by one. The page has a line for each, and its title is escaped.
+    """
     for file in files.files.values():
         outputs = {"actuator_force", "force_limited", "input_status", "input_bad_time"}
         assert {u.variable.name.split("[")[0] for u in file.description.outputs} == outputs
@@ -495,6 +498,9 @@ def test_the_description_is_that_of_the_controller(files: Units) -> None:
             name = unknown.variable.name
             expected = [name.replace("actuator_force", "start_force")] if name.startswith("actuator") else []
             assert [v.name for v in unknown.dependencies] == expected
+        page = (file.folder / "documentation/index.html").read_text()
+        rows = ET.fromstring(page).findall(".//{http://www.w3.org/1999/xhtml}tbody/*")
+        assert (len(rows), "uneven &lt;loop&gt;" in page) == (len(file.variables), True)
     found = {v.name: v for v in files.files["3.0"].description.modelVariables}
     poses = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
     inputs = [name for name, v in found.items() if v.causality == "input"]
