@@ -99,3 +99,35 @@ def test_what_is_no_log_is_refused_with_its_place(columns: dict[str, object], me
         read_log(path)
     with pytest.raises(GoughStewartError, match="no such file; expected a log as CSV or Parquet"):
         read_log(tmp_path / "none.csv")
+
+
+def test_units_in_the_header_become_si(tmp_path: Path) -> None:
+    """Expected: the numbers that were written with other units, to rounding."""
+    columns = {"time [ms]": 2.0 * np.arange(8)} | six("leg_length", 1e3 * LENGTHS, " [mm]")
+    log = read_log(written(tmp_path / "log.csv", columns | six("actuator_force", FORCES / 1e3, " (kN)")))
+    assert log.time is not None
+    assert log.actuator_force is not None
+    np.testing.assert_allclose(log.time, 0.002 * np.arange(8), rtol=1e-14)
+    np.testing.assert_allclose(log.leg_length, LENGTHS, rtol=1e-14)
+    np.testing.assert_allclose(log.actuator_force, FORCES, rtol=1e-14)
+
+
+def test_columns_with_underscores_in_any_order_are_the_same(tmp_path: Path) -> None:
+    columns = {f"leg_length_{k}": LENGTHS[:, k - 1] for k in (4, 2, 6, 1, 3, 5)} | {"time": np.arange(8.0)}
+    read = read_log(written(tmp_path / "log.csv", columns))
+    polars.DataFrame(columns).write_parquet(tmp_path / "log.parquet")
+    for log in (read, read_log(tmp_path / "log.parquet")):
+        np.testing.assert_array_equal(log.leg_length, LENGTHS)
+        assert log.actuator_force is None
+
+
+def test_currents_become_forces_by_their_factor(tmp_path: Path) -> None:
+    columns = {"time": np.arange(8.0)} | six("leg_length", LENGTHS) | six("motor_current", FORCES, " [mA]")
+    path = written(tmp_path / "log.csv", columns)
+    force = read_log(path, force_per_current=250.0).actuator_force
+    assert force is not None
+    np.testing.assert_allclose(force, 0.25 * FORCES, rtol=1e-14)
+    with pytest.raises(
+        GoughStewartError, match=r"motor currents, but force_per_current is None; expected the factor \[N/A\]"
+    ):
+        read_log(path)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import chi2
 
 from gough_stewart import GoughStewartError, Log, identify, load_preset, read_log, run
 from gough_stewart.harness.identify import screen
@@ -411,3 +412,15 @@ def test_a_gap_of_any_length_takes_no_memory_and_logs_are_shown_one_after_the_ot
     assert first > 1e6
     length = float(np.ptp(time))
     assert end - start == pytest.approx(0.3 * length, abs=0.5)
+
+
+@pytest.mark.evidence
+def test_intervals_of_held_readings_cover_the_machine() -> None:
+    """Expected: of five logs the sum of (θ̂ − θ)ᵀ C⁻¹ (θ̂ − θ) is χ² of 65 degrees, within quantiles 5e-4, 1 − 5e-4."""
+    truth = np.array([value_of(MACHINE, n) for n in perfect_estimate().names])
+    distance = 0.0
+    for seed in range(5):
+        estimate = identify(held(machine_log(seed=seed)), NOMINAL, NAMES)
+        error = estimate.values - truth
+        distance += float(error @ np.linalg.solve(estimate.covariance, error))
+    assert chi2.ppf(5e-4, 5 * len(truth)) < distance < chi2.isf(5e-4, 5 * len(truth))
