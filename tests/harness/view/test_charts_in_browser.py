@@ -319,6 +319,7 @@ def test_no_two_lines_look_the_same_and_short_logarithmic_axes_have_round_ticks(
 def test_a_card_on_a_phone_says_what_its_number_is(many: Page) -> None:
     """Expected: "leg 1" of the first cell of a row, whose head has no place of its own; a text is as it is."""
     many.set_viewport_size({"width": 390, "height": 844})
+    until(many, "document.querySelector('.stacked') !== null")
     names = "[...document.querySelectorAll('.stacked tbody th')]"
     before = many.evaluate(f"{names}.map((each) => [getComputedStyle(each, '::before').content, each.textContent])")
     many.set_viewport_size({"width": 1000, "height": 640})
