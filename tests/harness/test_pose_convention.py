@@ -128,8 +128,11 @@ def test_a_log_that_fits_in_another_order_or_frame_is_told_so(tmp_path: Path) ->
     ):
         keys, R, position = CASES[case]
         path = file_of(tmp_path, f"{POSE},{LEGS}", 1e3 * PLACE, ANGLES, 1e3 * (lengths(position, R) + noise))
-        with pytest.raises(gs.GoughStewartError, match=says):
+        with pytest.raises(gs.GoughStewartError, match=says) as caught:
             read(path)
+        error = lengths(position, R) + noise - lengths(PLACE, composed(Z, Y, X))
+        rms = [float(np.sqrt(np.mean(part**2))) for part in (error, error - error.mean(axis=0))]
+        assert any(f"contradict the poses, by {size:.3g} m rms, and fit" in str(caught.value) for size in rms)
         with pytest.raises(gs.GoughStewartError, match=says):
             gs.identify(path, UNEVEN, "leg_length_offset")
         read(path, **keys)
@@ -141,12 +144,17 @@ def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path
     L = lengths(PLACE, R)
     home = lengths(UNEVEN.home_position[None], matrices(UNEVEN.home_orientation[None]))
     dates = [f"2024-02-29T23:59:{59 + t:06.3f}+01:00" if t < 1 else "" for t in TIME]
-    epochs = [f"{1709247599 + t:.3f}" for t in TIME]
-    for stamps, values, keys in ((dates, L, {}), (epochs, L - home, {"leg_lengths": "from_home"})):
-        path = file_of(tmp_path, f"timestamp,{LEGS}", 1e3 * values, first=stamps)
+    early, late = ([f"{first + t:.3f}" for t in TIME] for first in (1_000_000_000, 3_999_999_999))
+    change: dict[str, Any] = {"leg_lengths": "from_home"}
+    for stamps, name, values, keys, said in (
+        (dates, "leg_", L, {}, ["row 6 repeats"]),
+        (early, "strut_", L, {}, ["2 rows, from 6 on, repeat"] * 2),
+        (late, "l", L - home, change, ["row 6 repeats"]),
+    ):
+        path = file_of(tmp_path, f"timestamp,{LEGS.replace('leg_', name)}", 1e3 * values, first=stamps)
         lines = path.read_text().splitlines()
-        path.write_text("\n".join([*lines[:6], lines[5], *lines[6:]]))
-        with pytest.warns(UserWarning, match="row 6 repeats the row before"):
+        path.write_text("\n".join([*lines[:6], *[lines[5]] * len(said), *lines[6:]]))
+        with pytest.warns(UserWarning, match=f"{said[0]} the row before"):
             table = read(path, **keys)
         np.testing.assert_allclose(table.time, TIME, atol=3e-7)
         np.testing.assert_allclose(table.position, PLACE, atol=1e-8)

@@ -410,7 +410,7 @@ def assert_unit(
     if guess is None:
         recorded(file, **{"unusual_speed": False, **keys})
         return
-    with pytest.raises(gs.GoughStewartError, match=rf"log\.parquet: times look like {guess}: .* write the unit"):
+    with pytest.raises(gs.GoughStewartError, match=rf"log\.parquet: times look like {guess}[:;] .*write the unit"):
         recorded(file, **{"unusual_speed": False, **keys})
 
 
@@ -469,3 +469,9 @@ def test_one_spike_is_no_unit_nanoseconds_are_one_and_a_slow_motion_may_be_meant
     assert_unit(tmp_path, spiked, None, "ms", 1e3)
     assert_unit(tmp_path, heave(8.0, 50.0, 0.06, 0.7), "nanoseconds", "s", 1e9)
     assert_unit(tmp_path, heave(8.0, 50.0, 0.06, 0.7), None, "s", 1e3, unusual_speed=True)
+    # range and speed are told: of a pitch alone by the radius of the joints
+    log = heave(8.0, 50.0, 0.06, 0.7, 0.0) * ([1] + [0] * 4 + [30, 0])
+    radius = np.sqrt((PLATFORM.platform_points**2).sum(axis=1).mean())
+    speed = np.abs(np.diff(log[:, 5])).max() * radius / 20
+    told = f"over a range of {np.ptp(log[:, 5]) * radius:.3g} m, with angles times {radius:.3g} m, the motion is never "
+    assert_unit(tmp_path, log, f"milliseconds: {told}faster than {speed:.3g} m/s and takes 8000 s", "s", 1e3)
