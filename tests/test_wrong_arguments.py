@@ -22,6 +22,9 @@ REST = gs.State(*HOME, np.zeros(3), np.zeros(3))
 WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
     (lambda: gs_any.run("heave_tolerances", member=3.0), "member is 3.0; expected a whole number"),
     (lambda: gs_any.run("heave_tolerances", member=True), "member is True; expected a whole number"),
+    (lambda: gs_any.excite("motion_base", "platform_mass", harmonics=2.0), "harmonics is 2.0; expected a whole"),
+    (lambda: gs_any.excite("motion_base", "platform_mass", trials="2"), "trials is '2'; expected a whole"),
+    (lambda: gs_any.forward_kinematics("motion_base", [2] * 6, max_iterations=2.0), "max_iterations is 2.0; expected"),
     (lambda: gs.save_platform(MOTION_BASE, "."), "is a folder; expected a file"),
     (lambda: gs_any.metrics(3), "record is 3; expected a Record, or the folder or file of one"),
     (lambda: gs_any.metrics("nowhere"), "nowhere: no such file; expected record.parquet"),

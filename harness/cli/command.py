@@ -60,7 +60,7 @@ class Command:
         else:
             terminal.say(f"{said}Wrote to {folder} ({size_text}):")
             terminal.print(Padding(Text(", ".join(names), "dim"), (0, 0, 0, 2), expand=False))
-        pages = [folder / name for name in names if name.endswith(".html")]
+        pages = [folder / name for name in names if name.endswith((".html", ".htm"))]
         for page in pages:
             if not open_it:
                 terminal.say(f"Open {page} in a browser.")

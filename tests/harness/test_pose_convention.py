@@ -8,6 +8,7 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
+from tests.support.commands import invoke
 from tests.support.motions import motion_of
 from tests.support.uneven import UNEVEN
 
@@ -117,7 +118,7 @@ def test_paths_pass_through_the_poses_that_are_meant(case: str) -> None:
 
 
 def test_a_log_that_fits_in_another_order_or_frame_is_told_so(tmp_path: Path) -> None:
-    """Expected: lengths of the poses that are meant; a noise of 0.02 mm and an encoder offset hide nothing."""
+    """Expected: lengths of the poses that are meant; a noise of 0.02 mm, an encoder offset and a gap hide nothing."""
     noise = np.random.default_rng(3).normal([0, 0, 4e-3, 0, 0, 0], 2e-5, (N, 6))
     for case, says in (
         ("fixed ZYX", r'contradict the poses.*rotation_order = "ZYX"; read'),
@@ -128,11 +129,22 @@ def test_a_log_that_fits_in_another_order_or_frame_is_told_so(tmp_path: Path) ->
     ):
         keys, R, position = CASES[case]
         path = file_of(tmp_path, f"{POSE},{LEGS}", 1e3 * PLACE, ANGLES, 1e3 * (lengths(position, R) + noise))
-        with pytest.raises(gs.GoughStewartError, match=says):
+        with pytest.raises(gs.GoughStewartError, match=says) as caught:
             read(path)
+        error = lengths(position, R) + noise - lengths(PLACE, composed(Z, Y, X))
+        told = []
+        for offset in (0, 1):  # with and without what is constant in each leg
+            now, best = (np.sqrt(np.mean((e - offset * e.mean(axis=0)) ** 2)) for e in (error, noise))
+            told.append(f"contradict the poses, by {now:.3g} m rms, and fit them within {best:.3g} m with ")
+        assert any(text in str(caught.value) for text in told)
         with pytest.raises(gs.GoughStewartError, match=says):
             gs.identify(path, UNEVEN, "leg_length_offset")
         read(path, **keys)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0], lines[1].rpartition(",")[0] + ",", *lines[2:]]))
+    gs.save_platform(UNEVEN, tmp_path / "own.toml")
+    done = invoke("poses", str(path), "--platform", str(tmp_path / "own.toml"), "--out", str(tmp_path / "out"))
+    assert "the leg lengths contradict the poses" in done.stderr
 
 
 def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path) -> None:
@@ -141,12 +153,16 @@ def test_leg_lengths_are_a_reference_with_dates_and_repeated_rows(tmp_path: Path
     L = lengths(PLACE, R)
     home = lengths(UNEVEN.home_position[None], matrices(UNEVEN.home_orientation[None]))
     dates = [f"2024-02-29T23:59:{59 + t:06.3f}+01:00" if t < 1 else "" for t in TIME]
-    epochs = [f"{1709247599 + t:.3f}" for t in TIME]
-    for stamps, values, keys in ((dates, L, {}), (epochs, L - home, {"leg_lengths": "from_home"})):
-        path = file_of(tmp_path, f"timestamp,{LEGS}", 1e3 * values, first=stamps)
+    early, late = ([f"{first + t:.3f}" for t in TIME] for first in (1_000_000_000, 3_999_999_999))
+    for stamps, name, values, keys, said in (
+        (dates, "leg_", L, {}, ["row 6 repeats"]),
+        (early, "strut_", L, {}, ["2 rows, from 6 on, repeat"] * 2),
+        (late, "l", L - home, {"leg_lengths": "from_home"}, ["row 6 repeats"]),
+    ):
+        path = file_of(tmp_path, f"timestamp,{LEGS.replace('leg_', name)}", 1e3 * values, first=stamps)
         lines = path.read_text().splitlines()
-        path.write_text("\n".join([*lines[:6], lines[5], *lines[6:]]))
-        with pytest.warns(UserWarning, match="row 6 repeats the row before"):
+        path.write_text("\n".join([*lines[:6], *[lines[5]] * len(said), *lines[6:]]))
+        with pytest.warns(UserWarning, match=f"{said[0]} the row before"):
             table = read(path, **keys)
         np.testing.assert_allclose(table.time, TIME, atol=3e-7)
         np.testing.assert_allclose(table.position, PLACE, atol=1e-8)

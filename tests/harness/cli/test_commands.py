@@ -3,9 +3,11 @@
 import json
 import re
 import shlex
+import time
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -183,6 +185,17 @@ def test_commands_end_with_their_code_files_and_words(
     assert names_in("out") == {*(files or "").split()}
 
 
+def test_presets_are_listed_with_mass_leg_and_conditioning() -> None:
+    """Expected: distances of the joints at home, which is level; NumPy's number, angles times the joints' radius."""
+    said = " ".join(invoke("presets").output.split())
+    for name in LISTED:
+        machine = gs.load_preset(name)
+        leg = machine.home_position + machine.platform_points - machine.base_points
+        length, radius = np.linalg.norm(leg, axis=1), np.sqrt((machine.platform_points**2).sum(axis=1).mean())
+        number = np.linalg.cond(np.hstack([leg, np.cross(machine.platform_points, leg) / radius]) / length[:, None])
+        assert f"│ {name} │ {machine.platform_mass:.6g} │ {length.mean():.5g} │ {number:.3g} │" in said
+
+
 # Words, and the folder of the files: named like the command and its file, which keeps its suffix if its name ships.
 FOLDERS = [
     ("check heave_step", "results/check_heave_step"),
@@ -191,7 +204,7 @@ FOLDERS = [
     ("check a/b.c.toml", "results/check_b.c"),
     ("run heave_tolerances --member 1 --set loop.duration=0.01", "results/run_heave_tolerances_member_1"),
     ("workspace --points 3 --over x,y", "results/workspace_liu2000"),
-    ("workspace --points 3 --preset motion_base", "results/workspace_motion_base"),
+    ("workspace --points 3 --preset motion_base --at pitch=5°", "results/workspace_motion_base"),
     ("workspace --points 3 --platform a/motion_base.toml", "results/workspace_motion_base.toml"),
     ("workspace --points 3 --platform a/own.toml", "results/workspace_own"),
     *((f"poses run.1{file} --preset motion_base", "results/poses_run.1") for file in ("", "/record.parquet")),
@@ -320,11 +333,14 @@ def test_a_record_makes_the_same_page_from_each_of_its_files(
     assert pages[0] == pages[1] == pages[2]
     assert invoke("view", "waves", "--open").exit_code == 0
     assert Path("report.html").read_bytes() == pages[0]
-    page = Path("new folder/page.html").absolute()
+    page = Path("new folder/page.htm").absolute()
     assert "by hand" not in invoke("view", "waves", "--out", str(page), "--open").output
     assert opened == [Path("report.html").absolute().as_uri(), page.as_uri()]
     monkeypatch.setattr("webbrowser.open", lambda _: False)
-    assert "by hand" in invoke("view", "waves", "--out", str(page), "--open").output
+    later = SimpleNamespace(perf_counter=lambda: time.perf_counter() + 125)
+    monkeypatch.setattr("gough_stewart.harness.cli.command.time", later)
+    said = invoke("view", "waves", "--out", str(page), "--open").output
+    assert re.search(r"^Done in 2 min \d+ s\. (.*\n)+.*by hand", said), said
 
 
 def test_a_page_alone_is_opened_as_it_is(opened: list[str]) -> None:

@@ -97,7 +97,7 @@ WRONG = [
     (f"{TUNE} --vary controller.nope=1..2", 2, r"controller\.nope: .*did you mean|unknown|no such|no key"),
     (f"{TUNE} {BANDWIDTH} --subject-to stroke.margin", 2, "cannot be read; expected PATH <= NUMBER UNIT"),
     (f"tune heave_step {BANDWIDTH} --minimise nope", 2, "--minimise: no metric 'nope'"),
-    (f"{TUNE} {BANDWIDTH} --over-ensemble quantile=0.9", 2, "quantile=0.9: heave_step has no .ensemble."),
+    (f"{TUNE} {BANDWIDTH} --over-ensemble quantile=1", 2, "quantile=1: heave_step has no .ensemble."),
     (f"{TUNE} {BANDWIDTH} --over-ensemble quantile=2", 2, "expected quantile=Q with Q above 0, up to 1"),
     (f"{TUNE} {BANDWIDTH} --members 8", 2, "members is 8, and all members would be the same"),
     (f"{TUNE} {BANDWIDTH} --fresh 8", 2, "fresh is 8, and all members would be the same"),

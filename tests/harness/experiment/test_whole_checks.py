@@ -265,3 +265,9 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
         assert (str(row[0]).strip(), row[1].quantity.unit_text) == (words, unit)
         assert needs[name]["unit"] == shown.get(unit, unit)
         assert numbers(row) == needs[name]["of_leg"]
+    rows = {str(row[0]).strip(): row[1:] for row in said.tables["Needs"].rows}
+    for label, name in {"speed": "leg_velocity", "acceleration": "leg_acceleration", "force": "actuator_force"}.items():
+        for part, (value, leg) in {"peak": rows[label][:2], "rms": rows[label][3:]}.items():
+            of_leg = np.abs(needs[f"{name}_{part}"]["of_leg"])
+            assert (value.value, leg) == (of_leg.max(), str(of_leg.argmax() + 1))
+        assert rows[label][2].value == needs[f"{name}_peak_time"]["of_leg"][int(rows[label][1]) - 1]

@@ -64,12 +64,7 @@ def refused(tried: gs.Experiment) -> Any:
 def test_a_heave_uses_what_its_closed_form_says() -> None:
     """Expected: of each limit the closed form over it; of the stroke the distance from its middle over half of it."""
     low, high = 0.9 * Heave.length.min(), 1.05 * Heave.length.max()
-    stated = {
-        "leg_velocity_max": 2.0,
-        "leg_acceleration_max": 11.0,
-        "actuator_force_max": 150.0,
-        "actuator_power_max": 130,
-    }
+    stated = dict(zip(ASKED, (2.0, 11.0, 150.0, 130.0), strict=True))
     platform = LIGHT.with_parameters({**stated, "leg_length_min": low, "leg_length_max": high})
     found = gs.check(experiment(platform, HEAVE, **FINE))
     expected = {name: np.abs(values) / stated[name] for name, (_, _, values) in ASKED.items()}

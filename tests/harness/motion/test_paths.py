@@ -79,10 +79,8 @@ def test_two_poses_are_joined_by_a_straight_line_and_one_axis(angle: float) -> N
 def test_poses_close_together_do_not_turn_a_path_out_of_their_plane() -> None:
     """Expected: all points in the plane of the poses, to 1e-7 m; two poses are 1e-8 m apart, as near as is allowed."""
     normal = np.array([2.0, -3.0, 6.0]) / 7
-    across, along_it = (
-        np.array([3.0, 2.0, 0.0]) / np.sqrt(13),
-        np.cross(normal, np.array([3.0, 2.0, 0.0]) / np.sqrt(13)),
-    )
+    across = np.array([3.0, 2.0, 0.0]) / np.sqrt(13)
+    along_it = np.cross(normal, across)
     plane = np.array([[0.0, 0.0], [0.1, 0.05], [0.1, 0.05 + 1e-8], [0.25, -0.05]])
     position = UNEVEN.home_position + plane @ np.stack([across, along_it])
     kinds: Any = ("cubic", "quintic")
@@ -93,7 +91,7 @@ def test_poses_close_together_do_not_turn_a_path_out_of_their_plane() -> None:
 
 
 def test_a_path_rests_in_its_first_pose_until_it_begins_and_in_its_last_afterwards() -> None:
-    motion = gs.ViaPath(poses=POSES, timing="2 s", at=0.3).about(UNEVEN)
+    motion = gs.ViaPath(poses=POSES, timing="2 s", at=0.3, margin="0 %").about(UNEVEN)
     at = motion(np.array([0.0, 0.3, 2.3, 9.0]))
     assert_allclose(np.hstack(at[:2]), [POSES[0], POSES[0], POSES[2], POSES[2]], atol=1e-12)
     for rate in at[2:]:
@@ -113,18 +111,12 @@ def test_poses_are_displacements_from_home_where_they_are_said_to_be() -> None:
 def test_poses_may_be_lists_arrays_quantities_or_in_a_file(tmp_path: Path) -> None:
     """Expected: the same path of all, the file's with units and without times."""
     expected = gs.ViaPath(poses=POSES, timing=2).about(UNEVEN)(np.linspace(0, 2, 7))
-    units = [
-        *((f"{axis} [mm]", 1e3) for axis in "xyz"),
-        *((f"{name} [deg]", 180 / np.pi) for name in ("roll", "pitch", "yaw")),
-    ]
+    units = [(f"{axis} [mm]", 1e3) for axis in "xyz"]
+    units += [(f"{name} [deg]", 180 / np.pi) for name in ("roll", "pitch", "yaw")]
     write_table(tmp_path / "poses.csv", {name: np.array(POSES)[:, k] * size for k, (name, size) in enumerate(units)})
     first: Any = ["100 mm", "-10 cm", 2.9, "50 mrad", -0.02, 0.1]
-    given: list[Any] = [
-        np.array(POSES),
-        [np.array(row) for row in POSES],
-        [tuple(row) for row in POSES],
-        [first, *POSES[1:]],
-    ]
+    rows = list(map(np.array, POSES)), list(map(tuple, POSES))
+    given: list[Any] = [np.array(POSES), *rows, [first, *POSES[1:]]]
     paths = [gs.ViaPath(poses=poses, timing=2) for poses in given] + [gs.ViaPath(file="poses.csv", timing=2)]
     for path in paths:
         for one, other in zip(path.about(UNEVEN, tmp_path)(np.linspace(0, 2, 7)), expected, strict=True):
@@ -177,13 +169,11 @@ FAR, TILTED = [*HOME[:2], 4.3, *HOME[3:]], [*HOME[:5], 1.4]
         ({"timing": 1, "poses": [*POSES[:2], POSES[1]]}, "poses 2 and 3 of the path are the same"),
         ({"timing": 1, "poses": NEAR}, r"poses 2 and 3 of the path are the same, or 1e-09 m apart; remove one"),
         ({"timing": 1, "poses": TURNED}, "pose 3 of the path is rotated by half a turn"),
-        (
-            {"timing": 1, "poses": [HOME, FAR, TILTED]},
-            r"pose 2 of the path cannot be reached: the length of leg \d is 4",
-        ),
+        ({"timing": 1, "poses": [HOME, FAR, TILTED]},
+         r"pose 2 of the path cannot be reached: the length of leg \d is 4"),
         ({"timing": 1, "poses": [HOME, TILTED, FAR]}, "pose 2 of the path cannot be reached: the (angle|cond|length)"),
     ],
-)
+)  # fmt: skip
 def test_what_makes_no_path_is_refused_with_its_reason(values: dict[str, Any], message: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=message):
         gs.ViaPath(**values).about(UNEVEN)

@@ -75,9 +75,8 @@ def test_a_log_at_1_khz_with_quaternions_whose_sign_flips_is_recovered(tmp_path:
     pose = pose_at(time)
     q = Rotation.from_euler("xyz", pose[:, 3:]).as_quat()
     q[::3] *= -1
-    columns: dict[str, Any] = {"t [us]": 1e6 * time} | {
-        f"p{axis} [cm]": 100 * pose[:, k] for k, axis in enumerate("xyz")
-    }
+    columns: dict[str, Any] = {"t [us]": 1e6 * time}
+    columns |= {f"p{axis} [cm]": 100 * pose[:, k] for k, axis in enumerate("xyz")}
     columns |= {f"q{axis}": q[:, "xyzw".index(axis)] for axis in "wxyz"}
     assert_recovered(recorded(write_table(tmp_path / "log.parquet", columns)), 1e-3)
 
@@ -138,13 +137,10 @@ QUATERNION = ["qx", "qy", "qz", "qw"]
         (USUAL, {"position[1]": "x [m]"}, r"columns: .* is 'x \[m\]', but the file has 'x \[mm\]'; expected one unit"),
         ([*USUAL, "x [m]"], {"position[1]": "x"}, r"columns: .* is 'x'; the file has 2 such columns; write the unit"),
         (COLUMNS, {}, None),
-        (
-            COLUMNS,
-            "reference",
-            r"columns: position\[1\] is 'reference\.position\[1\]', but the file has no such column",
-        ),
+        (COLUMNS, "reference",
+         r"columns: position\[1\] is 'reference\.position\[1\]', but the file has no such column"),
     ],
-)
+)  # fmt: skip
 def test_columns_that_say_too_little_or_too_much_are_refused(
     header: list[str], columns: Any, message: str | None, tmp_path: Path
 ) -> None:
@@ -177,18 +173,12 @@ GAP = {k: 5 + k / 10 + 0.41 for k in range(12, 20)}
         ("t [s]", {9: 5.75}, r"time goes from 5\.8 to 5\.75 s in row 10; expected increasing times"),
         ("t [s]", {9: 5.8}, r"time goes from 5\.8 to 5\.8 s in row 10"),
         ("t [s]", {9: 5.8 + 1e-9}, r"time goes from 5\.8 to 5\.8 s in row 10"),
-        (
-            "t [s]",
-            GAP,
-            r"a gap of 0\.51 s before row 13, at 6\.61 s; expected steps of at most 0\.5 s; the median is 0\.",
-        ),
-        (
-            "qw",
-            dict.fromkeys(range(20), True),
-            "qw has values of the type Boolean; exp|qw in row 1 is 'true', and 19 more",
-        ),
+        ("t [s]", GAP,
+         r"a gap of 0\.51 s before row 13, at 6\.61 s; expected steps of at most 0\.5 s; the median is 0\."),
+        ("qw", dict.fromkeys(range(20), True),
+         "qw has values of the type Boolean; exp|qw in row 1 is 'true', and 19 more"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("file", ["log.csv", "log.parquet"])
 def test_a_log_with_a_fault_is_refused_by_file_row_and_column(
     file: str, column: str, values: dict[int, Any], message: str, tmp_path: Path
@@ -468,4 +458,12 @@ def test_one_spike_is_no_unit_nanoseconds_are_one_and_a_slow_motion_may_be_meant
     # under a heading in milliseconds, too, whose spike would be plausible in seconds
     assert_unit(tmp_path, spiked, None, "ms", 1e3)
     assert_unit(tmp_path, heave(8.0, 50.0, 0.06, 0.7), "nanoseconds", "s", 1e9)
-    assert_unit(tmp_path, heave(8.0, 50.0, 0.06, 0.7), None, "s", 1e3, unusual_speed=True)
+    # range and speed are told: of a pitch alone by the radius of the joints
+    log, small = heave(8.0, 50.0, 0.06, 0.7, 0.0) * ([1] + [0] * 4 + [30, 0]), gs.load_preset("desktop_hexapod")
+    radius = np.sqrt((small.platform_points**2).sum(axis=1).mean())
+    speed = np.abs(np.diff(log[:, 5])).max() * radius / 20
+    told = f"over a range of {np.ptp(log[:, 5]) * radius:.3g} m, with angles times {radius:.3g} m, the motion is never "
+    told += f"faster than {speed:.3g} m/s and takes 8000 s; in ms it would take 8 s; write"
+    assert_unit(tmp_path, log, None, "s", 1e3, unusual_speed=True)
+    with pytest.raises(gs.GoughStewartError, match=told):
+        motion_of(small, tmp_path, type="file", file="log.parquet")

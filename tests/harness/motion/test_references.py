@@ -124,11 +124,8 @@ def test_times_are_taken_as_users_have_them_and_motions_travel(name: str) -> Non
     kind, keys, _ = MOTIONS[name]
     reference = kind(**POSE, **keys)
     expected = reference(np.array([0.0, 1.0, 2.0]))
-    for same in (
-        reference([0, 1, 2]),
-        reference(np.array([0, 1, 2])),
-        pickle.loads(pickle.dumps(reference))([0, 1, 2]),
-    ):
+    copy = pickle.loads(pickle.dumps(reference))
+    for same in (reference([0, 1, 2]), reference(np.array([0, 1, 2])), copy([0, 1, 2])):
         assert all(np.array_equal(a, b) for a, b in zip(same, expected, strict=True))
     assert [part.shape for part in reference(TIMES[:0])] == [(0, 3)] * 6
 
@@ -154,17 +151,15 @@ def test_a_motion_without_a_pose_is_about_the_home_pose() -> None:
     """Expected: home in the part that is not named; the named part stays; without a platform a clear refusal."""
     home = {"home_position": [0.02, -0.03, 3.1], "home_orientation": [0.01, 0.04, -0.05]}
     platform = UNEVEN.with_parameters(home)
-    cases: list[tuple[dict[str, Any], Any]] = [
-        ({}, home["home_orientation"]),
-        ({"orientation": ORIENTATION}, ORIENTATION),
-    ]
-    for keys, orientation in cases:
+    cases: list[dict[str, Any]] = [{}, {"orientation": ORIENTATION}]
+    for keys in cases:
         sine = gs.Sine(**AMPLITUDE, frequency=0.7, **keys)
         with pytest.raises(
             gs.GoughStewartError, match=r"^position is None; expected a position, or .*about\(platform\)"
         ):
             sine(TIMES)
-        whole = gs.Sine(**AMPLITUDE, frequency=0.7, position=platform.home_position, orientation=orientation)
+        pose = {"position": platform.home_position, "orientation": platform.home_orientation, **keys}
+        whole = gs.Sine(**AMPLITUDE, frequency=0.7, **pose)
         assert all(np.array_equal(a, b) for a, b in zip(sine.about(platform)(TIMES), whole(TIMES), strict=True))
 
 
@@ -205,14 +200,10 @@ def test_numbers_are_copied_stay_and_may_have_units() -> None:
         ("circle xy", "plane", "yx", "plane: is 'yx'; expected 'xy', 'xz' or 'yz'"),
         ("chirp", "from_frequency", 0.0, "from_frequency: is 0.0; expected > 0 Hz"),
         ("excitation", "fade", 1.46, "fade is 1.46 s at either end of a duration of 2.9 s"),
-        (
-            "excitation",
-            "orientation_cosine",
-            [[0, 0, 0]],
-            "position_sine 2, .*orientation_sine 2, orientation_cosine 1",
-        ),
+        ("excitation", "orientation_cosine", [[0, 0, 0]],
+         "position_sine 2, .*orientation_sine 2, orientation_cosine 1"),
     ],
-)
+)  # fmt: skip
 def test_an_impossible_number_is_refused_by_name(name: str, key: str, value: object, message: str) -> None:
     kind, keys, _ = MOTIONS[name]
     with pytest.raises(gs.GoughStewartError, match=message) as caught:

@@ -4,6 +4,7 @@ import math
 import signal
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from io import BytesIO
 from typing import Any
 
@@ -18,7 +19,7 @@ from PIL import Image
 
 import gough_stewart as gs
 from gough_stewart.harness.report.chart import Axis, Chart, Map, Mark, Series, Span, Strip, strip_of, time_axis
-from gough_stewart.harness.report.document import Report, Section, Verdict
+from gough_stewart.harness.report.document import Report, Section, Setting, Verdict
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import KINDS, Role, colour_of
 from gough_stewart.harness.report.plotting import entitle
@@ -95,7 +96,9 @@ def test_a_long_title_is_on_the_paper_as_a_whole_and_says_what_did_not_go_well()
     assert text.get_text().split() == title.split()
     for status, is_said in (("good", False), ("bad", True), ("marginal", True), ("told", False)):
         report = _report(_chart("x", _series("x", _TIME)), status=status, text="Diverged: leg 3 costs $5")
-        assert (b"Diverged: leg 3 costs $5" in figures(report, ("svg",))["x.svg"]) == is_said
+        report = replace(report, settings=(Setting("loop.delay", ("2",), "1"),))
+        drawn = figures(report, ("svg",))["x.svg"]
+        assert (b"Diverged: leg 3 costs $5" in drawn, b"(loop.delay = 2)" in drawn) == (is_said, True)
 
 
 def test_ctrl_c_while_matplotlib_writes_comes_at_the_end_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -292,7 +295,7 @@ def test_margins_and_strips_are_drawn_in_the_units_of_their_axes() -> None:
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["x", "force at its limit, 62 %"]
     line = axes.lines[1]
     assert (list(line.get_xdata()), list(line.get_ydata())) == ([9.5, 9.5], [1.0, 4.0])
-    assert "3 mm left" in [text.get_text() for text in axes.texts]
+    assert [text.get_horizontalalignment() for text in axes.texts if text.get_text() == "3 mm left"] == ["right"]
     assert (axes.get_xlim(), axes.get_ylim()[1]) == (without.get_xlim(), without.get_ylim()[1])
     top = max(path.vertices[:, 1].max() for path in bars.get_paths())
     (low, high), (lowest, _) = axes.get_ylim(), without.get_ylim()

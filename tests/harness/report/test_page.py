@@ -38,6 +38,8 @@ def test_every_part_is_on_the_page() -> None:
     assert [words_of(file) for file in elements(page, "//ul[@class='files']/li")] == ["record.csv rows"]
     data = data_of(page)
     assert [each["title"] for each in data["charts"]] == ["errors", "reach", "layers", "causes"]
+    marks = data["charts"][0]["marks"]
+    assert [(each["text"], each["vertical"]) for each in marks] == [("limit 2 mm", False), ("worst", True)]
     (line,) = charts_of(page)["errors"]["series"]
     assert (line["leg"], line["run"], line["component"], line["members"] is not None) == (4, 1, "x", True)
     assert line["values"] == pytest.approx([1e-3, np.nan, np.nan], nan_ok=True)
@@ -91,6 +93,17 @@ def test_text_of_the_user_stays_text() -> None:
     for path in ("//h1", "//p[@class='lead']", "//caption", "//tbody//th", "//p[@class='note note']"):
         assert [each.text_content() for each in elements(page, path)] == [BAD], path
     assert data_of(page)["charts"][0]["title"] == BAD
+
+
+def test_a_page_says_how_many_rows_a_block_has_and_describes_its_charts() -> None:
+    """Expected: of 50,000 rows, shown as at most 20,001, pairs of five rows; the names of the first twelve lines."""
+    names = [f"line {k}" for k in range(1, 14)]
+    short = chart("many", [0.0, 1.0], *(series(name, [1e-3 * k, -2e-3]) for k, name in enumerate(names)))
+    page = page_of(report(chart("long", list(range(50_000)), series("x", [0.0] * 50_000)), short))
+    kept = page.decode()
+    assert "more than 20,001 rows, charts show the smallest and the largest value of each block of 5 rows." in kept
+    described = f"Chart of many over time [s]: {'; '.join(names[:12])}; values from −2 to 12 mm."
+    assert [described] == elements(page, "//div[@class='plot']/@aria-label")[1:]
 
 
 def test_links_lead_to_files_whatever_their_names_and_not_out_of_the_folder() -> None:

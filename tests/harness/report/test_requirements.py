@@ -74,10 +74,11 @@ def test_a_wrong_requirement_is_refused_with_what_was_expected(text: str, messag
 
 def test_a_verdict_is_no_better_than_its_requirements_which_are_added_in_their_order() -> None:
     """Expected: bad with one missed, marginal with one that is inconclusive, never better than it was."""
-    numbers = (Number("a", "the a", 3.0), Number("none", "no number", None))
+    numbers = (Number("a", "the a", 3.0), Number("none", "no number", None), Number("b", "b", 3.0, doubt="a guess"))
     cases: list[tuple[Status, list[str], str]] = [
         ("good", ["a <= 4"], "good"), ("good", ["a <= 4", "a <= 2"], "bad"), ("good", ["none <= 2"], "marginal"),
         ("bad", ["none <= 2"], "bad"), ("good", ["none <= 2", "a <= 2"], "bad"), ("bad", ["a <= 4"], "bad"),
+        ("good", ["b <= 4"], "marginal"),
     ]  # fmt: skip
     for before, texts, after in cases:
         found = with_requirements(Report("r", Verdict("v", before), numbers=numbers), texts)

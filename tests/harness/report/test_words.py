@@ -25,6 +25,7 @@ from gough_stewart.harness.report.quantities import (
     least_span,
     of_unit,
 )
+from gough_stewart.harness.report.words import at_most, percent, plain_text
 from tests.support.nano import HEAVY, NANO, nano_experiment
 from tests.support.records import changed, waving_record
 
@@ -59,6 +60,15 @@ def test_numbers_have_units_and_digits_of_their_own_size(
     assert (quantity.text(stored), fine(quantity, 1.0).text(stored)) == (usual, usual)
     assert fine(quantity, 1e-4).text(stored) == small
     assert (quantity.text(None), quantity.range_text(None, stored)) == ("–", f"at most {usual}")
+
+
+def test_numbers_of_sentences_hold_on_their_side_and_100_percent_is_all() -> None:
+    """Expected: by hand; metres from a metre on, and what is below the resolution is within it."""
+    bounds = {0.8012e-3: "0.81 mm", 0.8e-3: "0.8 mm", 0.999: "1000 mm", 1.0: "1 m", 4e-8: "0.001 mm"}
+    assert {size: at_most(LENGTH, size) for size in bounds} == bounds
+    shares = {0.9996: "99.96 %", 1.0: "100 %", 0.126: "13 %", 12.34: "1234 %", math.inf: "beyond"}
+    assert {share: percent(share) for share in shares} == shares
+    assert plain_text({"a": np.array([[0.1234567], [2.0]]), "b": [1, True]}) == "a 0.123457; 2, b 1, True"
 
 
 def test_numbers_in_any_unit_are_stored_in_that_of_the_quantity() -> None:

@@ -75,6 +75,7 @@ def test_every_row_of_every_signal_is_on_the_page(record: Record, page: bytes) -
     assert {"mm", "N"} <= {chart["y"]["unit"] for chart in charts.values()}
     assert all(f"[{chart['y']['unit']}]" in chart["y"]["title"] for chart in charts.values() if chart["y"]["unit"])
     assert {chart["x"]["title"] for chart in charts.values()} == {"time [s]"}
+    assert 1 <= 10 ** data_of(page)["clock"]["digits"] * record["time"][1] / 2 < 10  # half a step is told
 
 
 @pytest.mark.parametrize(
