@@ -1,6 +1,7 @@
 """Metrics of records against closed forms and against loops over the rows, and records that lack something."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import control
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 import gough_stewart as gs
 from tests.support.metric_definitions import defined_metrics, same_to_rounding
+from tests.support.motions import write_log
 from tests.support.orientations import rotation_vectors
 from tests.support.records import Floats, columns
 
@@ -121,6 +123,7 @@ STEPS: dict[str, tuple[Floats, Floats, dict[str, Any] | None]] = {
     "rest just long enough": (np.r_[np.zeros(90), np.ones(10)], JUMP, {"at": 0.09}),
     "single row": (np.ones(1), np.ones(1), None),
     "rounding": (1e-9 * JUMP, JUMP, None),
+    "rounding of 30 m": (30 + 2e-8 * JUMP, JUMP, None),
     "more than rounding": (1.1e-9 * JUMP, JUMP, {"to": 1.1e-9}),
 }  # fmt: skip
 
@@ -149,11 +152,33 @@ def test_parts_without_numbers_are_none_and_not_empty() -> None:
     only = gs.metrics(record_of(20, {"flag.force_limited": True, "leg_length": 1.2}, leg_length_min=1.0))
     assert only["saturation"] == {"force_limited": {"legs": [1] * 6, "any": 1}}
     assert only["stroke"]["margin"] == pytest.approx(0.2)
+    shown = [str(gs.metrics(record_of(20, {"flag.force_limited": flag}))) for flag in (True, False)]
+    assert ["force limited" in text for text in shown] == [True, False]
     rest = following(np.zeros(5), np.zeros(5))
     assert gs.metrics(rest)["step_response"] == []
     for lacks in ("reference.position", "reference.orientation"):
         partly = gs.Record(rest.table.drop(rest.columns_of(lacks)), rest.metadata)
         assert gs.metrics(partly)["step_response"] is None
+        lost = rest.table.with_columns(polars.Series(f"{lacks}[2]", [0.0, 0.0, 0.0, np.nan, 0.0]))
+        assert gs.metrics(gs.Record(lost, rest.metadata))["rows"] == 3
+
+
+def test_a_member_that_ends_on_a_landing_has_no_step_yet(tmp_path: Path) -> None:
+    """Expected: x goes up by 20 mm and by 20 more, z up by 20 and back by 10; who ends between has no response."""
+    time = np.arange(401) * STEP
+    first, second = ((s := np.clip((time - at) / 0.04, 0, 1)) ** 3 * (10 - 15 * s + 6 * s * s) for at in (0.04, 0.3))
+    pose = 0.02 * (np.outer(first, [1, 0, 1, 0, 0, 0]) + np.outer(second, [1, 0, -0.5, 0, 0, 0]))
+    changes = {
+        "reference": {"type": "file", "file": str(write_log(tmp_path / "stairs.csv", time, pose)), "at_home": "start"},
+        **{"loop.duration": 0.4, "limits.reference": "warn", "limits.position_error": 0.1},
+        "disturbance": [{"at": 0.15, "duration": 0.2, "force": [0, 0, 0]}],
+        "ensemble": {"members": 2, "disturbance.1.force": {"grid": [[0, 0, 0], [5e5, 0, 0]]}},
+    }
+    members = gs.ensemble("heave_step", changes, workers=1).members
+    assert (members["outcome"].to_list(), 0.15 < members["ended"][1] < 0.29) == (["completed", "diverged"], True)
+    for axis, size in (("x", 0.04), ("z", 0.01)):
+        ends = [members[f"step_response.{axis}.{end}"] for end in ("from", "to")]
+        assert (ends[1][0] - ends[0][0], ends[0][1]) == (pytest.approx(size), None)
 
 
 def test_without_a_finite_row_there_are_no_numbers() -> None:
