@@ -344,10 +344,8 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
             }},
         },
     }  # fmt: skip
-    found = []
-    for member in range(12):
-        record = gs.run("heave_step", settings, member=member, controller=modal)
-        found.append(record.metadata["experiment"]["controller"]["parameters"])
+    records = [gs.run("heave_step", settings, member=member, controller=modal) for member in range(12)]
+    found = [record.metadata["experiment"]["controller"]["parameters"] for record in records]
     assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
     assert {(type(each["steps"]), each["steps"]) for each in found} == {(int, 2), (int, 5)}
     assert {tuple(each["levels"]) for each in found} == {(0.5, 4), (1, 2)}
