@@ -397,15 +397,14 @@ class StepResponse(TermFold):
             is_near = np.abs(part.last - last[members]) <= 1e-9 * np.maximum(1.0, np.abs(last[members]))
             exists[members] &= part.exists & (part.start == start[members]) & is_near
         began, rose = self._time[np.minimum(start, rows - 1)], highest >= HIGH
-        settled = np.maximum(settled, start)
         # in a part of the run without a step, rows may be beyond its end; of a level that was not reached, infinite
-        places = [np.minimum(np.maximum(row, start), rows - 1).astype(np.intp) for row in (low, high, settled)]
+        places = [np.minimum(row, rows - 1).astype(np.intp) for row in (low, high, settled)]
         to_low, to_high, to_rest = (self._time[row] - began for row in places)
         numbers: tuple[Any, ...] = (
             first,
             last,
             began,
-            np.where(rose, 100 * np.maximum(highest - 1, 0.0), 0.0),
+            100 * np.maximum(highest - 1, 0.0),
             np.where(rose, to_high - to_low, np.nan),
             np.where(rose & (settled < rows), to_rest, np.nan),
             last - pose,

@@ -33,8 +33,8 @@ _INPUTS = ("reference.leg_length", "controller.injection", "external_force", "ex
 FAULTS = ("flag.force_cut", *(f"flag.frozen_{name}" for name in NAMES))
 # While the controller is off.
 MANUAL = "flag.manual"
-# Cycles in the window: without and with a moving reference.
-_CYCLES, _CYCLES_MOVING = 3, 8
+# The least cycles in the window; with a moving reference, `_ABOVE` asks for more.
+_CYCLES = 3
 # A reference has no part in what is so many times above 99.9 % of the power of its accelerations.
 _ABOVE, _POWER = 10.0, 0.999
 # Least amplitude: in standard deviations of the noise, in steps of the quantisation, and of the mean leg length.
@@ -171,7 +171,7 @@ class SelfExcitation:
         # most loops are sound
         for k in np.flatnonzero(may_last | comes_far | rises).tolist():
             window, least = np.ascontiguousarray(errors[self._window :, :, k].T), least_of(k)
-            line, ratio = _line(_without(window, self._bases[0]), self._time[self._window :], least, 0, _CYCLES)
+            line, ratio = _line(_without(window, self._bases[0]), self._time[self._window :], least, 0)
             motion = steady = line and line._replace(since=since)
             if comes_far[k] and not (steady is not None and ratio < _STEADY):
                 crossings = np.flatnonzero(np.diff(np.signbit(of_far_leg[:, k])))
@@ -195,7 +195,7 @@ class SelfExcitation:
         for k in range(errors.shape[2]):
             legs = np.ascontiguousarray(errors[self._window :, :, k].T)
             unexplained = np.stack([_without(leg, basis) for leg, basis in zip(legs, self._bases, strict=True)])
-            line, ratio = _line(unexplained, time, least_of(k), self._lowest, _CYCLES_MOVING)
+            line, ratio = _line(unexplained, time, least_of(k), self._lowest)
             if line is not None and ratio >= _STEADY:
                 line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
             yield k, line
@@ -237,7 +237,7 @@ def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
 
 
 def _line(
-    error: FloatArray, time: FloatArray, least: Callable[[float], float], lowest: int, cycles: int
+    error: FloatArray, time: FloatArray, least: Callable[[float], float], lowest: int
 ) -> tuple[Oscillation | None, float]:
     """The line that dominates an error (6, n) from a bin on, if it lasts and is large enough.
 
@@ -264,7 +264,7 @@ def _line(
     peak = int(band.argmax())
     near = slice(max(peak - 2, lowest), peak + 3)
     # what leaks from below the band falls from its edge on
-    if peak < cycles or (lowest and peak < lowest + 3) or band[near].sum() < _LINE * band.sum():
+    if peak < _CYCLES or (lowest and peak < lowest + 3) or band[near].sum() < _LINE * band.sum():
         return None, ratio
     place = float(peak)
     if peak < len(power) - 1 and power[peak - 1 : peak + 2].min() > 0:

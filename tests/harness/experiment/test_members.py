@@ -61,10 +61,10 @@ def test_what_cannot_vary_is_named(key: str, how: Any, says: str) -> None:
 
 def test_numbers_of_saltellis_design_count_what_varies() -> None:
     """Expected: of eight inputs, with those that are correlated as one."""
-    with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 10 per point \(8 inputs plus 2\)"):
+    with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 10 per .*8 inputs plus 2.* 40$"):
         gs.run(small(sampling="saltelli", members=41), member=0)
     pair = {"of": PAIR, "matrix": [[1, 0.5], [0.5, 1]]}
-    with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 9 per point \(7 inputs plus 2\)"):
+    with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 9 per .*7 inputs plus 2.* 36$"):
         gs.run(small(sampling="saltelli", members=41, correlation=[pair]), member=0)
 
 

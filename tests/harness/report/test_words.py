@@ -136,5 +136,7 @@ def test_a_run_of_a_nano_hexapod_tells_nanometres(tmp_path: Path) -> None:
     assert longest == pytest.approx(1e3 * record["leg_length"].max(axis=0), abs=1e-4)
     (error,) = (chart for chart in report.charts if chart.title == "position error")
     assert error.y_title.endswith("[µm]")
-    (line,) = (line for line in repr(record).splitlines() if "peak error of position" in line)
-    assert line.endswith(f"{1e9 * np.abs(record['error.position']).max():.4g} nm")
+    for name, factor, unit in (("position", 1e9, "nm"), ("orientation", 1e6, "µrad"), ("leg_length", 1e9, "nm")):
+        (line,) = (each for each in repr(record).splitlines() if f"error of {name.replace('_', ' ')}" in each)
+        assert line.endswith(f"{factor * np.abs(record[f'error.{name}']).max():.4g} {unit}")
+    assert [part.decimals > 4 for part in report.parts() if type(part).__name__ == "Scene"] == [True]

@@ -64,6 +64,7 @@ DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
         {"offset": {"normal": [["1 N", 2, 3], [4, 5, "0.006 kN"]]}},
         [stats.norm(11, 4), stats.norm(22, 5), stats.norm(33, 6)],
     ),
+    "platform.platform_mass": ({"offset": {"uniform": 2}}, [stats.uniform(MOTION_BASE.platform_mass - 2, 4)]),
     "sensors.noise.leg_length": (
         {"factor": {"truncated_normal": [1, 0.5, 0.4, 3]}},
         [stats.truncnorm(-1.2, 4, 2e-6, 1e-6)],
@@ -126,7 +127,7 @@ def test_a_symmetric_matrix_varies_as_one(layered: dict[str, Any]) -> None:
 
 
 CORRELATION = np.array([[1, 0.7, -0.3, 0.2], [0.7, 1, 0.1, 0.4], [-0.3, 0.1, 1, -0.5], [0.2, 0.4, -0.5, 1]])
-COVARIANCE = np.array([[4.0, 1.2, 0.1], [1.2, 1.0, 0.2], [0.1, 0.2, 0.25]])
+COVARIANCE = np.array([[4.0, 1.2, 1e-8], [1.2, 1.0, 2e-8], [1e-8, 2e-8, 0.25e-14]])
 
 
 @pytest.mark.parametrize(("sampling", "within"), [("random", 4.5), ("sobol", 1.5), ("latin_hypercube", 1.0)])
@@ -275,6 +276,8 @@ OF_MASS: list[tuple[dict[str, Any], str]] = [
     ({"truncated_normal": [5, 1, 6, 4]}, "expected the lower bound below the upper one"),
     ({"uniform": 0}, "without a spread; expected a half width > 0"),
     ({"lognormal": [1, 0]}, "without a spread; expected a deviation of the logarithm > 0"),
+    ({"lognormal": "0.2 kg"}, "expected a number"),
+    ({"factor": {"uniform": ["1 kg", "2 kg"]}}, "expected a number"),
     ({"lognormal": [-3, 1]}, "has the median -3.0; expected a median > 0"),
     ({"choice": [4, "4 kg"]}, "expected at least two values that differ"),
     ({"grid": []}, "platform_mass: grid has no values"),
@@ -290,7 +293,8 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
     ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
     ({"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}}, "expected the lower bound below the upper one"),
-    ({"members": -3}, "members: is -3"),
+    ({"members": 0}, "members: is 0"),
+    ({"worst": 1001}, "worst: is 1001"),
     ({"sampling": "sobel"}, "sampling: is 'sobel'"),
     ({"correlation": [{"of": [], "matrix": []}]}, "of is []; expected different names"),
     ({"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]}, "the matrix has shape (1, 2)"),
@@ -302,7 +306,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
             ([[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "positive definite"),
             ([[1, 1], [1, 1]], "positive definite"),
             ([[-1, 0], [0, 1]], "positive definite"),
-            ([[1, 0.5], [0.4, 1]], "symmetric"),
+            ([[1, 0.5], [0.500001, 1]], "symmetric"),
         )
     ),
     ({"covariance": [{"of": ["a", "b"], "matrix": [[1, 2], [2, 1]]}]}, "not positive definite (smallest eigenvalue -1"),
@@ -340,10 +344,8 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
             }},
         },
     }  # fmt: skip
-    found = []
-    for member in range(12):
-        record = gs.run("heave_step", settings, member=member, controller=modal)
-        found.append(record.metadata["experiment"]["controller"]["parameters"])
+    records = [gs.run("heave_step", settings, member=member, controller=modal) for member in range(12)]
+    found = [record.metadata["experiment"]["controller"]["parameters"] for record in records]
     assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
     assert {(type(each["steps"]), each["steps"]) for each in found} == {(int, 2), (int, 5)}
     assert {tuple(each["levels"]) for each in found} == {(0.5, 4), (1, 2)}
