@@ -290,7 +290,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
     ({"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}}, "expected the lower bound below the upper one"),
     ({"members": 0}, "members: is 0"),
-    ({"worst": 1001}, "worst: is 1001"),
+    ({"worst": 1001}, "worst: is 1001; expected less than or equal to 1000"),
     ({"sampling": "sobel"}, "sampling: is 'sobel'"),
     ({"correlation": [{"of": [], "matrix": []}]}, "of is []; expected different names"),
     ({"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]}, "the matrix has shape (1, 2)"),
