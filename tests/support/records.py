@@ -113,8 +113,6 @@ def oscillating(record: gs.Record, leg: int = 5, frequency: float = 40.0, amplit
 
 def says_it_oscillates(text: str, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> bool:
     """Whether a text on an outcome after 0.5 s names what `oscillating` made, to 1 % and what to do."""
-    says = (
-        r"completed at 0\.5 s; leg (\d) oscillates at (\S+) Hz without input, with an amplitude of (\S+) mm\. Lower .*"
-    )
-    said = re.fullmatch(says, text)
+    motion = r"leg (\d) oscillates at (\S+) Hz without input, with an amplitude of (\S+) mm"
+    said = re.fullmatch(rf"completed at 0\.5 s; {motion}\. Lower .*", text)
     return said is not None and np.allclose([*map(float, said.groups())], [leg, frequency, 1e3 * amplitude], rtol=0.01)

@@ -31,9 +31,8 @@ def more(rows: int) -> dict[str, Floats]:
     found = {f"{name}[{k}]": np.sin(t / 9 + k) + k for name in ("velocity", "angular_velocity") for k in (1, 2, 3)}
     found |= {f"external_torque[{k}]": 0.0 * t + k for k in (1, 2, 3)}
     found |= {f"joint_force[{leg},{k}]": t / 50 + leg + k / 8 for leg in range(1, 7) for k in (1, 2, 3)}
-    found |= {
-        f"{n}[{k}]": np.cos(t / 7 + k) for n in ("controller.force", "controller.feedforward") for k in range(1, 7)
-    }
+    forces = ("controller.force", "controller.feedforward")
+    found |= {f"{name}[{k}]": np.cos(t / 7 + k) for name in forces for k in range(1, 7)}
     found |= {f"measured.leg_length[{k}]": 2.9 + 0.1 * np.cos(t / 5 + k) for k in range(1, 7)}
     found |= {f"reference.velocity[{k}]": np.cos(t / 5 + k) for k in (1, 2, 3)}
     found |= {f"controller.integral[{k}]": np.cos(t / 5 + k) for k in range(1, 9)}

@@ -194,7 +194,10 @@ def test_a_full_disk_keeps_what_is_finished(
     ("table", "said"),
     [
         ({"worst_by": "force.peek"}, r"worst_by: no metric 'force\.peek'; did you mean 'force\.peak'"),
-        ({"signals": ["positon"]}, r"ensemble\.signals: no signal 'positon' for bands; did you mean 'position'"),
+        (
+            {"signals": ["velocity", "positon"]},
+            r"ensemble\.signals: no signal 'positon' for bands; did you mean 'position'",
+        ),
     ],
 )
 def test_names_that_are_not_there_are_refused_before_anything_runs(

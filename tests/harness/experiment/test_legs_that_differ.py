@@ -48,11 +48,8 @@ class PushesHard:
 def test_each_leg_has_its_own_limits(case: str) -> None:
     """Expected: commands clipped to each leg's force, and shares of each leg's limits, by NumPy from the record."""
     speeds = [0.1, 0.2, 0.3, 0.15, 0.25, 0.12]
-    limits = {
-        "actuator_force_max": FORCES,
-        "leg_velocity_max": speeds,
-        "leg_length_max": [3.9, 3.8, 3.9, 3.7, 3.9, 3.6],
-    }
+    ends = [3.9, 3.8, 3.9, 3.7, 3.9, 3.6]
+    limits = {"actuator_force_max": FORCES, "leg_velocity_max": speeds, "leg_length_max": ends}
     reference = {"type": "hold", "position": [0.0, 0.0, 2.9]}
     experiment = experiment_of("pd", loop={**LOOP, "duration": 0.2}, reference=reference, limits={"reference": "warn"})
     law = PushesHard() if case == "python" else None
@@ -68,9 +65,8 @@ def test_each_leg_has_its_own_limits(case: str) -> None:
     used = np.abs(run["leg_velocity"]).max(axis=0) / speeds
     assert found["limits"]["leg_velocity_max"]["used"] == pytest.approx(used)
     assert found["limits"]["leg_velocity_max"]["limit"] == speeds
-    margin = min(
-        (np.array(limits["leg_length_max"]) - run["leg_length"].max(axis=0)).min(), (run["leg_length"] - 2.3).min()
-    )
+    above = np.array(limits["leg_length_max"]) - run["leg_length"].max(axis=0)
+    margin = min(above.min(), (run["leg_length"] - 2.3).min())
     assert found["stroke"]["margin"] == pytest.approx(margin)
 
 
@@ -101,9 +97,8 @@ def test_a_run_stops_where_one_leg_leaves_its_own_stroke() -> None:
 
 def test_a_motion_is_held_against_each_legs_limits() -> None:
     """Expected: the largest share of the leg lengths themselves."""
-    experiment = experiment_of(
-        "pd", reference={"type": "sine", "position_amplitude": [0.05, 0.02, 0.1], "frequency": 1.0}
-    )
+    sine = {"type": "sine", "position_amplitude": [0.05, 0.02, 0.1], "frequency": 1.0}
+    experiment = experiment_of("pd", reference=sine)
     high = np.array([3.9, 3.8, 3.7, 3.9, 3.75, 3.65])
     checked = gs.check(experiment, {"platform.parameters.leg_length_max": high.tolist()})
     motion = gs.run(experiment, {"loop.duration": 1.0})["reference.leg_length"]

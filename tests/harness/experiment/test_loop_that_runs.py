@@ -1,6 +1,7 @@
 """Margins held against runs: what they say of clocks, of elastic legs and of the machine is seen there."""
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,7 @@ def test_every_command_judges_the_machine(tmp_path: Path, monkeypatch: pytest.Mo
     expected = gs.margins("heave_step", {"plant.parameters.platform_mass": 300})
     assert expected.believed is not None
     assert expected.disk.alpha != pytest.approx(expected.believed.disk.alpha, rel=1e-2)
+    decibels = math.floor(20 * math.log10(expected.disk.gain[1]))
     commands = (
         ["margins", "heave_step"],
         ["run", "heave_step", "--require", "margins.disk >= 0.1"],
@@ -116,6 +118,7 @@ def test_every_command_judges_the_machine(tmp_path: Path, monkeypatch: pytest.Mo
         done = invoke(*command, *lighter, "--out", command[0])
         assert done.exit_code == 0, done.output
         found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
+        assert command[0] != "run" or f"; {decibels} dB to the disk margin" in done.stdout
         rel = 2e-2 if command[0] == "tune" else 1e-6
         assert found["margins.disk"] == pytest.approx(expected.disk.alpha, rel=rel)
 

@@ -45,6 +45,5 @@ def test_chunks_of_members_make_the_same_bands_as_their_records() -> None:
     samples = whole.samples.filter(polars.col("time") == whole.samples["time"].max())
     assert samples["position[3]"].to_numpy()[[0, 511, 512, 599]] == pytest.approx(few, rel=1e-6)
     values = samples["position[3]"].to_numpy()
-    assert (last["lowest"], last["q50"], last["highest"]) == pytest.approx(
-        (values.min(), np.median(values), values.max()), rel=1e-6
-    )
+    expected = (values.min(), np.median(values), values.max())
+    assert (last["lowest"], last["q50"], last["highest"]) == pytest.approx(expected, rel=1e-6)

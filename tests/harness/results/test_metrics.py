@@ -81,9 +81,8 @@ def test_every_number_is_its_definition_leg_by_leg(data: st.DataObject) -> None:
         "flag.stroke_exceeded": (length < 0.9) | (length > 2.4),
     }
     record = following(wanted, actual)
-    table = record.table.with_columns(
-        **{k: v for name, value in values.items() for k, v in columns(name, value).items()}
-    )
+    made = {k: v for name, value in values.items() for k, v in columns(name, value).items()}
+    table = record.table.with_columns(**made)
     table = table.with_columns(polars.col("time") + data.draw(st.sampled_from([0.0, 7.3])))
     whole = gs.Record(table, {**record.metadata, "platform": limits})
     has_compiler = data.draw(st.booleans())
@@ -167,7 +166,7 @@ def test_a_member_that_ends_on_a_landing_has_no_step_yet(tmp_path: Path) -> None
     time = np.arange(401) * STEP
     first, second = ((s := np.clip((time - at) / 0.04, 0, 1)) ** 3 * (10 - 15 * s + 6 * s * s) for at in (0.04, 0.3))
     pose = 0.02 * (np.outer(first, [1, 0, 1, 0, 0, 0]) + np.outer(second, [1, 0, -0.5, 0, 0, 0]))
-    changes = {
+    changes: dict[str, Any] = {
         "reference": {"type": "file", "file": str(write_log(tmp_path / "stairs.csv", time, pose)), "at_home": "start"},
         **{"loop.duration": 0.4, "limits.reference": "warn", "limits.position_error": 0.1},
         "disturbance": [{"at": 0.15, "duration": 0.2, "force": [0, 0, 0]}],
@@ -175,9 +174,8 @@ def test_a_member_that_ends_on_a_landing_has_no_step_yet(tmp_path: Path) -> None
     }
     members = gs.ensemble("heave_step", changes, workers=1).members
     assert (members["outcome"].to_list(), 0.15 < members["ended"][1] < 0.29) == (["completed", "diverged"], True)
-    for axis, size in (("x", 0.04), ("z", 0.01)):
-        first, last = (members[f"step_response.{axis}.{end}"].to_list() for end in ("from", "to"))
-        assert (last[0] - first[0], last[1]) == (pytest.approx(size), None)
+    found = [[value is None for value in members[f"step_response.{axis}.to"]] for axis in "xz"]
+    assert found == [[False, True]] * 2
 
 
 def test_without_a_finite_row_there_are_no_numbers() -> None:

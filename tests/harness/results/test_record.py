@@ -76,14 +76,17 @@ def test_the_record_of_a_run_reads_back_the_same(record: gs.Record, tmp_path: Pa
     (tmp_path / "metadata.json").write_bytes(gs.Record(record.table, {**record.metadata, "title": "2nd"}).to_metadata())
     assert gs.read_record(tmp_path).metadata["title"] == record.metadata["title"]
     assert gs.read_record(tmp_path / "record.csv").metadata["title"] == "2nd"
+    # of another program, in which only the last number is no integer
+    (tmp_path / "record.csv").write_text("time,x\n" + "".join(f"{k},{k}\n" for k in range(20_000)) + "20000,0.5\n")
+    (tmp_path / "metadata.json").write_text("{}")
+    assert gs.read_record(tmp_path / "record.csv")["x"][-1] == 0.5
     assert record.metadata["machine"]["platform_mass"] == 77 != record.metadata["platform"]["platform_mass"]
 
 
 def test_variables_and_columns_go_by_name() -> None:
     """Expected: whole variables as arrays, single columns, the nearest name for what is not there."""
-    record = gs.Record(
-        polars.DataFrame({"time": [0.0, 1.0], **columns("error.position", [[1.0, 3.0], [2.0, 4.0]])}), {}
-    )
+    table = {"time": [0.0, 1.0], **columns("error.position", [[1.0, 3.0], [2.0, 4.0]])}
+    record = gs.Record(polars.DataFrame(table), {})
     assert record["error.position"].tolist() == [[1, 3], [2, 4]]
     assert record["error.position[2]"].tolist() == [3, 4]
     assert record.columns_of("error.position") == ["error.position[1]", "error.position[2]"]
@@ -176,9 +179,8 @@ def test_metadata_are_checked_key_by_key(saved: Path, tmp_path: Path) -> None:
         value = {**(outcome if outer == "outcome" else {}), inner: wrong} if inner else wrong
         shown = wrong["a"] if key in ("files", "settings") else wrong
         says = refused(table, {outer: value}, tmp_path)
-        assert says.startswith(f"metadata: {key}{'.a' if key in ('files', 'settings') else ''} is {shown!r}; input "), (
-            says
-        )
+        place = f"{key}.a" if key in ("files", "settings") else key
+        assert says.startswith(f"metadata: {place} is {shown!r}; input "), says
         assert refused(table, {"more": wrong, "outcome": {**outcome, "more": 3}}, tmp_path) == ""
     empty = ("plant", "rows", "outcome", "duration", "sample_time", "plant_step", "force_limit", "platform")
     assert refused(table, dict.fromkeys((*empty, "experiment")), tmp_path) == ""

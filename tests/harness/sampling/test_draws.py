@@ -41,10 +41,7 @@ DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
     "leg_armature": ({"truncated_normal": [2, 1.5, 0.5, 2.5]}, [stats.truncnorm(-1, 1 / 3, 2, 1.5)]),
     "leg_lower_com": ({"normal": 0.02}, [stats.norm(MOTION_BASE.leg_lower_com, 0.02)]),
     "leg_upper_com": ({"uniform": 0.03}, [stats.uniform(MOTION_BASE.leg_upper_com - 0.03, 0.06)]),
-    "leg_lower_inertia": (
-        {"factor": {"lognormal": 0.1}},
-        [stats.lognorm(0.1, scale=MOTION_BASE.leg_lower_inertia)],
-    ),
+    "leg_lower_inertia": ({"factor": {"lognormal": 0.1}}, [stats.lognorm(0.1, scale=MOTION_BASE.leg_lower_inertia)]),
     # far up the tail of the normal distribution
     "leg_coulomb_friction": ({"truncated_normal": [0, 1, 9, 12]}, [stats.truncnorm(9, 12, 0, 1)]),
     "leg_viscous_friction": ({"uniform": [5, "11 N.s/m"]}, [stats.uniform(5, 6)]),
@@ -110,7 +107,7 @@ def test_every_element_has_one_draw_in_each_layer_of_its_distribution(key: str, 
         assert np.abs(off).max() < 5 / np.sqrt(N)
 
 
-def test_a_symmetric_matrix_varies_as_one(layered: dict[str, Any]) -> None:
+def test_a_symmetric_matrix_varies_as_one() -> None:
     """Expected: a factor for all elements; else six numbers, each with its own deviation about its own element."""
     deviations = [[0.1, 0.02, 0.03], [0.02, 0.2, 0.04], [0.03, 0.04, 0.3]]
     ensemble = {"members": N, "sampling": "latin_hypercube", "platform_inertia": {"normal": [J.tolist(), deviations]}}
@@ -123,7 +120,6 @@ def test_a_symmetric_matrix_varies_as_one(layered: dict[str, Any]) -> None:
     factor = {"members": N, "sampling": "latin_hypercube", "platform_inertia": {"factor": {"uniform": [0.5, 1.5]}}}
     layers = np.floor(N * (table_of(factor)["platform_inertia.factor"] - 0.5))
     assert (np.sort(layers) == np.arange(N)).all()
-    assert layered.keys() & {"platform_inertia.factor"} == set()
 
 
 CORRELATION = np.array([[1, 0.7, -0.3, 0.2], [0.7, 1, 0.1, 0.4], [-0.3, 0.1, 1, -0.5], [0.2, 0.4, -0.5, 1]])
@@ -294,7 +290,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
     ({"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}}, "expected the lower bound below the upper one"),
     ({"members": 0}, "members: is 0"),
-    ({"worst": 1001}, "worst: is 1001"),
+    ({"worst": 1001}, "worst: is 1001; expected less than or equal to 1000"),
     ({"sampling": "sobel"}, "sampling: is 'sobel'"),
     ({"correlation": [{"of": [], "matrix": []}]}, "of is []; expected different names"),
     ({"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]}, "the matrix has shape (1, 2)"),

@@ -105,9 +105,8 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
         for key in path:
             values = [value[key] for value in values]
         texts = rows[name]
-        assert [float(text.removeprefix("★ ")) for text in texts] == pytest.approx(
-            [factor * value for value in values], rel=1e-3
-        ), name
+        numbers = [float(text.removeprefix("★ ")) for text in texts]
+        assert numbers == pytest.approx([factor * value for value in values], rel=1e-3), name
         assert [text.startswith("★") for text in texts] == [k == top for k in range(3)], name
     assert list(rows)[:7] == ["outcome", *list(words)[:6]]
 
@@ -119,6 +118,16 @@ def test_values_that_read_alike_are_equally_good() -> None:
     for records, marks in ((off, [True, False, True]), (off[::2], [False, False])):
         rows = side_by_side(page_of_records(records, [f"run {k}" for k in range(len(records))]))
         assert [text.startswith("★") for text in rows["position error, RMS [mm]"]] == marks
+
+
+def test_charts_have_the_limits_and_faults_that_all_runs_share() -> None:
+    """Expected: the ends of the stroke and one fault; not two limits of forces; every third of 2,501 rows."""
+    faults = [{"at": 7.4, "cut": [2]}, {"at": 7.45, "cut": [3]}]
+    runs = [record_of(rows=2501, force_limit=110.0 + n, experiment={"fault": faults[:n]}) for n in (2, 1)]
+    data = data_of(page := page_of_records(runs, ["a", "b"]))
+    marks = {title: [mark["value"] for mark in chart["marks"]] for title, chart in charts_of(page).items()}
+    assert (marks["actuator force"], marks["length of legs"]) == ([7.4], [2.3, 3.85, 7.4])
+    assert [data["arrays"][scene["arrays"]["time"]]["n"] for scene in data["scenes"]] == [835, 835]
 
 
 def test_what_differs_between_the_files_comes_first() -> None:

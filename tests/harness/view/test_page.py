@@ -39,9 +39,8 @@ def test_a_page_starts_with_verdict_numbers_and_picture_then_tables(record: Reco
     assert first.xpath(".//table[@class != 'now']") == []
     measured: Any = metrics(record)
     (peak,) = (each for each in first.xpath(".//dl/div") if "position error" in each.text_content())
-    assert float(words_of(peak.find("dd/b"))) == pytest.approx(
-        1e3 * measured["tracking"]["position"]["norm_peak"], rel=1e-3
-    )
+    expected = 1e3 * measured["tracking"]["position"]["norm_peak"]
+    assert float(words_of(peak.find("dd/b"))) == pytest.approx(expected, rel=1e-3)
     titles = {each.text_content() for each in elements(page, "//caption")}
     assert {"Tracking error", "Legs", "Limits", "Run", "Platform: motion_base", "Versions"} <= titles
     forces = next(row for name, row in rows_below(page, "Legs").items() if name.startswith("peak force"))
