@@ -292,10 +292,9 @@ class _LinearLoops:
         remedy = ""
         if nominal.size >= 1:
             remedy, delay = remedy_of(self._transfer(self._prepared.machine, at)), experiment.loop.delay
-            shorter = at._replace(delay=delay)
-            if shorter != at and judged("", self._prepared.machine, shorter).size < 1:
-                delayed = f"with the delay of {delay} samples" if delay else "without delay"
-                remedy = f"it is stable {delayed}; {remedy}"
+            # the sample that a unit adds to a loop without delay
+            if at.delay > delay and judged("", self._prepared.machine, at._replace(delay=delay)).size < 1:
+                remedy = f"it is stable without delay; {remedy}"
         worst = max([nominal, *on_the_way], key=lambda case: case.size)
         return LoopStability(place, nominal, len(self._poses), worst, tuple(changed), remedy=remedy)
 

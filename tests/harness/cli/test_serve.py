@@ -2,6 +2,7 @@
 
 import json
 import re
+import select
 import signal
 import socket
 import struct
@@ -26,21 +27,22 @@ MALFORMED = [
     *(b'{"pose": ["0", 0, 2, 0, 0, 0]}', b'{"pose": [1%s, 0, 2, 0, 0, 0]}' % (b"0" * 400), struct.pack("<6d", *HOME)),
     b'{"pose": [0, 0, 2, 0, 0, 0]}' + b" " * 600,
 ]
-# Beyond the stroke, turned once round, which has the lengths of home, and far away.
+# Too long, turned once round with the lengths of home, far away; too short, beyond a quarter turn, three legs too long.
 OUT_OF_REACH: list[list[float]] = [[0, 0, 9, 0, 0, 0], [0, 0, 2, 0, 0, 2 * np.pi], [1e5] * 6]
+OUT_OF_REACH += [[0, 0, 0.7, 0, 0, 0], [0, 0, 1.15, 0, 0, 1.6], [0, 0, 2, 0, 0, 1.5]]
 
 
 class Client:
     """A socket that talks to a server."""
 
     def __init__(self, server: subprocess.Popen[str], port: int) -> None:
-        self.server, self._at = server, ("127.0.0.1", port)
+        self.server, self.at = server, ("127.0.0.1", port)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.settimeout(20)
 
     def say(self, *datagrams: bytes) -> None:
         for datagram in datagrams:
-            self.socket.sendto(datagram, self._at)
+            self.socket.sendto(datagram, self.at)
 
     def ask(self, pose: list[Any]) -> None:
         self.say(json.dumps({"pose": pose}).encode())
@@ -86,15 +88,26 @@ def test_the_platform_follows_a_sender_by_the_limits_of_motion_and_stays_when_it
     with served("--silence", "0.5") as client:
         client.say(b"")
         began, first = time.monotonic(), client.rows(1)
-        client.ask(ASKED)
+        others = [Client(client.server, client.at[1]) for _ in range(9)]
+        for word, other in zip(
+            [b"x", *[b""] * 8], others, strict=True
+        ):  # not understood; the last is the ninth listener
+            other.say(word)
+        client.ask(HOME)
+        client.ask(ASKED)  # the last one holds
         client.say(*MALFORMED)
         for beyond in OUT_OF_REACH:
             client.ask(beyond)
         rows = client.rows(200)
         passed = time.monotonic() - began
+        served_too = [bool(select.select([other.socket], [], [], 0)[0]) for other in others]
+        for other in others:
+            other.socket.close()
         time.sleep(0.05)  # a signal could come between a row and its count
         code, said, counts = client.end(signal.SIGTERM)
     assert "late rows" in said
+    assert served_too == [False, *[True] * 7, False]
+    assert rows["time"] / 0.01 == pytest.approx(np.rint(rows["time"] / 0.01))
     time_of_rows = rows["time"]
     assert np.diff(time_of_rows) == pytest.approx(0.01)
     assert time_of_rows[-1] - first["time"][0] == pytest.approx(passed, abs=0.5)
@@ -107,8 +120,8 @@ def test_the_platform_follows_a_sender_by_the_limits_of_motion_and_stays_when_it
     pose = rows["pose"]
     lengths = gs.leg_geometry(gs.load_preset("motion_base"), pose[:, :3], pose[:, 3:]).length
     assert rows["leg_length"] == pytest.approx(lengths, abs=1e-9)
-    packets = 2 + len(MALFORMED) + len(OUT_OF_REACH)
-    assert (code, counts["packets in"], counts["malformed"]) == (0, packets, len(MALFORMED))
+    packets = 3 + len(others) + len(MALFORMED) + len(OUT_OF_REACH)
+    assert (code, counts["packets in"], counts["malformed"]) == (0, packets, len(MALFORMED) + 1)
     assert (counts["out of reach"], counts["losses"]) == (len(OUT_OF_REACH), 1)
     assert counts["rows out"] >= 201
 
@@ -145,3 +158,4 @@ def test_a_loop_that_ends_says_why() -> None:
     done = invoke("serve", "heave_step", "--udp", "0", "--duration", "20", *limits)
     assert done.exit_code == 3
     assert "too far from its reference" in done.output
+    assert "0.3 s simulated" in invoke("serve", "heave_step", "--udp", "0", "--rate", "10", "--duration", "0.3").output

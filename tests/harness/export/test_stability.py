@@ -167,11 +167,12 @@ def test_members_are_judged_with_their_machines_and_delays() -> None:
         assert loop.worst.size == pytest.approx(expected.max(), abs=1e-7)
         assert loop.unstable == int((expected >= 1).sum())
     assert 0 < (sizes(lambda delay: delay) >= 1).sum() < 12
-    for key, values in {"actuators.lag": [0.0, 0.004], "loop.jitter": [0.0, 5e-4]}.items():
-        varied = {"ensemble.members": 2, f"ensemble.{key}": {"grid": values}, "loop.plant_step": 5e-4}
+    last = {"actuators.lag": [0.0, 0.004], "loop.jitter": [0.0, 5e-4], "platform_mass": [14.0] * 257 + [5.0]}
+    for key, values in {**last, "platform.parameters.platform_mass": [14.0, 5.0]}.items():
+        varied = {"ensemble.members": len(values), f"ensemble.{key}": {"grid": values}, "loop.plant_step": 5e-4}
         (loop,) = found_of("circle", "c", varied)
         assert loop.worst is not None
-        assert (loop.members, loop.worst.what) == (2, "member 1")
+        assert (loop.members, loop.worst.what) == (len(values), f"member {len(values) - 1}")
 
 
 def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_worst_delay() -> None:
@@ -188,6 +189,7 @@ def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_
         expected = of_none if host == "ssp" else of_clocks
         assert expected.late == loop.nominal.loop.late == (0.0 if host == "ssp" else 0.0015)
         assert loop.margins.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-9)
+    assert len(found_of("heave_step", "fmu", clocks | {"loop.jitter": 0.0}, parts=("sensors",))) == 1
     carried = stability_of(experiment, prepared, ("ssp",), parts=("sensors",), margins=False)["ssp"].loops[0]
     assert carried.nominal.loop.late == pytest.approx(0.001)
 

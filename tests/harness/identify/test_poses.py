@@ -64,6 +64,13 @@ def test_the_table_has_the_poses_of_the_lengths(relative: bool, folder: Path) ->
     worst = 1 + int(np.nanargmax(table["condition_number"].to_numpy()))
     assert worst > 4  # behind the row without a pose, which counts
     assert f"the largest in row {worst}" in " ".join(said.split())
+    condition = np.delete(table["condition_number"].to_numpy(), 3)
+    assert f"condition number {condition.min():.4g} to {condition.max():.4g}, the" in " ".join(said.split())
+    report = json.loads((folder / "out/report.json").read_text("utf-8"))
+    numbers = {row["path"]: row for row in report["numbers"]}
+    assert (report["verdict"]["status"], numbers["rows.gaps"]["value"]) == ("told", 1)
+    assert [numbers["condition_number"][end] for end in ("low", "high")] == [condition.min(), condition.max()]
+    assert f"x m │ {PLACE[:, 0].min():.5g} │ {PLACE[:, 0].max():.5g} │" in " ".join(said.split())
     text = polars.read_csv(folder / "out/poses.csv")
     assert text.columns == table.columns
     np.testing.assert_array_equal(text.cast(polars.Float64), table)
@@ -113,6 +120,10 @@ def test_measured_poses_are_compared_and_their_pivot_is_found(folder: Path) -> N
     """Expected: a tracker's target at (0.1, 0, 0.25) m of the platform, whose angles are about moving axes."""
     target = PLACE + TURNS.apply([0.1, 0, 0.25])
     angles = np.degrees(TURNS.as_euler("XYZ"))
+    wrong = TURNS * Rotation.from_rotvec(np.outer(np.arange(N) == 31, [0.012, 0.0, -0.016]))
+    encoders(lengths(), ";x;y;z;roll;pitch;yaw", np.hstack([1e3 * target, np.degrees(wrong.as_euler("XYZ"))]))
+    code, said = poses("--rotation-about", "moving", "--pivot", "0.1,0,0.25")
+    assert (code, "poses 4.6 mm and 1.146 deg" in " ".join(said.split())) == (0, True)  # |w × target| and |w|
     encoders(lengths(), ";x;y;z;roll;pitch;yaw", np.hstack([1e3 * target, angles]))
     code, said = poses("--rotation-about", "moving", "--pivot", "0,0,0.1")
     assert code == 0, said
@@ -130,12 +141,13 @@ def test_the_margin_of_the_stroke_is_that_of_its_nearer_end(low: Any, high: Any,
     """Expected: from the lengths that were written."""
     gs.save_platform(UNEVEN.with_parameters({"leg_length_min": low, "leg_length_max": high}), folder / "machine.toml")
     encoders(lengths())
-    assert poses()[0] == 0
+    code, said = poses()
     numbers = json.loads((folder / "out/report.json").read_text("utf-8"))["numbers"]
     margin = next(row["value"] for row in numbers if row["path"] == "stroke.margin")
     L = np.delete(lengths(), 3, axis=0)
     ends = [*([] if low is None else [L.min() - low]), *([] if high is None else [high - L.max()])]
     assert margin == pytest.approx(min(ends), abs=1e-8)
+    assert (code, f"up to {-1e3 * margin:.4g} mm beyond" in " ".join(said.split())) == (0, margin < 0)
 
 
 def test_lengths_without_a_pose_are_refused_and_nothing_is_written(folder: Path) -> None:

@@ -54,7 +54,7 @@ def test_both_sides_of_a_log_show_the_springs() -> None:
     rigid = SPRUNG.with_parameters({"leg_stiffness": 0.0, "leg_damping": 0.0, "platform_mass": 1200.0})
     found = identify(elastic_log("both"), rigid, [*NAMES, "leg_stiffness", "leg_damping"])
     truth = np.array([MACHINE.platform_mass, MACHINE.leg_armature, 560.0, 130.0 * LEGS.mean(), K, C])
-    assert found.alarms == ()
+    assert (found.alarms, found.rank) == ((), 6)
     assert (np.abs(found.values - truth) < 4 * found.standard_errors).all()
     assert found.standard_errors[4] < 0.005 * K
     assert found.platform(rigid).leg_stiffness == found["leg_stiffness"][0]
@@ -67,6 +67,8 @@ def test_both_sides_of_a_log_show_the_springs() -> None:
     by_mass = (other.values - alone.values) * found.standard_errors[0]
     np.testing.assert_allclose(found.standard_errors[4:] ** 2, alone.standard_errors**2 + by_mass**2, rtol=1e-3)
     np.testing.assert_allclose(found.correlation[0, 4:], by_mass / found.standard_errors[4:], rtol=0.01)
+    assert f"explained to {1e6 * alone.residuals.rms.max():.2g} µm RMS" in " ".join(found.notes)
+    assert found.singular_values[found.directions[:, 4:].any(axis=1)] == pytest.approx(alone.singular_values, rel=0.01)
     # of the readings of each log six zeros are not known: twice n − 6 − 2 is 2 n − 12 − 2, less 2
     twice = identify([elastic_log("both"), elastic_log("both", 1)], platform, ["leg_stiffness", "leg_damping"])
     assert twice.freedom == 2 * alone.freedom + 2
@@ -110,7 +112,7 @@ def test_a_log_says_its_side(tmp_path: Path) -> None:
     record = run("heave_step", changes)
     record.write_parquet(tmp_path / "record.parquet")
     log = read_log(tmp_path)
-    assert (log.side, log.motor_position) == ("motor", None)
+    assert (log.side, log.motor_position, read_log(tmp_path, side="leg").side) == ("motor", None, "leg")
     motors = record.table.select([f"motor_position[{k}]" for k in range(1, 7)]).to_numpy()
     # the stretch is 0.25 mm, the sensors' step 10 µm
     assert np.abs(log.leg_length - motors[: len(log)]).max() < 6e-6
@@ -127,8 +129,11 @@ def test_a_log_says_its_side(tmp_path: Path) -> None:
     assert read_log(tmp_path / "motors.csv").side == "motor"
     assert read_log(tmp_path / "lengths.csv").side == "leg"
     assert read_log(tmp_path / "lengths.csv", side="motor").side == "motor"
-    with pytest.raises(GoughStewartError, match=r"has motor_position only, but side is 'leg'"):
-        read_log(tmp_path / "motors.csv", side="leg")
+    polars.read_csv(tmp_path / "motors.csv").hstack(polars.DataFrame(lengths)).write_csv(tmp_path / "both.csv")
+    cases = ("motors", "leg", "only, but side is 'leg'"), ("both", "motor", "leave side"), ("both", "x", "is 'x'")
+    for name, chosen, said in cases:
+        with pytest.raises(GoughStewartError, match=said):
+            read_log(tmp_path / f"{name}.csv", side=chosen)  # type: ignore[arg-type]
 
 
 def test_faults_of_the_motors_encoders_are_mended_or_left_out_and_said() -> None:
@@ -143,3 +148,5 @@ def test_faults_of_the_motors_encoders_are_mended_or_left_out_and_said() -> None
     notes = " ".join(found.notes)
     assert "1 spike in the motor position of leg 3, at 1.4 s; interpolated" in notes
     assert "59 frozen readings of the motor position of leg 5, at 3.002 to 3.118 s; left out" in notes
+    noisy = log.motor_position + 2e-4 * np.random.default_rng(1).standard_normal(motor.shape)
+    assert identify(replace(log, motor_position=noisy), SPRUNG, names).not_excited == ("leg_damping",)
