@@ -157,7 +157,7 @@ def test_a_payload_is_a_point_mass_on_the_platform() -> None:
     legs = before.platform_points - (before.base_points - before.home_position)
     rise = legs[:, 2] / np.linalg.norm(legs, axis=1)
     assert more @ rise == pytest.approx(m * 9.81, rel=1e-6)
-    alone = {"payload_height": "1 m"}
+    alone: Any = {"payload_height": "1 m"}
     for wrong in (*({"payload": mass} for mass in ("3 m", 0.0, np.inf)), {"payload": 1, "payload_height": "x"}, alone):
         with pytest.raises(gs.GoughStewartError, match="payload"):
             gs.check("pitch_sine", hold, **wrong)

@@ -48,7 +48,7 @@ def episode(env: Any, actions: FloatArray, seed: int | None = None) -> list[Floa
     return [np.array(observations), np.array(rewards)]
 
 
-DIFFER = {
+DIFFER: dict[str, Any] = {
     **{"loop.sample_time": 0.012, "loop.plant_step": 0.006, "plant.fixed_step_size": 0.006, "loop.duration": 0.36},
     "ensemble.platform": {"platform_mass": {"factor": {"uniform": [0.8, 1.2]}}},
     "ensemble.loop": {"delay": {"choice": [0, 1, 3]}},
