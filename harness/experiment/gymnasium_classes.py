@@ -174,7 +174,10 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             raise failure
         self._reference = members_last(self._loop.reference)
         planned = np.zeros((len(self._timing.samples), N_LEGS)) if self._follows_poses else self._loop.feedforward
-        self._known: Any = members_last(planned if self._loop.injection is None else planned + self._loop.injection)
+        self._known: Any = members_last(planned)
+        injection: Any = members_last(self._loop.injection)  # each of both may be common to all members
+        if injection is not None:
+            self._known = self._known + injection
         # the controllers of all, with the memory of rest in the start state
         self._law: LinearLaw | None = None
         if self._follows_poses:

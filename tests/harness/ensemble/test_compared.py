@@ -160,9 +160,10 @@ def test_differences_in_blocks_are_as_sure_as_their_points(tmp_path: Path) -> No
 
     n/(n − 1) Σ (D − m mean)²/(Σ m)² is its variance, with D the sum of differences of a point with m members in both.
     """
-    done, out = compared(tmp_path, VARIED + 'sampling = "saltelli"\nseed = 4\n', "--members", "60")
+    done, out = compared(tmp_path, VARIED + 'sampling = "saltelli"\nseed = 4\n', "--members", "60", "--seed", "5")
     assert done.exit_code == 0, done.output
     both = Both(out)
+    assert [gs.read_ensemble(out / name).metadata["seed"] for name in ("slow", "fast")] == [5, 5]
     a, b, rows = both.pairs(FORCE)
     gap, row = b - a, both.differences[FORCE]
     points = {k: gap[rows // 5 == k] for k in sorted({*(rows // 5).tolist()})}

@@ -48,15 +48,29 @@ def episode(env: Any, actions: FloatArray, seed: int | None = None) -> list[Floa
     return [np.array(observations), np.array(rewards)]
 
 
-def test_forces_act_as_those_of_a_controller_in_a_run() -> None:
-    """Expected: the measurements of `gs.run`, another host, of member 2 of the ensemble with the environment's seed."""
-    experiment = gs.load_experiment("heave_step", {**UNEVEN, **VARIED})
-    record = gs.run(experiment, member=2, controller=lambda sample: forces_at(sample.index))
-    env = gs.vector_env(experiment, 3)
-    observed, _ = episode(env, np.array([forces_at(j) for j in range(60)]), seed=5)
-    for name, at in (("leg_length", slice(0, 6)), ("leg_velocity", slice(6, 12))):
-        measured = record[f"measured.{name}"][:-1:2]
-        np.testing.assert_allclose(observed[:60, 2, at], measured, rtol=0, atol=1e-9)
+DIFFER: dict[str, Any] = {
+    **{"loop.sample_time": 0.012, "loop.plant_step": 0.006, "plant.fixed_step_size": 0.006, "loop.duration": 0.36},
+    "ensemble.platform": {"platform_mass": {"factor": {"uniform": [0.8, 1.2]}}},
+    "ensemble.loop": {"delay": {"choice": [0, 1, 3]}},
+    "injection": {"type": "chirp", "leg": 2, "amplitude": 300, "band": [10, 30], "period": 0.12},
+    "reference": {"type": "sine", "orientation_amplitude": [0.01, 0, 0.005], "frequency": 1},
+}
+
+
+@pytest.mark.parametrize(("hold", "steps", "more"), [(1, 60, {}), (3, 10, DIFFER)], ids=["each sample", "held"])
+def test_forces_act_as_those_of_a_controller_in_a_run(hold: int, steps: int, more: dict[str, Any]) -> None:
+    """Expected: what `gs.run`, another host, has of each member of the ensemble with the environment's seed."""
+    experiment = gs.load_experiment("heave_step", {**UNEVEN, **VARIED, **more})
+    names = {"leg_length": slice(0, 6), "leg_velocity": slice(6, 12), "reference.orientation": slice(12, 15)}
+    env = gs.vector_env(experiment, 3, observations=[*names], reward="tracking.orientation.norm_rms", hold=hold)
+    observed, rewards = episode(env, np.array([forces_at(j) for j in range(steps)]), seed=5)
+    for k in range(3):
+        record = gs.run(experiment, member=k, controller=lambda sample: forces_at(sample.index // hold))
+        for name, at in names.items():
+            rows = record[name if "." in name else f"measured.{name}"][: -1 : 2 * hold]
+            np.testing.assert_allclose(observed[:steps, k, at], rows, rtol=0, atol=1e-9)
+        squares = np.square(record["error.orientation"][2 * hold :: 2 * hold]).sum(axis=1)
+        np.testing.assert_allclose(-rewards[:, k], squares, rtol=1e-6)
     assert np.abs(observed[:, 2] - observed[:, 1]).max() > 1e-3  # another machine
 
 
@@ -134,19 +148,19 @@ def test_a_single_environment_is_the_first_member_and_passes_the_checker() -> No
 
 
 @pytest.mark.parametrize(
-    ("settings", "forces", "cause"),
+    ("settings", "forces", "hold", "cause"),
     [
-        ({"limits.stroke": "stop", "controller.feedforward": "none"}, np.zeros(6), "beyond its stroke"),
-        ({"limits.position_error": 0.01, "controller.feedforward": "none"}, np.zeros(6), "too far"),
-        ({}, np.array([5, -5, -5, -5, -5, 5.0]) * 1e3, ""),
+        ({"limits.stroke": "stop", "controller.feedforward": "none"}, np.zeros(6), 5, "beyond its stroke"),
+        ({"limits.position_error": 0.01, "controller.feedforward": "none"}, np.zeros(6), 1, "too far"),
+        ({}, np.array([5, -5, -5, -5, -5, 5.0]) * 1e3, 1, ""),
     ],
     ids=["stroke", "error", "pose"],
 )
-def test_an_episode_terminates_where_the_run_ends(settings: dict[str, Any], forces: FloatArray, cause: str) -> None:
+def test_an_episode_terminates_where_the_run_ends(settings: Any, forces: FloatArray, hold: int, cause: str) -> None:
     """Expected: the time of the outcome of `gs.run`; the last error counts for all that remains."""
     experiment = gs.load_experiment("heave_step", {"loop.duration": 2, **settings})
     outcome = gs.run(experiment, controller=lambda _: forces).metadata["outcome"]
-    env, steps, terminated, truncated, reward, info = gs.env(experiment), 0, False, False, 0.0, dict[str, Any]()
+    env, steps, terminated, truncated, reward = gs.env(experiment, hold=hold), 0, False, False, 0.0
     env.reset(seed=0)
     while not (terminated or truncated):
         before = reward
@@ -155,8 +169,8 @@ def test_an_episode_terminates_where_the_run_ends(settings: dict[str, Any], forc
     assert terminated
     assert not truncated
     assert cause in info["cause"]
-    assert steps == pytest.approx(outcome["time"] / 0.001, abs=1)
-    assert reward / before == pytest.approx(1 + 2000 - steps, rel=0.1)
+    assert steps == pytest.approx(outcome["time"] / (0.001 * hold), abs=1)
+    assert reward / before == pytest.approx(1 + 2000 / hold - steps, rel=0.1)
 
 
 def test_time_is_up_at_the_duration_and_a_held_action_is_a_longer_step() -> None:
@@ -187,6 +201,11 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("heave_step", {"autoreset": "same_step"}, "next_step"),
     ("impulse", {}, "disturbance"),
     ("heave_step", {"settings": {"loop.jitter": 0.0004, "loop.plant_step": 0.0002}}, "jitter"),
+    ("heave_step", {"settings": {"fault": [{"at": 0, "cut": [1]}]}}, "fault: has a time"),
+    ("heave_step", {"settings": {"change": [{"at": 1, "factors": {"platform_mass": 2}}]}}, "change: has a time"),
+    ("heave_step", {"settings": {"sensors.sample_time": 0.002}}, "sensors.sample_time: has a time"),
+    ("heave_step", {"settings": {"ensemble.platform.platform_mass": {"normal": 9}}, "actions": "pose"}, "nominal pla"),
+    ("paper_open_loop", {"observations": ["reference.position"]}, "has no reference; add one"),
     ("paper_open_loop", {"actions": "pose"}, "controller"),
 ]
 
@@ -207,5 +226,6 @@ def test_actions_rewards_and_masks_of_other_shapes_are_refused() -> None:
     ):
         with pytest.raises(gs.GoughStewartError, match=words):
             env.step(actions)
-    with pytest.raises(gs.GoughStewartError, match="True or False"):
-        env.reset(options={"reset_mask": [1, 0]})
+    for seed, mask in ((None, [1, 0]), (3, [True, False])):
+        with pytest.raises(gs.GoughStewartError, match="True or False"):
+            env.reset(seed=seed, options={"reset_mask": mask})

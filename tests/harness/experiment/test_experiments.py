@@ -57,6 +57,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     # words, whole numbers, signals
     ({"controller.feedforward": "magic"}, "controller.feedforward: is 'magic'; expected 'none', 'gravity' or 'comp"),
+    ({"limits.condition_number": 1}, "limits.condition_number: is 1; expected"),
     ({"limits.stroke": "end"}, "limits.stroke: is 'end'; expected 'ignore', 'warn' or 'stop'"),
     ({"actuators.force_limit": "weak"}, "actuators.force_limit: is 'weak'; expected a number of N, or a string with "),
     ({"sensors.seed": 1.5}, "sensors.seed: is 1.5; expected a whole number"),
@@ -145,13 +146,16 @@ IMPOSSIBLE: list[tuple[dict[str, Any], str]] = [
     ({**PID, "controller.anti_windup_time": 1e-9}, "controller: anti_windup_time is 1e-09 s; expected at least the sa"),
     ({"controller": {"type": "python", "file": "nothing.py"}}, "controller: nothing.py: no such file"),
     ({"reference": {"type": "file", "file": "no.csv"}}, "reference: .*no.csv"),
+    ({"loop.delay": 500, "loop.duration": 0.5}, "loop: delay of 500 samples in a run of 0.5 s"),
+    ({"reference": {**SINE, "frequency": 500}}, "reference: frequency of 500 Hz.*less than half the sample rate, 500"),
     ({"reference": SINE}, "reference: frequency of 1000 Hz.*less than half the sample rate, 500 Hz"),
     ({"reference": None}, "reference: is missing; a controller needs one, for instance type = 'hold'"),
     ({"change": [{"at": 1, "parameters": {"leg_lower_mass": 3}}]}, "change: leg_lower_mass: cannot change during a"),
+    ({"change": [{"at": 1, "parameters": {"gravity": 1}, "factors": {"gravity": 2}}]}, "change: gravity: is in par"),
     ({"change": [{"at": 1, "parameters": {"platform_mass": -1}}]}, "change: platform_mass: is -1"),
     ({"change": [{"at": 0.10005, "factors": {"platform_mass": 2}}]}, "change: a change at 0.10005 s; expected.*mult"),
     ({"disturbance": [{"at": 3, "duration": 0.1}]}, "disturbance: a disturbance at 3 s"),
-    ({"disturbance": [{"at": 1, "duration": 1e-9}]}, "disturbance: a disturbance of 1e-09 s"),
+    ({"disturbance": [{"at": 1, "duration": 4.9e-4}]}, "disturbance: a disturbance of 0.00049 s"),
     ({"injection": {"type": "chirp", "leg": 1, "band": [4, 50], "amplitude": 1, "period": 1.5}}, "injection: a run of"),
 ]
 
@@ -214,6 +218,7 @@ def test_settings_are_a_mapping_or_texts_that_replace_and_add() -> None:
     assert found.sensors.noise == {"leg_length": 1e-6, "position": pytest.approx(2e-6)}
     assert found.changed["loop.delay"] == {"value": 3, "file": 1}
     assert gs.load_experiment("heave_step", "loop.delay=3").loop.delay == 3
+    assert gs.load_experiment("heave_step", {"platform.file": "a.toml"}).platform.preset is None
     # of a key that is set twice the file's value stays known
     again = gs.run(found, {"plant.kind": "model", "loop.delay": 4, "loop.duration": 0.01, "reference.at": 5e-3})
     assert again.metadata["settings"]["loop.delay"] == {"value": 4, "file": 1}

@@ -112,6 +112,10 @@ def test_an_l_that_cannot_be_known_is_not_shown_however_coherent(shipped: gs.Rec
     measured = measured._replace(S=np.asarray(1 / (1 + twice)), radius=np.full(4, 0.02))
     report = replace(made, frequency=f, measured=measured, predicted=None, notes=()).report()
     assert report.number("L.crossover").value == pytest.approx(32.0)
+    for x, model, status in ((-0.49, 0, "good"), (-0.51, 0, "marginal"), (-0.49, 1, "marginal"), (-0.49, None, "told")):
+        measured = measured._replace(S=np.full(4, 1 / (1 + x), dtype=complex))
+        predicted = None if model is None else np.full(4, x + model, dtype=complex)
+        assert replace(made, measured=measured, frequency=f, predicted=predicted).report().verdict.status == status
 
 
 def test_charts_show_points_with_their_circles_and_the_model(shipped: gs.Record) -> None:
@@ -154,6 +158,7 @@ def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> Non
     base = {"duration": 0.9, "sample_time": 2e-3}
     late = uneven_run(injection, loop={**base, "plant_step": 1e-3, "jitter": 1e-3})
     assert gs.frf(late).notes == ("jitter delayed the samples, which the linear model does not include",)
+    assert "a clock of their own" in str(gs.frf(uneven_run(injection, loop=base, sensors={"sample_time": 4e-3})).notes)
     force = {"at": 0.8, "duration": 0.1, "force": [0, 0, 4e3]}
     ended = uneven_run(injection, loop=base, disturbance=[force], limits={"position_error": 0.05})
     cause = ended.metadata["outcome"]["cause"]

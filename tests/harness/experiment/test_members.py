@@ -44,6 +44,7 @@ WRONG: list[tuple[str, Any, str]] = [
     ("correlation", [{"of": ["platform_mass", "base_points"], "matrix": UNIT}], "have 19 elements; their m"),
     ("correlation", [{"of": PAIR, "matrix": [[2, 0], [0, 1]]}], "expected a matrix with 1 on the diagonal"),
     ("correlation", [{"of": PAIR, "matrix": UNIT}, {"of": PAIR[::-1], "matrix": UNIT}], "is in two matrices"),
+    ("covariance", [{"of": ["leg_armature", "gravity"], "matrix": UNIT}], "has 3 elements; the matrix has 1 rows le"),
     ("covariance", [{"of": ["platform_mass"], "matrix": [[2]]}], "has a distribution and a covariance"),
 ]
 

@@ -48,6 +48,8 @@ def test_every_key_of_the_start_is_in_the_first_row() -> None:
         "angular_velocity": [np.pi / 180, 0.2, -0.3],
     }
     free = run(reference=reference)
+    turned = run(reference=reference, start={"orientation": [2 * np.pi + 0.02, 0.03, -0.02]})
+    assert turned["orientation"][0] == pytest.approx([0.02, 0.03, -0.02])
     for name in meant:
         assert free[name][0] == pytest.approx(free[f"reference.{name}"][0])
         one = run(reference=reference, start={name: start[name]})

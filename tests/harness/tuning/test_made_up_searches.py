@@ -117,6 +117,7 @@ def test_fresh_members_carry_the_verdict_and_doubts_are_said(real: gs.Tuning) ->
     allowed = replace(found, before_fresh=found.seen._replace(value=0.002, conditions=(96.0, 1.0))).report().verdict
     assert "; the values before break a condition; with controller.bandwidth 2.3 Hz" in allowed.text
     assert "; not held on fresh members: stroke.margin >= 10 µm" in allowed.text
+    assert found.report().notes[-1].text.endswith(" On these, 'stroke.margin >= 10 µm' does not hold.")
     cut = replace(found, search=replace(found.search, is_interrupted=True), fresh=None).report().verdict
     assert cut.text.endswith("; interrupted, and not tried on fresh members")
 
