@@ -501,6 +501,9 @@ def test_the_description_is_that_of_the_controller(files: Units) -> None:
         page = (file.folder / "documentation/index.html").read_text()
         rows = ET.fromstring(page).findall(".//{http://www.w3.org/1999/xhtml}tbody/*")
         assert (len(rows), "uneven &lt;loop&gt;" in page) == (len(file.variables), True)
+        assert "from sample k + <code>output_delay</code> on, 1 by\ndesign" in page
+    terminals = ET.parse(files.files["3.0"].folder / "terminalsAndIcons/terminalsAndIcons.xml").iter("Terminal")
+    assert [(t.get("name"), len(t)) for t in terminals] == [("actuators", 2), ("reference", 6)]
     found = {v.name: v for v in files.files["3.0"].description.modelVariables}
     poses = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
     inputs = [name for name, v in found.items() if v.causality == "input"]
