@@ -310,10 +310,8 @@ def test_the_pages_table_has_every_variable_with_its_numbers(fmu: Fmu) -> None:
             assert start.split() == [f"{x + 0.0:.6g}" for x in value], name
     page = " ".join("".join(ET.fromstring(page_of(fmu)).itertext()).split())
     tunable = ", ".join(name for name, whole in fmu.variables.items() if whole.declared[0].variability == "tunable")
-    one, other = (
-        ("between communication steps", "event and continuous-time") if fmu.is_fmi2 else ("in step mode", "event")
-    )
-    when = f"({one} in Co-Simulation, in {other} mode in Model Exchange): {tunable}."
+    a, b = ("between communication steps", "event and continuous-time") if fmu.is_fmi2 else ("in step mode", "event")
+    when = f"({a} in Co-Simulation, in {b} mode in Model Exchange): {tunable}."
     limits = ("from 1e-13 to 1e-2, by default 1e-8;", "than 20,000 internal steps (1,000,000 fixed ones)")
     for words in (when, *limits, "by Kutta’s 3/8 rule of order 4 with", "the platform stands still."):
         assert words in page, words

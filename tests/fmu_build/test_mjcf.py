@@ -77,14 +77,14 @@ def test_what_has_no_counterpart_is_named_and_the_rest_is_there(tmp_path: Path) 
 
     legs = 6 * (platform.leg_lower_mass + platform.leg_upper_mass)
     assert numbers(".//inertial", "mass").sum() == pytest.approx(platform.platform_mass + legs)
-    force, home = platform.actuator_force_max, (platform.home_position, platform.home_orientation)
-    assert force is not None
+    force, home = platform.actuator_force_max or 0.0, (platform.home_position, platform.home_orientation)
     assert numbers("actuator/motor", "ctrlrange") == pytest.approx(np.tile([-force, force], (6, 1)))
     assert numbers("keyframe/key", "ctrl")[0] == pytest.approx(gs.static_leg_forces(platform, *home))
     stroke = [[platform.leg_length_min, platform.leg_length_max]] - gs.leg_geometry(platform, *home).length[:, None]
     assert numbers(".//joint[@range]", "range") == pytest.approx(stroke)
     assert numbers(".//joint[@range]", "frictionloss") == pytest.approx(np.full((6, 1), platform.leg_coulomb_friction))
     sensors = [(e.tag, e.get("joint") or e.get("name")) for e in root.iterfind("sensor/*")]
+    assert sensors[3] == ("frameangvel", "angular_velocity")
     assert sensors[4:] == [(f"joint{kind}", f"leg_{k}") for k in range(1, 7) for kind in ("pos", "vel")]
 
 

@@ -287,8 +287,7 @@ def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:
 @pytest.mark.parametrize("part", ["lower", "upper"])
 def test_a_centre_of_mass_lies_on_the_shortest_leg_of_the_start(fmu: Fmu, part: str) -> None:
     lengths = gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length
-    shortest = float(lengths.min())
-    factors = {f"leg_{part}_com_factor": 1.0 + (lengths == shortest)}
+    shortest, factors = lengths.min(), {f"leg_{part}_com_factor": 1.0 + (lengths == lengths.min())}
     for share, status in ((0.999, OK), (1.001, ERROR)):
         with plant(fmu) as p:
             assert refused(p.start, {**MOVING, **factors, f"leg_{part}_com": share * shortest / 2}) == status
