@@ -187,8 +187,10 @@ def test_dependencies_are_those_that_differences_show(fmu: Fmu, shown: Shown) ->
 
 
 def test_terminals_join_the_actuators_the_pose_and_the_load(fmus: dict[str, Fmu]) -> None:
-    """Expected: by name, in the order of use."""
-    root = xml(fmus["3.0"], "terminalsAndIcons/terminalsAndIcons.xml")
+    """Expected: by name, in the order of use; in FMI 2.0 a terminal for each leg."""
+    scalars, root = (xml(fmus[version], "terminalsAndIcons/terminalsAndIcons.xml") for version in ("2.0", "3.0"))
+    legs = [[member.get("variableName") for member in terminal] for terminal in scalars.iter("Terminal")][:6]
+    assert legs == [[f"{name}[{k}]" for name in ("actuator_force", "leg_length", "leg_velocity")] for k in range(1, 7)]
     found = {(t.get("name"), t.get("description")): [m.get("variableName") for m in t] for t in root.iter("Terminal")}
     assert found == {
         ("actuators", "the six actuators"): ["actuator_force", "leg_length", "leg_velocity"],
@@ -246,6 +248,7 @@ def test_reference_results_are_those_of_the_lagrangian_under_the_documented_inpu
     options = dict(
         csv.reader((fmu.folder / f"extra/gough_stewart/{case}/gough_stewart_ref.opt").read_text().splitlines())
     )
+    assert "SciPy's DOP853 at tolerance 1e-12" in (fmu.folder / "extra/gough_stewart/README.txt").read_text()
     paper = gs.load_preset("liu2000")
     lengths = [gs.leg_geometry(p, p.home_position, p.home_orientation).length.mean() for p in (UNEVEN, paper)]
     root = np.sqrt(lengths[0] / lengths[1])
@@ -285,7 +288,7 @@ def page_of(fmu: Fmu) -> str:
 
 
 def test_the_pages_table_has_every_variable_with_its_numbers(fmu: Fmu) -> None:
-    """Expected: six digits of the platform's numbers; one number stands for equal ones, a matrix has its rows."""
+    """Expected: six digits of the platform's numbers, one for equal ones, rows of a matrix; the contract's limits."""
     body = ET.fromstring(page_of(fmu)).find(".//{*}tbody")
     assert body is not None
     rows = {}
@@ -305,6 +308,13 @@ def test_the_pages_table_has_every_variable_with_its_numbers(fmu: Fmu) -> None:
             assert start == f"{value[0]:.6g}"
         else:
             assert start.split() == [f"{x + 0.0:.6g}" for x in value], name
+    page = " ".join("".join(ET.fromstring(page_of(fmu)).itertext()).split())
+    tunable = ", ".join(name for name, whole in fmu.variables.items() if whole.declared[0].variability == "tunable")
+    a, b = ("between communication steps", "event and continuous-time") if fmu.is_fmi2 else ("in step mode", "event")
+    when = f"({a} in Co-Simulation, in {b} mode in Model Exchange): {tunable}."
+    limits = ("from 1e-13 to 1e-2, by default 1e-8;", "than 20,000 internal steps (1,000,000 fixed ones)")
+    for words in (when, *limits, "by Kutta’s 3/8 rule of order 4 with", "the platform stands still."):
+        assert words in page, words
     first = rows["platform_points"][0]
     last = " platform_points[1,1] … platform_points[6,3]" if fmu.is_fmi2 else ""
     assert first == f"platform_points{last}"

@@ -107,4 +107,7 @@ def test_the_order_of_compilers_is_cc_zig_and_the_systems(tmp_path: Path, monkey
     assert objects == [
         [*aim, "-mcpu=x86_64_v3", "-O3", "-I", "h", "-c", f"{name}.c", "-o", f"{k}.obj"] for k, name in enumerate("ab")
     ]
+    stripped = ["-s" in Compiler(("cc",), "").commands("u", [], "h", each, FLAGS)[0] for each in BY_NAME.values()]
+    assert stripped == [True, True, True, False, False]
+    assert [[*libraries.flags_by_level(target)] for target in BY_NAME.values()] == [[3, 4], [0], [3], [3], [0]]
     assert last == [*aim, "-O3", "-shared", "-s", "-I", "h", "0.obj", "1.obj", "-o", "u.dll", "-lm"]

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -10,8 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from tests.support.uneven import UNEVEN
-
-mujoco = pytest.importorskip("mujoco")
 
 # No Coulomb friction, which is smooth here and a constraint there.
 SLIDING = {
@@ -23,11 +22,12 @@ STEPS = 300
 
 def loaded(platform: gs.Platform, folder: Path) -> Any:
     (file,) = gs.build(folder, forms="mjcf", platform=platform)
-    return mujoco.MjModel.from_xml_path(str(file))
+    return pytest.importorskip("mujoco").MjModel.from_xml_path(str(file))
 
 
 def end_of(model: Any, forces: np.ndarray, substeps: int) -> np.ndarray:
     """Position [m] and rotation matrix, flat, after forces that hold for 1 ms each."""
+    mujoco = pytest.importorskip("mujoco")
     model.opt.timestep = 1e-3 / substeps
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -64,20 +64,28 @@ def test_it_follows_the_stepping_model_with_an_error_that_falls_with_the_time_st
 
 
 def test_what_has_no_counterpart_is_named_and_the_rest_is_there(tmp_path: Path) -> None:
-    """Expected: of a machine with stiction, springs and limits the lines; masses, limits and stroke as in the file."""
-    platform = gs.load_preset("motion_base_screws")
-    platform = replace(platform, leg_stiffness=1e8, joint_angle_max=1.0)
-    model = loaded(platform, tmp_path)
-    text = (tmp_path / "motion_base_screws.xml").read_text()
+    """Expected: of a machine with stiction, springs and limits the lines; its numbers, the statics at home, sensors."""
+    platform = replace(gs.load_preset("motion_base_screws"), leg_stiffness=1e8, joint_angle_max=1.0)
+    texts = [gs.build(tmp_path, forms="mjcf", platform=each)[0].read_text() for each in (platform, UNEVEN)]
     for line in ("velocity and power", "joint angles", "static and Stribeck friction", "springs"):
-        assert line in text
+        assert line in texts[0]
+    assert "Left out: the velocity over which Coulomb friction is smoothed" in texts[1]
+    root = ET.fromstring(texts[0])
+
+    def numbers(place: str, attribute: str) -> Any:
+        return np.array([[float(word) for word in e.attrib[attribute].split()] for e in root.iterfind(place)])
+
     legs = 6 * (platform.leg_lower_mass + platform.leg_upper_mass)
-    assert model.body_mass.sum() == pytest.approx(platform.platform_mass + legs)
-    assert platform.actuator_force_max is not None
-    assert model.actuator_ctrlrange == pytest.approx(np.tile([-1, 1], (6, 1)) * platform.actuator_force_max)
-    lengths = gs.leg_geometry(platform, platform.home_position, platform.home_orientation).length
-    stroke = [[platform.leg_length_min, platform.leg_length_max]] - lengths[:, None]
-    assert model.jnt_range[model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE] == pytest.approx(stroke)
+    assert numbers(".//inertial", "mass").sum() == pytest.approx(platform.platform_mass + legs)
+    force, home = platform.actuator_force_max or 0.0, (platform.home_position, platform.home_orientation)
+    assert numbers("actuator/motor", "ctrlrange") == pytest.approx(np.tile([-force, force], (6, 1)))
+    assert numbers("keyframe/key", "ctrl")[0] == pytest.approx(gs.static_leg_forces(platform, *home))
+    stroke = [[platform.leg_length_min, platform.leg_length_max]] - gs.leg_geometry(platform, *home).length[:, None]
+    assert numbers(".//joint[@range]", "range") == pytest.approx(stroke)
+    assert numbers(".//joint[@range]", "frictionloss") == pytest.approx(np.full((6, 1), platform.leg_coulomb_friction))
+    sensors = [(e.tag, e.get("joint") or e.get("name")) for e in root.iterfind("sensor/*")]
+    assert sensors[3] == ("frameangvel", "angular_velocity")
+    assert sensors[4:] == [(f"joint{kind}", f"leg_{k}") for k in range(1, 7) for kind in ("pos", "vel")]
 
 
 def test_mujoco_is_told_to_need_a_mass_and_nothing_is_written(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ BAD_VALUES = [
     ("leg_upper_inertia", -1e-9, "leg_upper_inertia", ">= 0"),
     ("leg_viscous_friction", -2.0, "leg_viscous_friction = -2 N.s/m", ">= 0"),
     ("leg_friction_velocity", 0.0, "leg_friction_velocity", "> 0"),
-    ("base_points", np.full((6, 3), 1e31), "base_points[1,1] = 1e+31 m", "below 1e+30"),
+    ("base_points", -1e31 * np.eye(6, 3, -3), "base_points[4,1] = -1e+31 m", "below 1e+30"),
     ("fixed_step_size", -1e-3, "fixed_step_size = -0.001 s", ">= 0"),
 ]
 
@@ -184,6 +184,8 @@ def test_a_step_that_cannot_be_completed_is_discarded_with_the_state_as_before(
         if p.is_fmi2:
             assert p.fmu.getStatus(0) == DISCARD  # fmi2DoStepStatus
             assert p.fmu.getBooleanStatus(3)  # fmi2Terminated
+            p.restore(before)
+            assert (p.fmu.getStatus(0), bool(p.fmu.getBooleanStatus(3))) == (OK, False)
         for each in (p, q):
             each.set("actuator_force", 50.0)
             each.do_step(0.001, 1e-5)
@@ -201,6 +203,7 @@ def test_a_step_that_makes_no_sense_is_an_error(fmu: Fmu) -> None:
     """Expected: a clock may round a little: 1e-9 s for times about a second pass the stop time."""
     with plant(fmu) as p:
         p.refuses("not allowed in the instantiated state", ERROR, p.do_step, 0.0, 0.1)
+        p.refuses("start time 1 s, stop time 0.5 s rejected", ERROR, p.initialise, None, 1.0, 0.5)
         p.start(stop=2.0)
         before = p.serialized()
         for time, step, expected in NONSENSE:
@@ -217,6 +220,7 @@ def test_an_importers_clock_may_round_a_little(fmu: Fmu) -> None:
         for begin, side in ((now, 1), (now, -1), (-now, 1), (-now, -1)):
             with plant(fmu) as p:
                 p.start(time=begin)
+                assert p.time == begin
                 p.refuses("current time", ERROR, p.do_step, begin + side * outside, step)
                 p.do_step(begin + side * inside, step)
 
@@ -234,8 +238,9 @@ def test_unknown_references_wrong_counts_and_null_pointers_are_errors(fmu: Fmu) 
     with plant(fmu) as p:
         one, tail, c = (c_double * 1)(), () if p.is_fmi2 else (1,), p.fmu.component
         get = p.fmu.fmi2GetReal if p.is_fmi2 else p.fmu.fmi3GetFloat64
-        unknown, scalar = (c_uint32 * 1)(4711), (c_uint32 * 1)(*p.references("kinetic_energy"))
-        p.refuses("4711", ERROR, get, c, unknown, 1, one, *tail)
+        beyond = 1 + max(reference for whole in p.variables.values() for reference in whole.references)
+        unknown, scalar = (c_uint32 * 1)(beyond), (c_uint32 * 1)(*p.references("kinetic_energy"))
+        p.refuses(f"no variable has value reference {beyond}", ERROR, get, c, unknown, 1, one, *tail)
         p.refuses("null", ERROR, get, c, POINTER(c_uint32)(), 1, one, *tail)
         p.refuses("null", ERROR, get, c, scalar, 1, POINTER(c_double)(), *tail)
         assert refused(get, None, unknown, 1, one, *tail) == ERROR
@@ -251,9 +256,9 @@ def test_an_importer_with_another_description_gets_no_instance_and_a_reason(fmu:
             assert not p.fmu.dll.fmi2Instantiate(b"plant", 7, fmu.token.encode(), b"", byref(p.callbacks), 0, 0)
             assert "unknown FMU type 7" in p.messages[-1].text
     else:
-        required = "value reference 4711 is not available in intermediate updates"
         cases += [({"eventModeUsed": True}, "event mode is not offered")]
-        cases += [({"requiredIntermediateVariables": [4711]}, required)]
+        for k in (4711, *fmu.variables["platform_mass"].references):
+            cases += [({"requiredIntermediateVariables": [k]}, f"value reference {k} is not available in intermedia")]
     for options, expected in cases:
         with pytest.raises(NotInstantiatedError, match=expected):
             Plant(fmu, **options)
@@ -261,14 +266,15 @@ def test_an_importer_with_another_description_gets_no_instance_and_a_reason(fmu:
 
 def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:
     """Expected: of a refused value that category's message, if it is on; that of an error always."""
-    for chosen in (None, *(f"logStatus{kind}" for kind in ("Warning", "Discard", "Error")), "logAll"):
+    names = [f"logStatus{kind}" for kind in ("Warning", "Discard", "Error")]
+    for chosen in (None, [], *([name] for name in names), names[1:], ["logAll"]):
         with plant(fmu, logging=False) as p:
             if chosen is not None:
-                p.fmu.setDebugLogging(True, [chosen])
+                p.fmu.setDebugLogging(True, chosen)
             for _ in range(2):
                 refused(p.set, "platform_mass", -1.0)
                 refused(p.do_step, 0.0, 0.1)
-                discarded = ["logStatusDiscard"] if chosen in ("logStatusDiscard", "logAll") else []
+                discarded = names[1:2] if chosen == [] or {"logAll", names[1]} & {*(chosen or ())} else []
                 assert [m.category for m in p.messages] == [*discarded, "logStatusError"]
                 p.take_messages()
                 assert refused(p.fmu.setDebugLogging, True, ["logStatusEror"]) == ERROR  # changes nothing
@@ -280,12 +286,13 @@ def test_messages_respect_logging_and_categories(fmu: Fmu) -> None:
 
 @pytest.mark.parametrize("part", ["lower", "upper"])
 def test_a_centre_of_mass_lies_on_the_shortest_leg_of_the_start(fmu: Fmu, part: str) -> None:
-    shortest = float(gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length.min())
+    lengths = gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length
+    shortest, factors = lengths.min(), {f"leg_{part}_com_factor": 1.0 + (lengths == lengths.min())}
     for share, status in ((0.999, OK), (1.001, ERROR)):
         with plant(fmu) as p:
-            assert refused(p.start, {**MOVING, f"leg_{part}_com": share * shortest}) == status
-            told = f"leg_{part}_com is {share * shortest:g} m; expected at most"
-            assert re.search(rf"{told}.*shortest leg length at the start, {shortest:g} m|^$", p.take_messages())
+            assert refused(p.start, {**MOVING, **factors, f"leg_{part}_com": share * shortest / 2}) == status
+            told = f"leg_{part}_com is {share * shortest:g} m; expected at most the shortest leg length at the start"
+            assert re.search(rf"{told}, {shortest:g} m \(leg {lengths.argmin() + 1}\)|^$", p.take_messages())
 
 
 def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu) -> None:
