@@ -43,6 +43,15 @@ def test_a_delay_and_a_limit_that_change() -> None:
     assert force - 4000 == pytest.approx(expected, abs=1e-9)
 
 
+def test_noise_that_changes_is_that_of_the_change() -> None:
+    """Expected: none before, then σ; of 60 numbers a deviation has the standard error σ/√120."""
+    change = [{"at": 0.02, "noise": {"leg_length": 1e-6}}]
+    record = gs.run("heave_step", {**AT_REST, "change": change, "loop.duration": 0.03})
+    noise = (record["measured.leg_length"] - record["leg_length"])[:-1:2]
+    assert np.abs(noise[:20]).max() == 0
+    assert noise[20:].std() == pytest.approx(1e-6, rel=0.4)
+
+
 def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:
     """Expected: the motion before the first target, which is reached; a jump moves the reference at once."""
     (tmp_path / "targets.csv").write_text(f"{HEADER}\n0.5,0.05,0,2,0,0,0.1,0\n4.0,0.05,0,2.01,0,0,0.1,1\n")
@@ -91,6 +100,7 @@ def test_only_machine_code_changes_settings() -> None:
         ("time,x\n0,1\n", {}, "has no column y; expected time, x, y"),
         (f"{HEADER}\n0.0011,0,0,2,0,0,0,0\n", {}, "at multiples of sample_time, 0.002 s"),
         (f"{HEADER}\n0.1,0,0,2,0,0,0,0\n0,0,0,2,0,0,0,0\n", {}, "rows in order of time"),
+        (f"{HEADER}\n-0.002,0,0,2,0,0,0,0\n", {}, "expected rows in order of time"),
         (f"{HEADER}\n0,0,0,2,0,0,0,0\n", {"time_scale": 2}, "expected no time_scale and amplitude_scale"),
     ],
 )

@@ -31,7 +31,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
      r"expected a whole number, for instance a plant_step of 0\.00104 s"),
     ({"loop": {"sample_time": 4.8e-3}}, r"does not divide sample_time 0\.0048 s \(4\.8 times\)"),
     ({"loop": {"duration": 0.0398}}, r"does not divide duration 0\.0398 s \(39\.8 times\)"),
-    ({"loop": {"duration": 1000.005}}, r"duration 1000 s has 1e\+06 plant steps of 0.001 s; expected at most 1000000"),
+    ({"loop": {"duration": 1000.005}}, r"duration 1000 s has 1e\+06 plant steps of 0.001 s; .*1000000, .* about 4 GB"),
     ({"loop": {"jitter": 5e-3}}, r"jitter is 0\.005 s; expected less than the sample_time of 0\.005 s, and at "
      r"least the plant_step of 0\.001 s"),
     ({"loop": {"jitter": float(np.nextafter(5e-3, 0))}}, r"expected less than the sample_time"),

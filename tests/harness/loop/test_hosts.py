@@ -255,6 +255,3 @@ def test_operations_of_a_law_are_those_of_the_c_library() -> None:
     assert np.ptp(a) > 1
     for k, values in enumerate(expected):
         assert record["controller.force"][k] == pytest.approx(values[k].astype(float), rel=1e-9, abs=1e-12), k
-
-
-# ---- stiction ----
