@@ -35,7 +35,7 @@ def test_a_small_target_is_followed_by_three_equal_poles(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("size", [0.05, -0.2, 0.5])
 def test_limits_hold_rates_are_integrals_and_it_comes_to_rest(size: float, tmp_path: Path) -> None:
-    """Expected: 2 m/s², a tenth beyond 0.3 m/s or 0.5 rad/s at most; integrals, also between samples; rest in the end."""
+    """Expected: 2 m/s², a tenth beyond 0.3 m/s or 0.5 rad/s at most; integrals, also between samples; rest at last."""
     h = 0.01
     motion = moved(tmp_path, size * np.eye(6)[2], h * np.arange(1200), h)
     value, rate, acceleration = motion.position[:, 2], motion.velocity[:, 2], motion.acceleration[:, 2]

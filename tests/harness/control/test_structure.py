@@ -120,7 +120,7 @@ def test_a_bandwidth_that_rigid_legs_bear_is_refused_on_legs_that_give() -> None
 
 
 def test_encoders_at_the_motors_do_not_see_the_stretch_of_their_legs() -> None:
-    """Expected: motors' positions or legs' lengths are measured, at first without a kick; margins differ accordingly."""
+    """Expected: motors or lengths of legs are measured, at first without a kick; margins differ accordingly."""
     exact = {"loop.duration": 0.25, "sensors.quantisation.leg_length": 0, "sensors.noise.leg_length": 0}
     for side, name in (("leg", "leg_length"), ("motor", "motor_position")):
         record = gs.run("heave_step", SOFT | exact | {"sensors.side": side})

@@ -258,14 +258,18 @@ def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(c
 
 
 def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
-    """Expected: as many calls kept as there are samples at which it is on; a lock, which has no copy, is named."""
-    counts: list[int] = []
+    """Expected: as many calls kept as there are samples at which it is on; a lock, which has no copy, is named.
+
+    It is told the last command of the record, also by hand and while that fades.
+    """
+    counts, told = list[int](), list[FloatArray]()
 
     def make(_platform: gs.Platform, _sample_time: float, lock: Any = None) -> Any:
         calls = 0
 
-        def law(_sample: gs.Sample) -> FloatArray:
+        def law(sample: gs.Sample) -> FloatArray:
             nonlocal calls
+            told.append(sample.command)
             calls += lock is None
             counts.append(calls)
             return np.zeros(6)
@@ -274,8 +278,9 @@ def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
 
     loop = {"duration": 0.4, "sample_time": 0.004, "plant_step": 0.001}
     experiment = uneven_experiment("pd", loop=loop, change=CHANGES[:2])
-    gs.run(experiment, controller=make)
+    commands = gs.run(experiment, controller=make)["controller.force"][:-1:4]
     assert counts[-1] == len(counts) == 100 - 15
+    assert np.array(told[1:]) == pytest.approx(commands[[*range(9), *range(24, 99)]], abs=1e-12)
     locked = gs.run(experiment, controller=lambda platform, period: make(platform, period, threading.Lock()))
     assert "needs a copy of it" in str(locked.metadata["outcome"]["cause"])
 
