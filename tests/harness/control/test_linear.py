@@ -36,7 +36,7 @@ def test_trim_is_at_rest(name: str) -> None:
     size = platform.characteristic_length
     at = (platform.home_position + 0.05 * size, platform.home_orientation + np.array([0.02, -0.03, 0.05]))
     wrench = 9.81 * platform.platform_mass * np.array([0.3, 0, 0, 0, 0, 0.1 * size])
-    assert (trim(platform, platform.home_position).state == trim(platform).state).all()
+    assert (trim(platform, platform.home_position).state[3:6] == platform.home_orientation).all()
     for point in (trim(platform), trim(platform, *at, external_wrench=wrench)):
         rate = plant_system(platform).dynamics(0, *point)
         assert np.abs(rate).max() < 1e-9
