@@ -43,15 +43,6 @@ def test_a_delay_and_a_limit_that_change() -> None:
     assert force - 4000 == pytest.approx(expected, abs=1e-9)
 
 
-def test_noise_that_changes_is_that_of_the_change() -> None:
-    """Expected: none before, then σ; of 60 numbers a deviation has the standard error σ/√120."""
-    change = [{"at": 0.02, "noise": {"leg_length": 1e-6}}]
-    record = gs.run("heave_step", {**AT_REST, "change": change, "loop.duration": 0.03})
-    noise = (record["measured.leg_length"] - record["leg_length"])[:-1:2]
-    assert np.abs(noise[:20]).max() == 0
-    assert noise[20:].std() == pytest.approx(1e-6, rel=0.4)
-
-
 def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:
     """Expected: the motion before the first target, which is reached; a jump moves the reference at once."""
     (tmp_path / "targets.csv").write_text(f"{HEADER}\n0.5,0.05,0,2,0,0,0.1,0\n4.0,0.05,0,2.01,0,0,0.1,1\n")

@@ -258,10 +258,7 @@ def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(c
 
 
 def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
-    """Expected: as many calls kept as there are samples at which it is on; a lock, which has no copy, is named.
-
-    It is told the last command of the record, also by hand and while that fades.
-    """
+    """Expected: calls of samples at which it is on, told the record's last command; a lock, without a copy, is named."""
     counts, told = list[int](), list[FloatArray]()
 
     def make(_platform: gs.Platform, _sample_time: float, lock: Any = None) -> Any:
