@@ -258,7 +258,7 @@ def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(c
 
 
 def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
-    """Expected: calls of samples at which it is on, told the record's last command; a lock, without a copy, is named."""
+    """Expected: calls of samples at which it is on, told the record's last command; a lock, without copy, is named."""
     counts, told = list[int](), list[FloatArray]()
 
     def make(_platform: gs.Platform, _sample_time: float, lock: Any = None) -> Any:
