@@ -385,7 +385,7 @@ class CompiledHost:
                         status: Status = "stopped" if failure == Failure.STROKE else "diverged"
                         now = memory["signals"][:, k]
                         if failure == Failure.STROKE:
-                            cause = monitor.beyond_stroke(k, now)
+                            cause = monitor.beyond_stroke(now)
                         elif failure == Failure.AWAY:
                             cause = monitor.too_far(k, ended, now)
                         elif failure == Failure.COMMAND:

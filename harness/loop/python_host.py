@@ -21,7 +21,7 @@ from gough_stewart.harness.control.component import (
     Sensor,
     Takeover,
 )
-from gough_stewart.harness.control.laws_of_members import Law
+from gough_stewart.harness.control.laws_of_members import Law, SeparateLaws
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import loop_kernel
@@ -131,6 +131,8 @@ def run_in_python(  # noqa: PLR0912, PLR0915 - a row, in the order of what happe
                     # a member's command stays until its next sample; that of an ended member is cleared
                     new = np.where(due[:, None], new, np.where(going[:, None], command, 0.0))
                 command, commanded = new, due
+                if has_switch and isinstance(law, SeparateLaws):
+                    law.hear(command)
                 if not signals.all_below(command.T, LARGEST_NUMBER):
                     beyond = ~(np.abs(command) <= LARGEST_NUMBER).all(axis=1)
                     for member in np.flatnonzero(beyond).tolist():  # with this row, before its limits are checked

@@ -177,7 +177,7 @@ class RowMonitor:
         row, self.n_rows = self.n_rows, self.n_rows + 1
         if self._limits.on_stroke == "stop":
             beyond = self._limits.beyond_stroke(now[:, LENGTHS]).any(axis=1)
-            self.end(beyond, row + 1, "stopped", lambda k: self.beyond_stroke(k, now[k]))
+            self.end(beyond, row + 1, "stopped", lambda k: self.beyond_stroke(now[k]))
         if self._reference is not None:
             gap = self._reference[row, :3] - now.T[:3]
             if not signals.all_below(gap, self._nearest_limit):
@@ -187,10 +187,9 @@ class RowMonitor:
         if self.rows.count == self.rows.most:
             self.pass_on()
 
-    def beyond_stroke(self, member: int, now: FloatArray) -> str:
-        """Why a member with these signals (24,) is stopped: its first leg that is beyond its stroke."""
-        ends = (signals.of_legs(end) for end in self._limits.stroke)
-        low, high = (end[:, member if end.shape[1] > 1 else 0] for end in ends)
+    def beyond_stroke(self, now: FloatArray) -> str:
+        """Why a run with these signals (24,) is stopped: its first leg that is beyond its stroke."""
+        low, high = (signals.of_legs(end)[:, 0] for end in self._limits.stroke)  # only a single run stops there
         lengths = now[LENGTHS]
         leg = int(((lengths < low) | (lengths > high)).argmax())
         return f"leg {leg + 1} is {lengths[leg]:.6g} m long; its stroke is {low[leg]:g} to {high[leg]:g} m"

@@ -35,7 +35,7 @@ def test_a_small_target_is_followed_by_three_equal_poles(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("size", [0.05, -0.2, 0.5])
 def test_limits_hold_rates_are_integrals_and_it_comes_to_rest(size: float, tmp_path: Path) -> None:
-    """Expected: 2 m/s², and a tenth beyond 0.3 m/s at most; the trapezoidal rule; rest in the target."""
+    """Expected: 2 m/s², a tenth beyond 0.3 m/s or 0.5 rad/s at most; integrals, also between samples; rest at last."""
     h = 0.01
     motion = moved(tmp_path, size * np.eye(6)[2], h * np.arange(1200), h)
     value, rate, acceleration = motion.position[:, 2], motion.velocity[:, 2], motion.acceleration[:, 2]
@@ -47,6 +47,11 @@ def test_limits_hold_rates_are_integrals_and_it_comes_to_rest(size: float, tmp_p
     assert np.diff(value) == pytest.approx(steps, abs=1e-12)
     assert [value[-1], rate[-1], acceleration[-1]] == pytest.approx([HOME[2] + size, 0, 0], abs=1e-6)
     assert np.abs(value - HOME[2]).max() <= abs(size) * 1.1
+    later, dt = moved(tmp_path, size * np.eye(6)[2], h * np.arange(1200) + 0.006, h), 0.006
+    assert later.position[:, 2] == pytest.approx(value + dt * rate + dt**2 / 2 * acceleration, abs=1e-12)
+    fastest = np.abs(np.diff(moved(tmp_path, size * np.eye(6)[4], h * np.arange(99), h).orientation[:, 1])).max() / h
+    assert fastest <= 1.1 * 0.5
+    assert (fastest > 0.9 * 0.5) == (abs(size) > 0.1)
 
 
 def test_a_target_that_jumps_takes_the_filter_with_it(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ def test_trim_is_at_rest(name: str) -> None:
     size = platform.characteristic_length
     at = (platform.home_position + 0.05 * size, platform.home_orientation + np.array([0.02, -0.03, 0.05]))
     wrench = 9.81 * platform.platform_mass * np.array([0.3, 0, 0, 0, 0, 0.1 * size])
+    assert (trim(platform, platform.home_position).state[3:6] == platform.home_orientation).all()
     for point in (trim(platform), trim(platform, *at, external_wrench=wrench)):
         rate = plant_system(platform).dynamics(0, *point)
         assert np.abs(rate).max() < 1e-9
@@ -82,13 +83,12 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
 def test_ranges_and_elements_are_joined_by_name(paper: Platform) -> None:
     """Expected: as the docstring says; a name of two indices is known to python-control as an element only."""
     plant = plant_system(paper, ("joint_force", "leg_length"))
+    point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
 
     def picked(outputs: str) -> list[float]:
         found = control.interconnect([plant], inplist=["plant.actuator_force"], outlist=[outputs], check_unused=False)
-        point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
         return list(found.output(0, point.state, point.inputs[:6]))
 
-    point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
     everything = plant.output(0, *point)
     assert picked("plant.leg_length[2:4]") == pytest.approx(everything[[19, 20]])
     assert picked("plant.joint_force[2,1]") == pytest.approx(everything[[3]])

@@ -126,7 +126,9 @@ def counted() -> gs.LinearController:
 
 
 def test_its_margins_are_those_of_its_small_signals() -> None:
-    found, expected = (gs.margins(loop_of(), controller=law) for law in (Counted, counted()))
+    laws = (Counted, counted(), Counted(None, T).__call__)
+    found, expected, of_method = (gs.margins(loop_of(), controller=law) for law in laws)
+    assert of_method.as_dict() == found.as_dict()
     assert (found.is_numerical, found.doubt, expected.is_numerical) == (True, "", False)
     np.testing.assert_allclose([leg.phase for leg in found.legs], [leg.phase for leg in expected.legs], rtol=1e-7)
     assert found.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-7)
@@ -134,6 +136,18 @@ def test_its_margins_are_those_of_its_small_signals() -> None:
     assert "linearised numerically" in found.report().lead
     assert any("linearised numerically, at rest" in note.text for note in found.report().notes)
     assert found.as_dict()["controller"] == "linearised numerically"
+
+
+def test_margins_leave_the_memory_of_a_function_as_it_was() -> None:
+    x = np.zeros(6)
+
+    def law(sample: gs.Sample) -> Any:
+        nonlocal x
+        x = 0.5 * x + error_of(sample)
+        return np.array(KP) * x - 60 * sample.measured["leg_velocity"]
+
+    gs.margins(loop_of(), controller=law)
+    assert not x.any()
 
 
 def rounded(sample: Any) -> Any:

@@ -109,6 +109,8 @@ MAKE = "def make(platform, T): return "
         (MAKE + "1 / 0", {"factory": "make"}, r"make\(\) failed with ZeroDivisionError: .* \(mine\.py, line 1\)$"),
         ("\ndef controller(sample):\n return sample.measured['leg_lenght']", {},
          r"failed at time 0 s with KeyError: 'leg_lenght' \(mine\.py, line 3\)$"),
+        ("def f(x):\n return x.measured['leg_lenght']\ndef controller(sample): return f(sample)", {},
+         r"KeyError: 'leg_lenght' \(mine\.py, line 2\)$"),
         (MAKE + "exit(3)", {"factory": "make"}, r"make\(\) failed with SystemExit: 3"),
         ("def controller(sample): return [1.0] * 5", {},
          r"returned \[1\.0, 1\.0, 1\.0, 1\.0, 1\.0\] at time 0 s; expected 6 forces"),

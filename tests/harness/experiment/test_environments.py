@@ -100,6 +100,7 @@ def test_a_member_restarts_alone_and_forgets_everything(actions: Any) -> None:
     """Expected: after its end a step with reward 0 to the start, then its first episode again; others as alone."""
     settings = {key: value for key, value in UNEVEN.items() if "noise" not in key} | PID
     settings |= {"limits.position_error": 0.06, "loop.duration": 0.4}
+    settings["controller.space"] = "task" if actions == "pose" else "leg"
     if actions == "force":  # several internal steps, which begin with the size that the last one proposed
         settings |= {"loop.sample_time": 0.012, "loop.plant_step": 0.012, "loop.duration": 0.48}
     experiment = gs.load_experiment("heave_step", settings)

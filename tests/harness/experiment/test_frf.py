@@ -168,6 +168,8 @@ def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> Non
     limited = uneven_run(injection | {"amplitude": 400.0}, actuators={"force_limit": 100.0}, loop=base)
     share = limited["flag.force_limited"].any(axis=1).mean()
     assert gs.frf(limited).notes[0].startswith(f"forces were limited for {share:.0%} of the time")
+    with pytest.raises(gs.GoughStewartError, match=r"2\.4 periods, of which 1 settle; expected at least two more"):
+        gs.frf(gs.Record(limited.table.head(301), limited.metadata))
     weak = {"type": "pd", "proportional_gain": 2500, "derivative_gain": 100, "feedforward": "gravity"}
     slow = uneven_run(injection, controller=weak, loop={**base, "delay": 40})
     assert "the linear loop is unstable; `gough-stewart margins` shows the cause" in gs.frf(slow).notes

@@ -91,6 +91,8 @@ def test_only_machine_code_changes_settings() -> None:
         ("time,x\n0,1\n", {}, "has no column y; expected time, x, y"),
         (f"{HEADER}\n0.0011,0,0,2,0,0,0,0\n", {}, "at multiples of sample_time, 0.002 s"),
         (f"{HEADER}\n0.1,0,0,2,0,0,0,0\n0,0,0,2,0,0,0,0\n", {}, "rows in order of time"),
+        (f"{HEADER}\n-0.002,0,0,2,0,0,0,0\n", {}, "expected rows in order of time"),
+        (f"{HEADER}\n0,0,0,2,0,0,0,0\n", {"motion": {"type": "sine", "frequency": 300}}, "frequency of 300 Hz at a"),
         (f"{HEADER}\n0,0,0,2,0,0,0,0\n", {"time_scale": 2}, "expected no time_scale and amplitude_scale"),
     ],
 )

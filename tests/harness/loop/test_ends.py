@@ -166,6 +166,18 @@ def test_a_bound_itself_is_allowed(limits: dict[str, Any], stated: dict[str, flo
     assert record["flag.stroke_exceeded"].all() == (ends or high) * bool(stated) * (stated != {"leg_length_max": 3.75})
 
 
+def test_in_machine_code_too_a_bound_itself_is_allowed() -> None:
+    """Expected: at the very bounds the first row is not the last."""
+    far: dict[str, Any] = {"start.position": [0, 0.25, 2], "reference": {"type": "hold", "position": [0, 0, 2]}}
+    far |= {"limits.position_error": 0.25, "limits.stroke": "stop", "loop.duration": 0.01}
+    length = gs.run("heave_step", far)["leg_length"][0]
+    for end, ends in (("min", np.minimum(length, 3.0)), ("max", np.maximum(length, 3.3))):
+        assert (ends == length).any()
+        record = gs.run("heave_step", {**far, f"platform.parameters.leg_length_{end}": ends.tolist()})
+        assert record.metadata["host"].startswith("compiled")
+        assert record.metadata["outcome"]["time"] > 0
+
+
 @pytest.mark.parametrize("end", ["leg_length_min", "leg_length_max"])
 def test_the_first_leg_beyond_its_stroke_ends_a_run_that_shall_stop(end: str) -> None:
     """Expected: the first row with a length outside of the nominal stroke, 2 mm from home; its leg and length."""
@@ -243,6 +255,13 @@ def test_what_a_law_does_to_its_sample_changes_nothing() -> None:
         return FORCE
 
     assert run_of(controller=careless).table.equals(run_of().table)
+
+
+def test_a_linear_law_gets_angles_in_the_turns_of_their_references() -> None:
+    """Expected: of a plant that has turned once more by 0.1 rad, an error of −0.1 rad."""
+    law = gs.LinearController(control.ss([], [], [], np.ones((6, 3)), True), ("orientation",))
+    record = run_of(Rail(0, {5: 2 * np.pi + 0.1}), law)
+    assert record["controller.force"] == pytest.approx(np.full((STEPS + 1, 6), -0.1), abs=1e-12)
 
 
 def test_a_law_that_fails_ends_its_run_and_at_the_first_sample_is_an_error() -> None:

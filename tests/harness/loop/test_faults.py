@@ -104,15 +104,9 @@ def test_faults_that_overlap_act_until_the_last_one_ends_also_from_a_file() -> N
     read = experiment_from(made.model_dump(mode="json", exclude_unset=True))
     assert read.fault == made.fault
     record = gs.run(read)
-    time = record["time"] + 1e-9
-    cut = [
-        np.zeros(201),
-        (time > 0.02) & (time < 0.08),
-        np.zeros(201),
-        (time > 0.04) & (time < 0.08),
-        *np.zeros((2, 201)),
-    ]
-    assert np.array_equal(record["flag.force_cut"], np.transpose(cut))
+    time, cut = record["time"] + 1e-9, np.zeros((201, 6), dtype=bool)
+    cut[20:80, 1] = cut[40:80, 3] = True
+    assert np.array_equal(record["flag.force_cut"], cut)
     for name, element, size in (("leg_length", 0, 6), ("orientation", 2, 3)):
         frozen = (time > 0.05)[:, None] & (np.arange(size) == element)
         assert np.array_equal(record[f"flag.frozen_{name}"], frozen)
@@ -264,14 +258,15 @@ def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(c
 
 
 def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
-    """Expected: as many calls kept as there are samples at which it is on; a lock, which has no copy, is named."""
-    counts: list[int] = []
+    """Expected: calls of samples at which it is on, told the record's last command; a lock, without copy, is named."""
+    counts, told = list[int](), list[FloatArray]()
 
     def make(_platform: gs.Platform, _sample_time: float, lock: Any = None) -> Any:
         calls = 0
 
-        def law(_sample: gs.Sample) -> FloatArray:
+        def law(sample: gs.Sample) -> FloatArray:
             nonlocal calls
+            told.append(sample.command)
             calls += lock is None
             counts.append(calls)
             return np.zeros(6)
@@ -280,8 +275,9 @@ def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
 
     loop = {"duration": 0.4, "sample_time": 0.004, "plant_step": 0.001}
     experiment = uneven_experiment("pd", loop=loop, change=CHANGES[:2])
-    gs.run(experiment, controller=make)
+    commands = gs.run(experiment, controller=make)["controller.force"][:-1:4]
     assert counts[-1] == len(counts) == 100 - 15
+    assert np.array(told[1:]) == pytest.approx(commands[[*range(9), *range(24, 99)]], abs=1e-12)
     locked = gs.run(experiment, controller=lambda platform, period: make(platform, period, threading.Lock()))
     assert "needs a copy of it" in str(locked.metadata["outcome"]["cause"])
 

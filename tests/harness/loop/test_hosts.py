@@ -45,14 +45,12 @@ class Law:
 
 CLOCKS = {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "jitter": "2 ms", "delay": 1}
 # Everything at once; each clock is another one, and each member has other numbers.
+SENSORS: dict[str, Any] = {
+    **{"noise": {"leg_length": "20 um", "leg_velocity": "1 mm/s"}, "quantisation": {"leg_length": "3 um"}, "seed": 5}
+}
 ALL: dict[str, Any] = {
     "loop": CLOCKS,
-    "sensors": {
-        "noise": {"leg_length": "20 um", "leg_velocity": "1 mm/s"},
-        "quantisation": {"leg_length": "3 um"},
-        "sample_time": "3 ms",
-        "seed": 5,
-    },
+    "sensors": {**SENSORS, "sample_time": "3 ms"},
     "actuators": {"force_limit": "75 N", "rate_limit": "2 kN/s", "lag": "3 ms"},
     "change": [{"at": 0.05, "factors": {"platform_mass": 1.4}}],
     "disturbance": [{"at": 0.03, "duration": 0.03, "force": ["180 N", "-90 N", "120 N"]}],
@@ -131,8 +129,14 @@ def test_members_of_an_ensemble_are_runs_of_their_own(kind: str) -> None:
     """Expected: outcome and every metric of the record; the same bits among other members, and by several threads."""
     law, far = LAWS[kind]
     varied = {**MANY, "limits": {"position_error": {"choice": [far, "1 m"]}}, **({} if law is None else OF_LAW | WEAK)}
+    own_clock = {} if kind in ("task", "Python") else {"sample_time": "3 ms"}  # else readings at the jittered samples
     changes = [*ALL["change"], *(SWITCH if law is Law else [])]  # with jitter, others are switched at other rows
-    tables = {**ALL, "change": changes, **({} if law is None else {"controller": {"type": "python"}})}
+    tables = {
+        **ALL,
+        "change": changes,
+        "sensors": {**SENSORS, **own_clock},
+        **({} if law is None else {"controller": {"type": "python"}}),
+    }
     chosen = members_of(tables, varied, kind if law is None else "pid")
     many = gs.ensemble(chosen, controller=law, workers=1).members
     for k in range(0, 11, 3):
@@ -151,28 +155,13 @@ def test_members_of_an_ensemble_are_runs_of_their_own(kind: str) -> None:
 # Settings of `heave_step`, what varies beside the mass, and words of the cause.
 ENDS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "far": ({}, {"limits.position_error": {"choice": ["40 mm", "48 mm", "1 m"]}}, "m from its reference; the limit is"),
-    "singular": (
-        {
-            "disturbance": [{"at": 0.1, "duration": 0.2, "torque": ["0 N.m", "1e6 N.m", "0 N.m"]}],
-            "limits.position_error": "1e6 m",
-        },
-        {"disturbance.1.at": {"choice": [0.1, 0.19]}},
-        "singular pose",
-    ),
-    "sticky": (
-        {},
-        {
-            "leg_friction_velocity": {"choice": ["0.01 m/s", "1e-11 m/s"]},
-            "leg_coulomb_friction": {"choice": [50.0, 9e5]},
-        },
-        "too many for one plant step",
-    ),
-    "noise beyond numbers": (
-        {"sensors": {"noise": {"leg_length": 1e-6}}},
-        {"sensors.noise.leg_length": {"choice": [1e-6, 1e12]}},
-        "the controller's forces are [",
-    ),
-}
+    "singular": ({"disturbance": [{"at": 0.1, "duration": 0.2, "torque": [0, 1e6, 0]}], "limits.position_error": 1e6},
+                 {"disturbance.1.at": {"choice": [0.1, 0.19]}}, "singular pose"),
+    "sticky": ({}, {"leg_friction_velocity": {"choice": ["0.01 m/s", "1e-11 m/s"]},
+                    "leg_coulomb_friction": {"choice": [50.0, 9e5]}}, "too many for one plant step"),
+    "noise beyond numbers": ({"sensors": {"noise": {"leg_length": 1e-6}}},
+                             {"sensors.noise.leg_length": {"choice": [1e-6, 1e12]}}, "the controller's forces are ["),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", ENDS)
@@ -255,6 +244,3 @@ def test_operations_of_a_law_are_those_of_the_c_library() -> None:
     assert np.ptp(a) > 1
     for k, values in enumerate(expected):
         assert record["controller.force"][k] == pytest.approx(values[k].astype(float), rel=1e-9, abs=1e-12), k
-
-
-# ---- stiction ----

@@ -103,8 +103,7 @@ def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation
         "sensors": {"noise": {"leg_length": sigma}, "seed": 20},
         "ensemble": {"members": N, "signals": signals, "worst": 0},
     }
-    samples = gs.ensemble("heave_step", settings, controller=gs.LinearController(K), workers=1).samples
-    assert samples is not None
+    samples: Any = gs.ensemble("heave_step", settings, controller=gs.LinearController(K), workers=1).samples
     last = samples.filter(polars.col("time") == samples["time"].max())
     x = last.select([f"{name}[{k}]" for name in signals for k in (1, 2, 3)]).to_numpy().astype(float)
 
