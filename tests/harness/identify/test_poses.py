@@ -84,8 +84,8 @@ def test_the_table_has_the_poses_of_the_lengths(relative: bool, folder: Path) ->
     assert np.nanmax(table["residual"].to_numpy()) < 1e-9
     # the largest over the smallest singular value of J, with angles as lengths at the platform's size
     row = 20
-    numbers = gs.leg_jacobian(UNEVEN, place[row], table.select("^orientation.*$").to_numpy()[row])
-    scaled = numbers / [1, 1, 1, *[UNEVEN.characteristic_length] * 3]
+    jacobian = gs.leg_jacobian(UNEVEN, place[row], table.select("^orientation.*$").to_numpy()[row])
+    scaled = jacobian / [1, 1, 1, *[UNEVEN.characteristic_length] * 3]
     assert table["condition_number"][row] == pytest.approx(np.linalg.cond(scaled), rel=1e-6)
 
 

@@ -91,7 +91,7 @@ def test_poses_close_together_do_not_turn_a_path_out_of_their_plane() -> None:
 
 
 def test_a_path_rests_in_its_first_pose_until_it_begins_and_in_its_last_afterwards() -> None:
-    motion = gs.ViaPath(poses=POSES, timing="2 s", at=0.3, margin="0 %").about(UNEVEN)
+    motion = gs.ViaPath(poses=POSES, timing="2 s", at=0.3, margin=0).about(UNEVEN)
     at = motion(np.array([0.0, 0.3, 2.3, 9.0]))
     assert_allclose(np.hstack(at[:2]), [POSES[0], POSES[0], POSES[2], POSES[2]], atol=1e-12)
     for rate in at[2:]:
