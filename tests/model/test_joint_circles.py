@@ -79,8 +79,8 @@ def test_an_experiment_may_state_circles_with_units() -> None:
         ("base_radius", 0.0, "is 0 m; expected a number above 0"),
         (
             "base_angle",
-            2.1,
-            "is 2.1 rad; expected a number in radians, from 0 (one joint for both) to below 2.0944 (120°)",
+            2 * np.pi / 3,
+            "is 2.0944 rad; expected a number in radians, from 0 (one joint for both) to below 2.0944 (120°)",
         ),
         (
             "platform_angle",

@@ -15,10 +15,12 @@ from gough_stewart import leg_geometry
 from tests.support.lagrangian import FloatArray
 from tests.support.nano import HEAVY, NANO
 from tests.support.real_platforms import real_platform
+from tests.support.shared_joints import THREE_THREE
 from tests.support.uneven import UNEVEN
 
 MACHINES = {name: gs.load_preset(name) for name in ("liu2000", "motion_base", "motion_base_screws", "desktop_hexapod")}
 MACHINES |= {"nano": NANO, "heavy": HEAVY}
+LENGTH = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length.mean()
 # What the exponent of each unit is multiplied by: lengths, masses, inertias, gravity.
 _UNITS: dict[str, tuple[float, float, float, float, str]] = {
     "inertia in kg mm²": (1, 1, 1e6, 1, "in kg mm2 or g mm2"),
@@ -69,8 +71,28 @@ def test_an_inertia_of_a_leg_alone_is_hinted_at() -> None:
     for part in ("lower", "upper"):
         name = f"leg_{part}_inertia"
         (hint,) = UNEVEN.with_parameters({name: 1e6 * getattr(UNEVEN, name)}).hints
-        assert hint.startswith(name)
+        mass = {"lower": 2.3, "upper": 1.2}[part]
+        assert hint.startswith(f"{name} is that of a rod longer than the legs, {LENGTH:.4g} m, with {mass} kg: is it")
         assert UNEVEN.with_parameters({name: 0.0}).hints == ()
+
+
+def test_hints_have_the_numbers_that_look_wrong() -> None:
+    """Expected: by NumPy, of lengths and masses in the other units; pairs of legs that share joints, which collide."""
+    points = UNEVEN.platform_points - UNEVEN.platform_points.mean(axis=0)
+    radius, around = np.linalg.norm(points, axis=1).mean(), "from the platform's middle"
+    gyration = np.sqrt(np.linalg.eigvalsh(UNEVEN.platform_inertia).max() / 11.5)
+    inertia = f"platform_inertia has a radius of gyration of {{:.4g}} m, with joints {radius:.4g} m {around}: is"
+    joints = f"legs are {1e3 * LENGTH:.4g} m long and joints {1e3 * radius:.4g} m {around}, with a mass of 11.5 kg: are"
+    for units, text in (
+        ("inertia in kg mm²", f"{inertia.format(1e3 * gyration)} it in kg mm2"),
+        ("mass in g", f"{inertia.format(gyration / np.sqrt(1e3))} a mass of 1.15e+04 in g?"),
+        ("gravity in mm/s²", f"gravity is {1e3 * np.linalg.norm(UNEVEN.gravity):.4g} m/s2; expected"),
+        ("lengths in mm", joints),
+    ):
+        assert any(hint.startswith(text) for hint in in_units(UNEVEN, *_UNITS[units][:4]).hints), text
+    pairs = "a base joint (legs 1 and 2, 3 and 4, 5 and 6) and a platform joint (legs 1 and 4, 2 and 5, 3 and 6)"
+    assert THREE_THREE.hints[0].startswith(f"legs share {pairs}; real joints need room")
+    assert not any("come within" in hint for hint in THREE_THREE.hints)
 
 
 def test_lugre_friction_that_is_not_passive_is_said() -> None:
@@ -82,8 +104,8 @@ def test_lugre_friction_that_is_not_passive_is_said() -> None:
         "leg_coulomb_friction_factor": np.ones(6),
         "leg_static_friction": 25.0,
     }
-    said = real_platform("lugre", **one, leg_bristle_damping=16.1).hints[-1]
-    assert "damping is 16.1 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
+    said = real_platform("lugre", **one, leg_bristle_damping=[15.9, 16.1, 15.9, 16.3, 16.2, 15.9]).hints[-1]
+    assert "damping is 16.3 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
     assert not any("passive" in each for each in real_platform("lugre", **one, leg_bristle_damping=15.9).hints)
     assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
 
