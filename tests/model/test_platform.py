@@ -100,7 +100,9 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     says("leg_length_min: is 3.9 m; expected below leg_length_max = 3.9 m", **ends)
     text = f"leg_length_max: is 2.8 m, but a home leg is {HOME_LEGS[4]:g} m long"
     says(text, leg_length_max=[4.0, 4.0, 4.0, 4.0, 2.8, 4.0])
-    text = f"leg_lower_com: is 9 m from the base joint; expected between 0 and leg 4 in the home pose, {HOME_LEGS[3]:g} m"
+    text = (
+        f"leg_lower_com: is 9 m from the base joint; expected between 0 and leg 4 in the home pose, {HOME_LEGS[3]:g} m"
+    )
     says(text, leg_lower_com=[0.4, 0.4, 0.4, 9.0, 0.4, 0.4])
     elements = "[1,3] = -0.28 but [3,1] = -0.2 kg m²; set both to the same value (minus the product of inertia)"
     J = [[4.6, 0.35, -0.28], [0.35, 5.7, 0.41], [-0.2, 0.41, 8.1]]
@@ -110,7 +112,9 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     says(text, home_position=met, home_orientation=np.zeros(3), **FREE)
     alike = {name: getattr(UNEVEN, name)[[0, 1, 2, 3, 1, 5]] for name in ("base_points", "platform_points")}
     shared = "legs 2 and 5 share both joints, at (-0.61, 1.88, -0.03) m and (-0.69, 0.75, 0.03) m"
-    says(f"base_points, platform_points: {shared}; expected at most one of the two, so that no two legs are one", **alike)
+    says(
+        f"base_points, platform_points: {shared}; expected at most one of the two, so that no two legs are one", **alike
+    )
     text = "leg_static_friction: is [9.0, 0.0, 9.0, 9.0, 9.0, 9.0]; expected six values > 0, or 0 for all legs"
     says(text, leg_static_friction=[9.0, 0.0, 9.0, 9.0, 9.0, 9.0])
     says("actuator_power_max: is 0 W; expected > 0, or leave it out: maximum actuator power", actuator_power_max=0.0)
