@@ -135,7 +135,6 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
     size = model.save_state().internal_step  # carries over
     model.set("platform_mass", 12.0)
     assert (model.platform.platform_mass, model.save_state().internal_step) == (12.0, size)
-    assert repr(model).startswith("<SteppingModel of uneven at 0.01 s: position (")
 
 
 def test_several_variables_are_set_together_or_none() -> None:
@@ -232,13 +231,11 @@ def test_wrong_times_are_refused(time: Any, step: Any, message: str) -> None:
     refused(model, lambda: model.do_step(time, step), message)
 
 
-@by_both
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize(("now", "step", "inside", "outside"), CLOCKS)
-def test_a_clock_may_round_a_little(
-    now: float, step: float, inside: float, outside: float, side: int, integrator: Integrator
-) -> None:
-    model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)), integrator=integrator)
+def test_a_clock_may_round_a_little(now: float, step: float, inside: float, outside: float, side: int) -> None:
+    # the judge, since the compiled integrator also looks at the clock itself
+    model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)), integrator="scipy")
     model.do_step(0.0, now)
     refused(model, lambda: model.do_step(now + side * outside, step), "current time")
     model.do_step(now + side * inside, step)

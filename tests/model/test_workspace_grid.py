@@ -56,10 +56,6 @@ def test_a_sweep_over_an_uneven_platform_says_what_it_did() -> None:
     for (i, j), number in np.ndenumerate(w.qualities.condition_number):
         pose = w.coordinates()[i, j]
         assert number == pytest.approx(float(evaluate_poses(UNEVEN, pose[:3], pose[3:]).condition_number), rel=1e-12)
-    share = f"{100 * w.qualities.reachable.mean():.3g} % of 9 poses can be reached"
-    assert repr(w) == f"<Workspace of uneven over roll -0.1 to 0.3 rad, y 0.2 to 0.4 m: {share}>"
-    sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, points=65, progress=done.append)
-    assert (sorted(done), done[-1]) == (done, 4225)
     half = replace(UNEVEN, leg_length_max=None)
     w = sweep(half, {"x": None, "yaw": None, "pitch": (-0.1, 0.1)}, points=2)
     assert (w.found, w.assumed, w.shape) == (("yaw",), ("x",), (2, 2, 2))
@@ -169,14 +165,12 @@ def test_errors_of_a_grid_are_whole_sentences() -> None:
 
 
 def test_a_frame_that_is_turned_at_home_is_swept_about_it() -> None:
-    """Expected: a quarter turn to either side of a yaw of 2 rad, also a turn further; two half turns are the most."""
+    """Expected: a quarter turn to either side of a yaw of 2 rad, also a turn further."""
     Q, home = Rotation.from_euler("z", 2.0).as_matrix(), np.array([0.0, 0.0, 2.0])
     turned = replace(MOTION_BASE, platform_points=MOTION_BASE.platform_points @ Q, home_orientation=home)
     for yaw in (2.0, 2.0 - 2 * np.pi):
         w = sweep(turned, {"x": (-0.1, 0.1), "yaw": (yaw - np.pi / 2, yaw + np.pi / 2)}, points=3)
         assert (w.home["yaw"], w.qualities.reachable[1, 1]) == (pytest.approx(yaw), True)
-    with pytest.raises(GoughStewartError, match=r"^yaw is 6\.3 rad, .*; expected from −360° to 360°"):
-        sweep(turned, {"x": (-0.1, 0.1), "yaw": (2.0, 6.3)})
 
 
 def test_where_nothing_can_be_reached_given_ranges_stay_and_others_are_the_box() -> None:

@@ -1,6 +1,7 @@
 """The reproduction of the paper's case, and of an uneven platform: its files, numbers, figures, and what it says."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -270,19 +271,15 @@ def test_tables_have_every_number(uneven: tuple[gs.Platform, Any, list[Figure]],
     )  # fmt: skip
     assert [column.quantity.unit for column in other.columns[2:]] == ["m", "m", "deg"]
     assert [row[1].quantity.unit for row in motion.rows[::3]] == ["m", "deg", "m/s", "deg/s"]
-    heads = [[column.name for column in table.columns[1:3]] for table in (agreed, drift)]
-    assert (motion.group_ends, *heads) == (
-        (2, 5, 8), ["measured", "bound"], ["closure gap [m]", "slip [m/s, rad/s]"],
-    )  # fmt: skip
+    assert motion.group_ends == (2, 5, 8)
     bound = document.number("agreement.2")
     assert (bound.limit, bound.margin) == (2e-6, pytest.approx(2e-6 - 3.4e-5))
     found = [document.number(f"case.{name}").value for name in ("height.start", "height.end", "leg_length.end")]
     assert found == [2.97, 3.25, 3.6]
     assert document.lead.endswith("constant forces for 0.3 s")
-    weight, motion_note = (note.text for note in document.notes)
-    assert "holds 44.12 N (" in weight
-    assert "all bodies, 49.53 N. So" in weight
-    assert motion_note.endswith("the longest leg ends at 3.6 m.")
+    weight, end_of_motion = (note.text for note in document.notes)
+    assert re.search(r"holds 44\.12 N \(.* all bodies, 49\.53 N\. So", weight)
+    assert end_of_motion.endswith("the longest leg ends at 3.6 m.")
     assert len(tables_of(uneven[1].document(charts=False))) == 3
     assert {chart.group for chart in uneven[1].document().charts}
 

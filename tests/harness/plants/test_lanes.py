@@ -213,30 +213,6 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, 
     np.testing.assert_array_equal(plant.signals()[5, STATES], begin)
 
 
-@pytest.mark.usefixtures("quiet")
-def test_a_motion_that_overflows_is_said_with_what_it_needs(steps: dict[str, Any]) -> None:
-    """Expected: in words, after the first of two substeps, or at the begin of the second step."""
-    plant = BatchPlant([UNEVEN], [STATE], **steps)
-    plant.set_inputs(HELD[None])
-    plant.do_step(0.0, STEP)
-    plant.set_inputs(np.full((1, 12), 1e300))
-    ((_, error),) = failures_of(plant, STEP, STEP).items()
-    more, after = ("more than 2 substeps, ", STEP / 2) if "substeps" in steps else ("", 0.0)
-    assert f": the motion is not finite; it needs {more}smaller forces, or smoother friction" in str(error)
-    assert error.time == pytest.approx(STEP + after)
-
-
-@pytest.mark.usefixtures("quiet")
-def test_a_member_whose_motors_nothing_holds_fails_alone() -> None:
-    """Expected: a yaw of 90° is a singular pose of the paper's platform; another member starts as without it."""
-    platform = replace(gs.load_preset("liu2000"), leg_stiffness=1e7, leg_armature=5.0)
-    starts = [at_rest(platform), at_rest(platform, orientation=[0.0, 0.0, np.pi / 2])]
-    plant, alone = (BatchPlant([platform] * len(each), each) for each in (starts, starts[:1]))
-    np.testing.assert_array_equal(plant.results()[0], alone.results()[0])
-    found = {k: error.quantity for k, error in failures_of(plant, 0.0, 1e-4).items()}
-    assert found == {1: QUANTITIES["singular"]}
-
-
 def test_poses_are_refused_from_the_limits_on() -> None:
     """Expected: NumPy's condition numbers up to 1e8, beside det J = 0; a pitch near 90°; a leg by its length."""
     scale = np.repeat([1.0, np.sqrt((UNEVEN.platform_points**2).sum() / 6)], 3)
