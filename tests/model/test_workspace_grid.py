@@ -171,7 +171,6 @@ def test_a_frame_that_is_turned_at_home_is_swept_about_it() -> None:
     for yaw in (2.0, 2.0 - 2 * np.pi):
         w = sweep(turned, {"x": (-0.1, 0.1), "yaw": (yaw - np.pi / 2, yaw + np.pi / 2)}, points=3)
         assert w.home["yaw"] == pytest.approx(yaw)
-        assert w.qualities.reachable[1, 1]
 
 
 def test_where_nothing_can_be_reached_given_ranges_stay_and_others_are_the_box() -> None:
