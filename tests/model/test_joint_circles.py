@@ -11,6 +11,8 @@ import gough_stewart as gs
 from tests.support.platform_files import loaded, written
 
 _JOINTS = ("base_points", "platform_points", "home_position", "home_orientation")
+_ANGLES = "in radians, from 0 (one joint for both) to below 2.0944 (120°)"
+_SEEN = "a base joint and the platform joint above it, seen from above"
 CIRCLES = {"base_radius": 2.0, "platform_radius": 1.5, "base_angle": 0.3, "platform_angle": 0.5, "home_leg_length": 3.0}
 
 
@@ -77,23 +79,10 @@ def test_an_experiment_may_state_circles_with_units() -> None:
     ("key", "value", "text"),
     [
         ("base_radius", 0.0, "is 0 m; expected a number above 0"),
-        (
-            "base_angle",
-            2.1,
-            "is 2.1 rad; expected a number in radians, from 0 (one joint for both) to below 2.0944 (120°)",
-        ),
-        (
-            "platform_angle",
-            -0.1,
-            "is -0.1 rad; expected a number in radians, from 0 (one joint for both) to below 2.0944 (120°)",
-        ),
+        ("base_angle", 2 * np.pi / 3, f"is 2.0944 rad; expected a number {_ANGLES}"),
+        ("platform_angle", -0.1, f"is -0.1 rad; expected a number {_ANGLES}"),
         ("platform_angle", [1.0], "has shape (1,); expected one number"),
-        (
-            "home_leg_length",
-            1.2,
-            "is 1.2 m; expected more than the 1.23931 m between a base joint and the platform joint above it, seen "
-            "from above",
-        ),
+        ("home_leg_length", 1.2, f"is 1.2 m; expected more than the 1.23931 m between {_SEEN}"),
         ("platform_radius", "1 m", "is '1 m'; expected one number"),
         ("base_points", np.zeros((6, 3)), "is determined by the radii and angles; leave it out"),
         ("pairing", "cross", "is 'cross'; expected 'near' or 'far'"),

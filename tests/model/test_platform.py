@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 from lxml import html
 
-from gough_stewart import (
-    GoughStewartError,
-    Platform,
-    SteppingModel,
-    leg_geometry,
-    load_preset,
-)
+from gough_stewart import GoughStewartError, Platform, SteppingModel, leg_geometry, load_preset
 from gough_stewart.model.many_platforms import platforms_with
 from gough_stewart.model.parameters import PHYSICAL
 from tests.support.lagrangian import FloatArray
@@ -47,6 +41,7 @@ def says(text: str, **change: Any) -> None:
         ("platform_com", 0.1, r"has shape \(\); expected numbers of shape \(3,\)"),
         ("platform_points", [[1, 2], [3]], "expected numbers of shape"),
         ("gravity", [0, 0, np.nan], "expected finite numbers"),
+        ("leg_lower_mass", [1.0, 2.0], r"has shape \(2,\); expected one number, or six, one per leg"),
         ("platform_mass", True, "expected one number"),
         ("platform_mass", "10", "expected one number"),
         ("platform_mass", np.inf, "expected finite numbers"),
@@ -95,7 +90,21 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
             f"{length:g} m",
             **{name: 3.1},
         )
-    says("leg_length_min: is 3.95 m; expected below leg_length_max = 3.9 m", leg_length_min=3.95)
+    high = "leg_length_min: is 3.9 m; expected below leg_length_max = 3.9 m"
+    says(high, leg_length_min=[2.3, 2.3, 3.9, 2.3, 2.3, 2.3])
+    home = f"leg_length_max: is 2.8 m, but a home leg is {HOME_LEGS[4]:g} m long"
+    says(home, leg_length_max=[4.0, 4.0, 4.0, 4.0, 2.8, 4.0])
+    far = f"is 9 m from the base joint; expected between 0 and leg 4 in the home pose, {HOME_LEGS[3]:g} m"
+    says(f"leg_lower_com: {far}", leg_lower_com=[0.4, 0.4, 0.4, 9.0, 0.4, 0.4])
+    other = np.array([[4.6, 0.35, -0.28], [0.35, 5.7, 0.41], [-0.2, 0.41, 8.1]])
+    refused(UNEVEN, r"not symmetric: \[1,3\] = -0\.28 but \[3,1\] = -0\.2 kg m²; set both", platform_inertia=other)
+    met = UNEVEN.base_points[2] - UNEVEN.platform_points[2]
+    text = "home_position: base joint and platform joint 3 coincide in the home pose; raise home_position"
+    says(text, home_position=met, home_orientation=np.zeros(3), **FREE)
+    alike = {name: getattr(UNEVEN, name)[[0, 1, 2, 3, 1, 5]] for name in ("base_points", "platform_points")}
+    places = re.escape("(-0.61, 1.88, -0.03) m and (-0.69, 0.75, 0.03) m; expected at most one")
+    refused(UNEVEN, f"legs 2 and 5 share both joints, at {places}", **alike)
+    refused(UNEVEN, r"is \[9\.0, 0\.0, .*; expected six values > 0, or 0", leg_static_friction=[9, 0, 9, 9, 9, 9])
     says("actuator_power_max: is 0 W; expected > 0, or leave it out: maximum actuator power", actuator_power_max=0.0)
     says("source: is 3; expected a text", source=3)
     says("name: is None; expected a text", name=None)
@@ -110,18 +119,23 @@ STICKING = replace(ELASTIC, leg_friction_model="elasto_plastic", leg_coulomb_fri
     [
         (ELASTIC, {"platform_mass": 1e9}, "leg_stiffness: is .* would bounce"),
         (ELASTIC, {"leg_upper_mass": 1e9}, "leg_stiffness: is .* would bounce"),
-        (ELASTIC, {"leg_stiffness": 1.0}, "leg_stiffness: is .* would bounce"),
-        (ELASTIC, {"leg_armature": 0.0}, "leg_armature: .* needs a motor with inertia"),
+        (ELASTIC, {"leg_stiffness": [3e6, 3e6, 3e6, 3e6, 3e6, 1.0]},
+         r"leg_stiffness: is 1 N/m in leg 6: .* would bounce at about 0\.09 Hz; expected 123 N/m \(1 Hz\) or more"),
+        (ELASTIC, {"leg_armature": [4.0, 4.0, 4.0, 0.0, 4.0, 4.0]}, "leg_armature: is 0 kg in leg 4; .* needs a motor"),
         (ELASTIC, {"leg_stiffness": 0.0}, "leg_damping: .* but legs are rigid"),
-        (UNEVEN, {"leg_damping": 95.0}, "leg_damping: .* but legs are rigid"),
+        (UNEVEN, {"leg_damping": 95.0}, "leg_damping: is 95 N s/m, but legs are rigid"),
         (STICKING, {"leg_coulomb_friction": 200.0}, "leg_static_friction: is 150 N, below"),
-        (STICKING, {"leg_static_friction": 50.0}, "leg_static_friction: is 50 N, below"),
         (STICKING, {"leg_coulomb_friction_factor": [1, 1, 1, 0, 1, 1]}, "leg_coulomb_friction: is 0 N in a leg"),
-        (STICKING, {"leg_bristle_stiffness": 100.0}, "leg_bristle_stiffness: .* would stick over"),
+        (STICKING, {"leg_static_friction": [140.0, 70.0, 149.0, 90.0, 130.0, 50.0]},
+         "leg_static_friction: is 149 N, below leg_coulomb_friction = 150 N in leg 3;"),
+        (STICKING, {"leg_bristle_stiffness": [1e6, 1e6, 1e5, 1e6, 1e6, 1e6]},
+         r"is 100000 N/m: .* over 0\.00225 m before they slide in leg 3; .* 0\.001 m, that is 225000 N/m or more"),
+        (STICKING, {"leg_breakaway_share": [0.5, 0.5, 0.5, 0.5, 0.995, 0.5]},
+         r"leg_breakaway_share: is 0\.995 in leg 5; expected at most 0\.99, or"),
         (UNEVEN, {"leg_friction_model": "lugre", "leg_coulomb_friction": 0.0}, "needs > 0 in each"),
     ],
     ids=lambda value: "" if isinstance(value, Platform) else str(value)[:30],
-)
+)  # fmt: skip
 def test_a_condition_on_several_parameters_is_checked_whichever_changes(
     platform: Platform, change: dict[str, Any], message: str
 ) -> None:
@@ -147,15 +161,9 @@ BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     ({"platform_inertia": np.diag([2, 1, 3 + 2.7e-9])}, {"platform_inertia": np.diag([2, 1, 3 + 3.3e-9])}, "triangle"),
     ({"platform_com": (1 - 1e-9) * FAR}, {"platform_com": (1 + 1e-9) * FAR}, "ten times"),
     ({"joint_angle_max": np.pi}, {"joint_angle_max": np.nextafter(np.pi, 4)}, "at most π"),
-    (
-        {"leg_length_min": float(HOME_LEGS.min())},
-        {"leg_length_min": np.nextafter(HOME_LEGS.min(), 9)},
-        "but a home leg is",
-    ),
-    (
-        {"leg_length_max": float(HOME_LEGS.max())},
-        {"leg_length_max": np.nextafter(HOME_LEGS.max(), 0)},
-        "but a home leg is",
+    *(
+        ({f"leg_length_{end}": length}, {f"leg_length_{end}": np.nextafter(length, beyond)}, "but a home leg is")
+        for end, length, beyond in (("min", float(HOME_LEGS.min()), 9), ("max", float(HOME_LEGS.max()), 0))
     ),
     ({"platform_mass": 1e30}, {"platform_mass": 1.1e30}, f"^platform_mass: is 1.1e\\+30; {TOO_LARGE}"),
     ({"actuator_force_max": 1e30}, {"actuator_force_max": 1.1e30}, f"^actuator_force_max: is 1.1e\\+30; {TOO_LARGE}"),

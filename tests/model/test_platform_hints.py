@@ -15,6 +15,7 @@ from gough_stewart import leg_geometry
 from tests.support.lagrangian import FloatArray
 from tests.support.nano import HEAVY, NANO
 from tests.support.real_platforms import real_platform
+from tests.support.shared_joints import THREE_THREE
 from tests.support.uneven import UNEVEN
 
 MACHINES = {name: gs.load_preset(name) for name in ("liu2000", "motion_base", "motion_base_screws", "desktop_hexapod")}
@@ -73,6 +74,22 @@ def test_an_inertia_of_a_leg_alone_is_hinted_at() -> None:
         assert UNEVEN.with_parameters({name: 0.0}).hints == ()
 
 
+def test_hints_have_the_numbers_that_look_wrong() -> None:
+    """Expected: by hand, of 1216.9 kg with √0.5 m of gyration on legs of 3.154 m; joints that legs share, by number."""
+    for units, k, text in (
+        ("inertia in kg mm²", 0, "platform_inertia has a radius of gyration of 707.1 m, with joints 1 m from the pla"),
+        ("inertia in kg mm²", 1, "leg_lower_inertia is that of a rod longer than the legs, 3.154 m, with 92.1 kg: is "),
+        ("mass in g", 0, "platform_inertia has a radius of gyration of 0.02236 m, with joints 1 m from the platform's "
+                         "middle: is a mass of 1.217e+06 in g?"),
+        ("gravity in mm/s²", 0, "gravity is 9810 m/s2; expected about 9.81, or 0: is it in mm/s2?"),
+        ("lengths in mm", 0, "legs are 3154 m long and joints 1000 m from the platform's middle, with a mass of 1217 "),
+    ):  # fmt: skip
+        assert in_units(MACHINES["motion_base"], *_UNITS[units][:4]).hints[k].startswith(text)
+    pairs = "a base joint (legs 1 and 2, 3 and 4, 5 and 6) and a platform joint (legs 1 and 4, 2 and 5, 3 and 6)"
+    assert THREE_THREE.hints[0].startswith(f"legs share {pairs}; real joints need room")
+    assert not any("come within" in hint for hint in THREE_THREE.hints)
+
+
 def test_lugre_friction_that_is_not_passive_is_said() -> None:
     """Expected: σ1 < σ2 F_c/(F_s − F_c), by hand, with 4 N s/m · 20 N / 5 N = 16 N s/m."""
     one: dict[str, Any] = {
@@ -82,8 +99,8 @@ def test_lugre_friction_that_is_not_passive_is_said() -> None:
         "leg_coulomb_friction_factor": np.ones(6),
         "leg_static_friction": 25.0,
     }
-    said = real_platform("lugre", **one, leg_bristle_damping=16.1).hints[-1]
-    assert "damping is 16.1 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
+    said = real_platform("lugre", **one, leg_bristle_damping=[15.9, 16.1, 15.9, 16.3, 16.2, 15.9]).hints[-1]
+    assert "damping is 16.3 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
     assert not any("passive" in each for each in real_platform("lugre", **one, leg_bristle_damping=15.9).hints)
     assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
 

@@ -80,6 +80,7 @@ def test_legs_join_joints_that_are_listed_in_any_order() -> None:
 
 ROWS = [[1.0, 0.3 * k, 0.0] for k in range(6)]
 ONE_TO_ONE = [[k, k] for k in range(1, 7)]
+TURN = "expected a full turn at most"
 # Changes of the file, and the text of the error.
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"platform_mass": "12 m"}, "platform_mass is '12 m'; expected a number of kg, or a string with one of the units"),
@@ -90,18 +91,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         | {"platform_points_cylindrical": ROWS},
         "platform_points_cylindrical: is also determined by base_radius",
     ),
-    ({"base_points": None, "base_points_cylindrical": ROWS[:5]}, "base_points: has shape (5, 3); expected"),
-    (
-        {"base_points": None, "base_points_cylindrical": [*ROWS[:4], [1, 0], [1, 0, 0]]},
-        "base_points_cylindrical[5]: is [1, 0]; expected a row [radius, angle, z]",
-    ),
-    (
-        {"base_points": None, "base_points_cylindrical": [[-1, 0, 0], *ROWS[1:]]},
-        "base_points_cylindrical[1]: has the radius -1 m; expected 0 or more",
-    ),
-    (
-        {"base_points": None, "base_points_cylindrical": [ROWS[0], [1, 30, 0], *ROWS[2:]]},
-        "base_points_cylindrical[2]: has the angle 30 rad; expected a full turn at most, or a text, '30 deg'",
+    *(
+        ({"base_points": None, "base_points_cylindrical": rows}, f"base_points{says}")
+        for rows, says in (
+            (ROWS[:5], ": has shape (5, 3); expected"),
+            ([*ROWS[:4], [1, 0], [1, 0, 0]], "_cylindrical[5]: is [1, 0]; expected a row [radius, angle, z]"),
+            ([[-1, 0, 0], *ROWS[1:]], "_cylindrical[1]: has the radius -1 m; expected 0 or more"),
+            ([ROWS[0], [1, 30, 0], *ROWS[2:]], f"_cylindrical[2]: has the angle 30 rad; {TURN}, or a text, '30 deg'"),
+        )
     ),
     ({"legs": ONE_TO_ONE[:5]}, "legs: has 5 rows; expected six"),
     ({"legs": [*ONE_TO_ONE[:5], [6, 0]]}, "legs[6]: is [6, 0]; expected two numbers of joints, from 1"),

@@ -116,7 +116,7 @@ def test_files_that_cannot_be_read_or_written_are_named_with_the_reason(tmp_path
         gs.save_platform(UNEVEN, tmp_path)
     for path, reason in (
         (tmp_path, "Is a directory"),
-        (tmp_path / "none.toml", "No such file or directory"),
+        (tmp_path / "none.toml", f"No such file or directory; did you mean '{tmp_path / 'noise.toml'}'?"),
         (tmp_path / "noise.toml", "is not UTF-8 text; expected a TOML file"),
     ):
         with pytest.raises(

@@ -164,6 +164,15 @@ def test_errors_of_a_grid_are_whole_sentences() -> None:
                 sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * (largest + 1e-9)}, points=2)
 
 
+def test_a_frame_that_is_turned_at_home_is_swept_about_it() -> None:
+    """Expected: a quarter turn to either side of a yaw of 2 rad, also a turn further."""
+    Q, home = Rotation.from_euler("z", 2.0).as_matrix(), np.array([0.0, 0.0, 2.0])
+    turned = replace(MOTION_BASE, platform_points=MOTION_BASE.platform_points @ Q, home_orientation=home)
+    for yaw in (2.0, 2.0 - 2 * np.pi):
+        w = sweep(turned, {"x": (-0.1, 0.1), "yaw": (yaw - np.pi / 2, yaw + np.pi / 2)}, points=3)
+        assert w.home["yaw"] == pytest.approx(yaw)
+
+
 def test_where_nothing_can_be_reached_given_ranges_stay_and_others_are_the_box() -> None:
     """Expected: of the box of the legs, by hand, the next multiples; about home by a radius where there is no box."""
     fixed = {"z": 5.0, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}

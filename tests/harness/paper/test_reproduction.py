@@ -1,6 +1,7 @@
 """The reproduction of the paper's case, and of an uneven platform: its files, numbers, figures, and what it says."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,10 @@ def test_a_platform_of_ones_own_has_all_files_and_numbers(
     assert len(report["agreement"]) == len(COMPARED)
     assert json.loads(found.files["comparison.json"]) == report
     assert (report["readings"], report["published_forces"]) == ([], None)
+    case, record = report["case"], found.record
+    assert (case["platform"], case["source"]) == (NAME, platform.source)
+    assert record.metadata["duration"] == record.metadata["outcome"]["time"] == case["duration"]
+    assert record["actuator_force"].tolist() == [case["actuator_force"]] * 101
     table = polars.read_csv(found.files["open_loop.csv"])
 
     def column(name: str, n: int) -> FloatArray:
@@ -265,9 +270,16 @@ def test_tables_have_every_number(uneven: tuple[gs.Platform, Any, list[Figure]],
         ("a point: decided so", "other way", 3.125, 0.01234, 0.56789), ("another: thus", "not thus", None, None, None),
     )  # fmt: skip
     assert [column.quantity.unit for column in other.columns[2:]] == ["m", "m", "deg"]
-    assert document.number("agreement.2").margin == pytest.approx(2e-6 - 3.4e-5)
-    assert document.number("case.leg_length.end").value == 3.6
-    assert len(document.notes) == 2
+    assert [row[1].quantity.unit for row in motion.rows[::3]] == ["m", "deg", "m/s", "deg/s"]
+    assert motion.group_ends == (2, 5, 8)
+    bound = document.number("agreement.2")
+    assert (bound.limit, bound.margin) == (2e-6, pytest.approx(2e-6 - 3.4e-5))
+    found = [document.number(f"case.{name}").value for name in ("height.start", "height.end", "leg_length.end")]
+    assert found == [2.97, 3.25, 3.6]
+    assert document.lead.endswith("constant forces for 0.3 s")
+    weight, end_of_motion = (note.text for note in document.notes)
+    assert re.search(r"holds 44\.12 N \(.* all bodies, 49\.53 N\. So", weight)
+    assert end_of_motion.endswith("the longest leg ends at 3.6 m.")
     assert len(tables_of(uneven[1].document(charts=False))) == 3
     assert {chart.group for chart in uneven[1].document().charts}
 
@@ -286,10 +298,13 @@ def test_the_verdict_says_how_far_the_platform_moves_in_every_reading(
         "comparisons of the formulations and FMUs are within their bounds"
     )
     assert verdict().status == "bad"
-    assert (verdict().numbers[1].low, verdict().numbers[1].high) == (3.125, 3.125)
+    start, end = verdict().numbers
+    assert (start.value, end.low, end.high) == (2.97, 3.125, 3.125)
     sinks = {**made_up["readings"][0], "height": 2.5}
     text = verdict(readings=[*made_up["readings"], sinks]).text
     assert "in 1 of 2 readings of the scan that is possible (2.5 to 3.12 m)" in text
+    low = {**made_up["result"], "end": {**made_up["result"]["end"], "position": [0.1, -0.2, 2.5]}}
+    assert "the platform sinks from 2.97 m to 2.5 m in 0.3 s" in verdict(result=low).text
     bare = verdict(readings=[], published_forces=None, agreement=made_up["agreement"][:1])
     assert bare.text == (
         "Under the constant forces of the case the platform rises from 2.97 m to 3.25 m in 0.3 s; all comparisons of "

@@ -254,6 +254,8 @@ def test_members_that_restart_repeat_their_run_bit_by_bit(steps: dict[str, Any])
             each.do_step(k * STEP, STEP)
             found.append(each.results())
     np.testing.assert_array_equal(found[5], np.where(again[:, None], found[2], found[11]))
+    with pytest.raises(GoughStewartError, match=r"^platform_mass: is -1 kg; .* \(number 7 of the platforms\)$"):
+        plant.set_parameters({"platform_mass": np.where(np.arange(N) == 7, -1.0, 5.0)})
     for values in (np.ones((N + 1, 3)), np.ones((N, 2)), 1.0):
         with pytest.raises(GoughStewartError, match=r"^platform_com: has shape"):
             plant.set_parameters({"platform_com": values})

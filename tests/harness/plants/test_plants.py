@@ -125,6 +125,10 @@ FILES: dict[str, tuple[Callable[[dict[str, bytes]], dict[str, bytes]], str]] = {
         described(rb"<CoSimulation\b[^>]*/>|<CoSimulation\b.*?</CoSimulation>", b""),
         r"FMI 3.0, .*; expected Co-Simulation of FMI 2.0 or 3.0; make",
     ),
+    "a library elsewhere": (
+        described(rb'modelIdentifier="gough_stewart"', b'modelIdentifier="../gough"'),
+        r"has the modelIdentifier '\.\./gough'; expected a C identifier, as the standard requires",
+    ),
     "no binary": (
         lambda files: {name: content for name, content in files.items() if not name.startswith("binaries")},
         r"does not run on this machine",
@@ -182,3 +186,6 @@ def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu], tmp_p
     ):
         with pytest.raises(gs.GoughStewartError, match=text):
             gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)  # type: ignore[arg-type]
+    kinds = "smooth friction and rigid legs, not for one with stiction and elastic legs; make one with"
+    with pytest.raises(gs.GoughStewartError, match=rf"{three}: is built for a platform with {kinds}"):
+        gs.run(loop(STEEL, {}), plant="fmu3", fmu=three)
