@@ -251,11 +251,7 @@ RIGHT = {"cause": "", "findings": ()}
             f"{OTHER.text}",
             [*SENTENCES, "something else is left after that (p = 0.0031)"],
         ),
-        (
-            {"test": LackOfFit({}, 0.0002), **RIGHT},
-            f"{ALARM.replace('= 0.0042', '< 0.0003')}. Most likely: {NONE}",
-            [],
-        ),
+        ({"test": LackOfFit({}, 0.0002), **RIGHT}, f"{ALARM.replace('= 0.0042', '< 0.0003')}. Most likely: {NONE}", []),
         (
             {"test": LackOfFit({}, 0.051), **RIGHT},
             None,

@@ -159,11 +159,9 @@ Legs [of] <a> machine
 
 
 def test_a_table_in_a_narrow_terminal_letter_by_letter() -> None:
-    """Expected: written by hand by the rules: numbers at the right, all else at the left, names and sentences fold.
-
-    A column without a head has no numbers to compare; a group ends with a line. Names of 20 letters and numbers of 5,
-    6, 7, 8 and 4 need 20 + 30 + 6 · 3 + 1 = 69; names fold to 18; then the columns are divided, the last take more.
-    """
+    """Expected: written by hand by the rules: numbers at the right, all else at the left, names and sentences fold."""
+    # A column without a head has nothing to compare; a group ends with a line. Names of 20 letters, numbers of 5, 6, 7,
+    # 8 and 4 need 20 + 30 + 6 · 3 + 1 = 69; names fold to 18; then the columns are divided, the last take more.
     unit, long = Quantity("", "N & m"), "of the longest leg in the second half of the run"
     rows: tuple[tuple[Cell, ...], ...] = (
         ("peak <force>", Value(12.5, unit), Value(-7, unit), long, Value(7, unit)),

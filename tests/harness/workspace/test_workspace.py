@@ -156,7 +156,7 @@ def test_tables_have_ranges_limits_and_extremes(seen: Seen) -> None:
     swept, limits, extremes = seen.tables
     assert [table["title"] for table in seen.tables] == ["Swept", "Limits of the platform", "Where it can be reached"]
     assert [column["name"] for column in swept["columns"]] == [
-        *("", "from", "to", "points", "reached from", "reached to", "range"),
+        *("", "from", "to", "points", "reached from", "reached to", "range")
     ]
     origins = {"y": "computed", "yaw": "computed", "roll": "assumed"}
     if seen.platform is STRONG:
@@ -211,11 +211,9 @@ def test_tables_have_ranges_limits_and_extremes(seen: Seen) -> None:
 
 
 def test_the_maps_have_every_number(seen: Seen) -> None:
-    """Expected: the grid in SI units, and by pose the limit, all results, and the distance from the nearest limit.
-
-    That is the least of: margin of lengths over the characteristic length, of joints, of the pitch below 90° less
-    1 mrad, and the smallest singular value. Of a volume, the slice shown first is the one nearest to home.
-    """
+    """Expected: the grid in SI units, and by pose the limit, all results, and the distance from the nearest limit."""
+    # the least margin of lengths over the characteristic length, of joints, of the pitch below 90° less 1 mrad, and the
+    # smallest singular value; of a volume, the slice shown first is the one nearest to home
     charts, names = parts_in(seen.report, "chart"), list(seen.swept)
     assert charts[0]["map"]["classes"] == list(LIMITS.values())
     assert [chart["title"] for chart in charts[1:]] == [RESULTS[name][0] for name in seen.results()]
