@@ -60,15 +60,9 @@ def test_units_stand_once_and_what_is_left_out_is_counted() -> None:
     text = text_of(from_json(json.dumps(report(*parts, notes=notes))), 120)
     rows = [line for line in text.splitlines() if line.startswith(("│", "┃"))]
     assert [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows] == [
-        ["", "1", "2"],
-        ["peak error mm", "0.1", "0.2"],
-        ["peak force N", "101.5", "203"],
-        ["cause", "peak [mm]"],
-        ["a", "1"],
-        ["b", "-2.5"],
-        ["cause", "peak [mm]", "1", "2"],
-        ["a", "1", "101.5 N", "203 N"],
-        ["b", "1", "0.1 mm", "101.5 N"],
+        *(["", "1", "2"], ["peak error mm", "0.1", "0.2"], ["peak force N", "101.5", "203"]),
+        *(["cause", "peak [mm]"], ["a", "1"], ["b", "-2.5"], ["cause", "peak [mm]", "1", "2"]),
+        *(["a", "1", "101.5 N", "203 N"], ["b", "1", "0.1 mm", "101.5 N"]),
     ]
     assert all(each in text for each in ("over the whole run", "… 1 more on the page", "A sentence.", "of ten runs"))
     assert not any(each in text for each in ("Versions", "beyond its stroke"))
