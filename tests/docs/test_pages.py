@@ -1,7 +1,7 @@
 """Every code block of README, CONTRIBUTING and docs/ runs, or is checked otherwise if it is slow or needs other tools.
 
 README's in `make test`, those of the other pages in `make evidence`: in order in one folder (`tools/pages/story.py`).
-`make …` must have its target, `pytest …` collect a test, `pip install …` have its extra; `activate` is left out.
+Not what `make demo` or another test runs; of `make`, `pytest`, `pip install` and slow builds what they name is there.
 """
 
 import json
