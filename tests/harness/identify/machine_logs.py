@@ -80,7 +80,7 @@ HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)
 
 @dataclass(frozen=True)
 class Sensing:
-    """Recorded: force gain · F(t − delay) + offset + noise, length L(t) + offset + noise; by default well."""
+    """How a machine records, by default well: gain · F(t − delay) + offset + noise, and L(t) + offset + noise."""
 
     force_gain: float | tuple[float, ...] = 1.0  # of all legs, or of each
     force_offset: float | tuple[float, ...] = 0.0  # [N]

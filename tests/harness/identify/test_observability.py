@@ -14,7 +14,7 @@ INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3)
 
 def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass() -> None:
     """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right."""
-    # noise of the lengths looks like rotation: columns of joints and encoders must not explain it (its level: a third)
+    # noise of the lengths looks like rotation: joints and encoders must not explain it, or its level would be a third
     estimate = identify(machine_log(course=Course(HEAVE, duration=6.0)), NOMINAL, NAMES)
     assert estimate.diagnosis is not None
     assert estimate.alarms == ()
