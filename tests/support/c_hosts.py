@@ -45,7 +45,7 @@ OF_STATES = {
 def compile_host(
     host: Sequence[Path], program: Path, compiler: Sequence[str], component: UnitComponent | None = None
 ) -> Path:
-    """A host linked with the whole unit, by default the paper's plant, both FMI versions in one; by a command."""
+    """A host linked with a whole unit, by default the paper's plant, both FMI versions in one; `compiler` has flags."""
     linked = plant_component(load_preset("liu2000")) if component is None else component
     units, headers = sources(linked, tokens=(TOKEN, TOKEN))
     # zig's cache knows a file by its place: what has not changed is not compiled again

@@ -24,7 +24,7 @@ class Documented(SimpleNamespace):
     """What a run should record, (n, 6) with a row per plant step; `wanted` of the motion by the nominal platform."""
 
     # What acts from the row on: rate of the twist, force, wrench; `target` of the drives, `reached` after its step.
-    # of the latest sample: `command` before the limits, `feedforward`, `injection`, `reading` of leg lengths.
+    # Of the latest sample: `command` before the limits, `feedforward`, `injection`, `reading` of leg lengths.
 
 
 def simulate(
