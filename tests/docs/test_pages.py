@@ -1,14 +1,7 @@
 """Every code block of README, CONTRIBUTING and docs/ runs, or is checked otherwise if it is slow or needs other tools.
 
-README's in `make test`, those of the other pages in `make evidence`. Commands and programs of a page run in order in
-one folder (`tools/pages/story.py`), but for
-
-- what `make demo` or another test runs;
-- `make …`: the target is there (`make -n`);
-- `pytest …`, also in tables: collects at least one test;
-- the build for all targets: its options are there (`--help`);
-- `pip install …`: the extra is there; `tests/evidence/test_install.py` installs;
-- `. .venv/bin/activate`: nothing; the tests run in that environment.
+README's in `make test`, those of the other pages in `make evidence`: in order in one folder (`tools/pages/story.py`).
+Not what `make demo` or another test runs; of `make`, `pytest`, `pip install` and slow builds what they name is there.
 """
 
 import json
@@ -204,10 +197,7 @@ def test_experiment_files_run(block: Block, tmp_path: Path, monkeypatch: pytest.
 
 @pytest.mark.parametrize("block", of_language("c"), ids=lambda b: b.place)
 def test_c_compiles_with_the_standards_headers(block: Block, tmp_path: Path) -> None:
-    """Expected: no error and no warning, within a function that has the values of the text as arguments.
-
-    A whole file is compiled as it is, beside the controller that is exported in C.
-    """
+    """Expected: no error and no warning, in a function of the text's values, or whole, beside the exported C."""
     if block.text.startswith("#include"):
         gs.export("heave_step", forms="c", out=tmp_path)
         (tmp_path / "host.c").write_text(block.text)

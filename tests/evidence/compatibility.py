@@ -1,12 +1,8 @@
 """Units and SSPs in every importer that can be had here, each in an environment of its own: the page Compatibility.
 
-`python -m tests.evidence.compatibility` makes units and expected values with this package, and for each importer a
-virtual environment in a temporary folder, installs it by pip, and runs its client in `importers.py`; it prints the rows
-of docs/compatibility.md. Clients know the files alone. `--fmi4c LIBRARY` is libfmi4c.so, built from its source by
-CMake; `--libraries FOLDER` is added to LD_LIBRARY_PATH, for Ecos, which needs libtbb12. Ends with 1 if an importer
-that runs deviates.
-
-Expected values: SciPy's DOP853 on the equations in Python; the exported C of the controller; the loop in the harness.
+`python -m tests.evidence.compatibility` prints the rows of docs/compatibility.md; clients know the files alone. Ends
+with 1 if one that runs deviates. `--fmi4c LIBRARY` is libfmi4c.so, built from source by CMake; `--libraries FOLDER`
+goes to LD_LIBRARY_PATH: Ecos needs libtbb12. Expected: DOP853 on the equations in Python; the exported C; the harness.
 """
 
 import argparse

@@ -1,8 +1,4 @@
-"""What users install: the sdist, the wheel made of it, and a plain install with nothing but what the wheel declares.
-
-The install is a virtual environment of its own, with links to those packages of this environment that the wheel asks
-for, and to what these ask for; so it takes seconds and no network. The wheel has code for this processor only.
-"""
+"""What users install: the sdist, the wheel of it, and a plain install, which links to what the wheel declares alone."""
 
 import base64
 import os

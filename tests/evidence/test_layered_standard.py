@@ -1,7 +1,4 @@
-"""The manifest of FMI-LS-REF by its own schema, which is read from clones of the two standards.
-
-Clone modelica/fmi-ls-ref (its main branch) and modelica/fmi-standard into the folder that FMI_STANDARDS names.
-"""
+"""The manifest of FMI-LS-REF by its own schema, from clones of modelica/fmi-ls-ref (main) and modelica/fmi-standard."""
 
 import os
 import re

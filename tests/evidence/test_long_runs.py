@@ -44,11 +44,8 @@ def test_soak_of_the_stepping_model_leaks_nothing_and_stays_deterministic() -> N
 
 @pytest.mark.parametrize("name", gs.experiment_names())
 def test_a_shipped_experiment_ends_alike_on_model_and_unit_and_without_alarm(name: str, fmus: dict[str, Fmu]) -> None:
-    """Expected: whole, with the same steps, so within 1e-11 m, rad; the largest difference is printed.
-
-    But for `too_slow`, which diverges: there any difference grows to the size of the motion. Encoders do not quantise:
-    rounding would decide which of two steps a reading has.
-    """
+    """Expected: whole, with the same steps, so within 1e-11 m, rad; the largest difference is printed."""
+    # but for `too_slow`, in which any difference grows; encoders do not quantise: rounding would decide on a step
     assert gs.metrics(gs.run(name))["outcome"]["oscillation"] is None
     quantises = "quantisation" in gs.load_experiment(name).model_dump(exclude_unset=True).get("sensors", {})
     settings = {"sensors.quantisation.leg_length": 0} if quantises else {}

@@ -17,11 +17,8 @@ pytestmark = pytest.mark.evidence
 def motion_by_radau(
     platform: Platform, start: FloatArray, force: FloatArray, end: float, tolerance: float
 ) -> FloatArray:
-    """State at a time [s]: pose, its rates, bristles, and of elastic legs positions and velocities of motors.
-
-    The start (n,) is the same at time 0; elastic legs have a stiffness and a damping, and forces (6,) [N] are constant.
-    The tolerance is relative; of bristles it is absolute in units of 10 µm, of others in SI units.
-    """
+    """State at a time [s]: pose, its rates, bristles, and motors' motion of elastic legs, from (n,) at 0."""
+    # The tolerance is relative; of bristles it is absolute in units of 10 µm, of others in SI units.
     springs = len(start) == 30
     bare = UNEVEN.with_parameters({"leg_armature": 0.0 if springs else platform.leg_armature})
     no_and_each = np.vstack([np.zeros(6), np.eye(6)])

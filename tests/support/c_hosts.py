@@ -45,10 +45,7 @@ OF_STATES = {
 def compile_host(
     host: Sequence[Path], program: Path, compiler: Sequence[str], component: UnitComponent | None = None
 ) -> Path:
-    """A host linked with the whole unit, both FMI versions in one; `compiler` is the command with its flags.
-
-    The component is the paper's plant, if no other is given.
-    """
+    """A host linked with a whole unit, by default the paper's plant, both FMI versions in one; `compiler` has flags."""
     linked = plant_component(load_preset("liu2000")) if component is None else component
     units, headers = sources(linked, tokens=(TOKEN, TOKEN))
     # zig's cache knows a file by its place: what has not changed is not compiled again

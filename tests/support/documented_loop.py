@@ -21,13 +21,10 @@ FloatArray = NDArray[np.float64]
 
 
 class Documented(SimpleNamespace):
-    """What a run should record, (n, 6) with a row per plant step.
+    """What a run should record, (n, 6) with a row per plant step; `wanted` of the motion by the nominal platform."""
 
-    `pose`, `twist`, `leg_length`, `leg_velocity`; `acceleration` (the rate of the twist), `actuator_force`, `wrench`
-    act from the row on; `target` of the drives, and what their rate limit has `reached` after the row's step. Of the
-    latest sample `command` (before the limits), `feedforward`, `injection`, `reading` (of leg lengths). Of the motion,
-    by the nominal platform, `wanted`, `wanted_twist`, `wanted_acceleration`, `wanted_length`, `wanted_velocity`.
-    """
+    # What acts from the row on: rate of the twist, force, wrench; `target` of the drives, `reached` after its step.
+    # Of the latest sample: `command` before the limits, `feedforward`, `injection`, `reading` of leg lengths.
 
 
 def simulate(
@@ -38,12 +35,9 @@ def simulate(
     readings: FloatArray | None = None,
     samples: Sequence[int] | None = None,
 ) -> Documented:
-    """Run the loop of some options: numbers in SI units under the names of the experiment file, without their tables.
-
-    `believed` is the nominal platform, `machine` the simulated one at each time, which starts at rest in a pose (6,),
-    or in the reference's. Noisy sensors have `readings` of the leg lengths at each row (n, 6); jitter delays the rows
-    `samples` of the controller's samples.
-    """
+    """Run the loop of some options: SI numbers under the names of the experiment file, without their tables."""
+    # `machine` is simulated at each time, from rest in a pose (6,) or the reference's; `readings` of noisy lengths are
+    # of each row (n, 6); jitter delays the rows `samples` of the controller's samples
     options = with_gains(options, believed)
     T, h, duration = options["sample_time"], options["plant_step"], options["duration"]
     every, steps = round(T / h), round(duration / h)
@@ -112,10 +106,7 @@ def simulate(
 
 
 def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatArray], Pose]:
-    """A motion about a pose: a sine, a quintic from rest to rest, or a step, all along one direction (6,).
-
-    Slower and larger by two scales: pose₀ + a (pose(t/s) − pose₀).
-    """
+    """A sine, a quintic from rest to rest, or a step along (6,); scaled: pose₀ + a (pose(t/s) − pose₀)."""
     slower, larger = options.get("scales", (1.0, 1.0))
     along = larger * options["along"]
     kind = options["reference"]
@@ -143,10 +134,7 @@ def motion_of(options: Mapping[str, Any], home: FloatArray) -> Callable[[FloatAr
 
 
 def with_gains(options: Mapping[str, Any], believed: Platform) -> dict[str, Any]:
-    """The options with kp, kd and ki from bandwidth, damping ratio and integral time, where they have these.
-
-    kp = m ω², kd = 2 ζ m ω, ki = kp/Ti; m is the mass of the heaviest mode of the legs, or that of each axis.
-    """
+    """The options with kp = m ω², kd = 2 ζ m ω, ki = kp/Ti; m of the heaviest mode of the legs, or of each axis."""
     if options["bandwidth"] is None:
         return dict(options)
     home = np.concatenate([believed.home_position, believed.home_orientation])
@@ -166,10 +154,9 @@ def with_gains(options: Mapping[str, Any], believed: Platform) -> dict[str, Any]
 
 
 class PidLaw:
-    """Six PID channels, of axes or legs: w = kp e + kd s/(Tf s + 1) v + x, ẋ = ki e + excess/Tt; v = e, or −y.
+    """Six PID channels, of axes or legs: w = kp e + kd s/(Tf s + 1) v + x, ẋ = ki e + excess/Tt; v = e, or −y."""
 
-    Of axes e = J⁻¹ (L_r − L), y = Σ J⁻¹ ΔL, F = J⁻ᵀ w, and the excess of forces is Jᵀ times that; of legs J is 1.
-    """
+    # of axes e = J⁻¹ (L_r − L), y = Σ J⁻¹ ΔL, F = J⁻ᵀ w, and the excess of forces is Jᵀ times that; of legs J is 1
 
     def __init__(self, options: Mapping[str, Any], J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
         self.options, self.T = options, options["sample_time"]
@@ -224,10 +211,9 @@ class PidLaw:
 
 
 class _Notch:
-    """(s² + 2 d ζ ω s + ω²) / (s² + 2 ζ ω s + ω²) by s = K (1 − z⁻¹)/(1 + z⁻¹), K = ω/tan(ω T/2).
+    """(s² + 2 d ζ ω s + ω²) / (s² + 2 ζ ω s + ω²) by s = K (1 − z⁻¹)/(1 + z⁻¹), K = ω/tan(ω T/2)."""
 
-    It begins at rest in its first input, without what limits have cut off of that.
-    """
+    # begins at rest in its first input, without what limits have cut off of that
 
     def __init__(self, values: tuple[float, float, float], T: float) -> None:
         frequency, damping, depth = values

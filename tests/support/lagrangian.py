@@ -1,12 +1,8 @@
 """Inverse dynamics by a Lagrangian, for logs of machines: independent of the physics and of every fit.
 
-Only the places of the bodies and their energies are written down; velocities, momenta and forces follow by automatic
-differentiation. Coordinates q are those of the pose: position, roll, pitch, yaw.
-
-    d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = (∂L/∂q)ᵀ F
-
-with one rigid body for the platform and two for each leg, of which the lower one turns about its base joint, and the
-rotor's inertia along the leg.
+Only places and energies of the bodies are written down; d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = (∂L/∂q)ᵀ F follows by automatic
+differentiation in q: position, roll, pitch, yaw. One rigid body is the platform, two are each leg, of which the lower
+one turns about its base joint, and the rotor's inertia acts along the leg.
 """
 
 from functools import cache, lru_cache
@@ -93,10 +89,7 @@ _SIZES = {
 
 @cache
 def _functions() -> tuple[casadi.Function, casadi.Function, casadi.Function]:
-    """CasADi Functions: ((q, q̇), parameters) -> L, L̇; ((q, q̇, q̈), parameters) -> generalized forces, ∂L/∂q.
-
-    And ((q, q̇), parameters) -> M, h, ∂L/∂q, with the generalized forces M q̈ + h.
-    """
+    """((q, q̇), p) -> L, L̇; ((q, q̇, q̈), p) -> generalized forces M q̈ + h, ∂L/∂q; ((q, q̇), p) -> M, h, ∂L/∂q."""
     q, rate, acceleration = (casadi.SX.sym(name, 6) for name in ("q", "rate", "acceleration"))
     parameters = casadi.SX.sym("p", sum(_SIZES.values()))
     ends = np.cumsum([0, *_SIZES.values()])

@@ -1,7 +1,4 @@
-"""Serialised states of units, byte by byte: magic (8), format, kind, mode, number of doubles (4 each), layout (8).
-
-Then the numbers, and a checksum (8); little-endian.
-"""
+"""States of units: magic (8), format, kind, mode, count (4 each), layout (8), doubles, checksum (8); little-endian."""
 
 import struct
 

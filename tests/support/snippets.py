@@ -52,11 +52,8 @@ def _run_program(path: Path, *arguments: str) -> subprocess.CompletedProcess[str
 
 
 def run_command(command: str, cwd: Path) -> str:
-    """What a command of a page prints in a folder, on a terminal of 80 columns; a failure is an error.
-
-    `gough-stewart …` and `python FILE` run in this process; a compiler, and what it makes, in a shell. With
-    `|| test $? -eq 3` behind it, it must end with just that exit code.
-    """
+    """What a command of a page prints in a folder, on a terminal of 80 columns; a failure is an error."""
+    # commands run in this process, a compiler and what it makes in a shell; `|| test $? -eq 3` asks for that exit code
     command, _, exit_code = command.partition(" || test $? -eq ")
     program, *arguments = shlex.split(command)
     target = ""

@@ -53,10 +53,7 @@ def page(tmp_path: Path) -> Path:
 
 
 def test_outputs_are_written_below_what_prints_them(page: Path, tmp_path: Path) -> None:
-    """Expected: the texts that the two programs print, without spaces at line ends; files in pieces become one.
-
-    A page whose outputs differ in durations only stays as it is.
-    """
+    """Expected: what the two print, without spaces at line ends, files joined; as it was if durations alone differ."""
     rewrite(str(page), tmp_path)
     assert page.read_text() == WRITTEN
     assert (tmp_path / "kept.toml").read_text() == "a = 1\n"

@@ -231,10 +231,7 @@ class FunctionLaw:
 
 
 class SystemLaw:
-    """w = K e + s + d (e − f): s an integral of e and, of legs, of what limits cut off; f a filter of e.
-
-    s⁺ = s + T (ki e + excess/Tt), f⁺ = a f + (1 − a) e.
-    """
+    """w = K e + s + d (e − f): s⁺ = s + T (ki e + excess/Tt), of legs the excess over limits; f⁺ = a f + (1 − a) e."""
 
     def __init__(self, options: Mapping[str, Any], J: FloatArray, wanted: FloatArray, measured: FloatArray) -> None:
         self.T, self.is_task = options["sample_time"], options["space"] == "task"

@@ -489,10 +489,7 @@ def test_the_files_are_the_same_every_time(files: Units, tmp_path: Path) -> None
 
 
 def test_the_description_is_that_of_the_controller(files: Units) -> None:
-    """Expected: names of the contract; limits as designed; units of gains; times; no direct feedthrough.
-
-    At the start the forces are the start forces, one by one. The page has a line for each, and its title is escaped.
-    """
+    """Expected: names of the contract; limits as designed; units of gains; times; no feedthrough; a line for each."""
     for file in files.files.values():
         outputs = {"actuator_force", "force_limited", "input_status", "input_bad_time"}
         assert {u.variable.name.split("[")[0] for u in file.description.outputs} == outputs

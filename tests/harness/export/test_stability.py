@@ -79,8 +79,7 @@ def found_of(name: str, host: Host, settings: Any = (), **options: Any) -> tuple
 
 
 @pytest.mark.parametrize(
-    ("name", "host", "size"),
-    [("circle", "ssp", 1.0505), ("payload_change", "fmu", 1.006), ("pitch_sine", "ssp", None)],
+    ("name", "host", "size"), [("circle", "ssp", 1.0505), ("payload_change", "fmu", 1.006), ("pitch_sine", "ssp", None)]
 )
 def test_shipped_loops_have_the_eigenvalues_of_another_formulation(name: str, host: Host, size: float | None) -> None:
     """Expected: `radius`; and, for those that are unstable, literal figures that were measured by another program."""

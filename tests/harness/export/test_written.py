@@ -165,11 +165,8 @@ def test_a_function_and_forces_without_feedback_are_called_what_they_are() -> No
 
 
 def test_operations_are_counted_by_kind() -> None:
-    """Expected, by hand: of six forces 2 products, 2 sums, a root, a sine; 5 quotients of a divisor, which C has once.
-
-    Besides them two bounds of each force and whether they act, and code by hand: sums and checks of six forces, of six
-    measurements and six forces of the law.
-    """
+    """By hand: of six forces 2 products, 2 sums, a root, a sine; 5 quotients of a divisor, which C has once."""
+    # besides two bounds of each force, whether they act, and sums and checks of six forces, measurements and the law's
     length = casadi.SX.sym("length", 6)
     force = 3 * casadi.sqrt(length) + 4 * casadi.sin(length) + length / length[0]
     law = casadi.Function("law", [length], [force], ["leg_length"], ["actuator_force"])

@@ -1,9 +1,8 @@
 """What a log can tell of parameters at best, by the Cramér–Rao bound, from a Lagrangian and the known noise alone.
 
-The force of a leg is read as gain · F(t − delay) + offset + white noise of standard deviation σ. All unbiased estimates
-of parameters θ from n readings have a covariance of at least (Σ_k D_kᵀ D_k)⁻¹ with D = ∂(reading)/∂θ/σ [Kay,
-Fundamentals of Statistical Signal Processing I, 1993, ch. 3]. D follows from central differences of readings that
-`tests.support.lagrangian` gives. Noise of lengths takes next to nothing from it where the motion is slow.
+Force readings are gain · F(t − delay) + offset + white noise of σ; an unbiased estimate of θ has a covariance of at
+least (Σ_k D_kᵀ D_k)⁻¹ with D = ∂(reading)/∂θ/σ, by central differences [Kay, Fundamentals of Statistical Signal
+Processing I, 1993, ch. 3]. Noise of lengths takes next to nothing from it where the motion is slow.
 """
 
 from collections.abc import Mapping, Sequence

@@ -43,10 +43,7 @@ _RISE = _RISE / _RISE(1.0)
 
 @dataclass(frozen=True)
 class Swing:
-    """A motion about home: sums of sines and cosines in six coordinates, from rest to rest.
-
-    q(t) = home + w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t) with random a and b; w rises and falls with `fade`.
-    """
+    """q(t) = home + w(t) Σ_k (a_k sin 2π k f t + b_k cos 2π k f t), a and b random; w rises and falls with `fade`."""
 
     seed: int = 3
     frequency: float = 0.15  # of the first harmonic [Hz]
@@ -83,10 +80,7 @@ HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)
 
 @dataclass(frozen=True)
 class Sensing:
-    """How a machine records lengths and forces; by default well.
-
-    reading of force(t) = gain · F(t − delay) + offset + noise; reading of length(t) = L(t) + offset + noise.
-    """
+    """How a machine records, by default well: gain · F(t − delay) + offset + noise, and L(t) + offset + noise."""
 
     force_gain: float | tuple[float, ...] = 1.0  # of all legs, or of each
     force_offset: float | tuple[float, ...] = 0.0  # [N]

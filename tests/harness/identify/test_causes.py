@@ -32,13 +32,9 @@ DURATION = 7.0  # of logs [s]
 @pytest.mark.parametrize(
     ("kind", "seed", "size", "duration"),
     [
-        ("gain of a leg", 6001, 1.0, DURATION),
-        ("delay of a leg", 6002, 2.0, DURATION),
-        ("tilt", 6005, 0.5, DURATION),
-        ("stribeck", 6004, 1.0, DURATION),
-        ("rows lost", 6006, 0.2, 10.0),
-        ("clipping", 6007, 1.0, DURATION),
-        ("quadratic friction", 6009, 1.0, DURATION),
+        *(("gain of a leg", 6001, 1.0, DURATION), ("delay of a leg", 6002, 2.0, DURATION)),
+        *(("tilt", 6005, 0.5, DURATION), ("stribeck", 6004, 1.0, DURATION), ("rows lost", 6006, 0.2, 10.0)),
+        *(("clipping", 6007, 1.0, DURATION), ("quadratic friction", 6009, 1.0, DURATION)),
         ("coloured noise", 6010, 1.0, DURATION),
     ],
 )
@@ -122,10 +118,8 @@ def test_what_is_estimated_is_no_candidate() -> None:
 
 
 def test_evidence_is_that_of_a_normal_distribution_and_members_share_it() -> None:
-    """Expected: densities of residuals beside the fit's columns, of covariance 1 and 1 + X σ² Xᵀ; of seven members.
-
-    η and its covariance are those of the posterior, times the variance that is left.
-    """
+    """Expected: densities of residuals beside the fit's columns, of covariance 1 and 1 + X σ² Xᵀ; of seven members."""
+    # η and its covariance are those of the posterior, times the variance that is left
     rng = np.random.default_rng(4)
     r, D, X, sizes = rng.normal(size=(20, 6)), rng.normal(size=(20, 6, 2)), rng.normal(size=(20, 6, 3)), np.ones(3) / 5
     r += X @ [0.3, -0.4, 0.1]

@@ -176,10 +176,7 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
         ("position error, peak µm", lambda r: 1e6 * peak(r["reference.position"] - r["position"])),
         ("orientation error, RMS deg", lambda r: 180 / np.pi * norm(r["error.orientation"])),
         ("leg length error, RMS µm", lambda r: 1e6 * norm(r["error.leg_length"])),
-        (
-            "feedback's share of the force, RMS N",
-            lambda r: norm(r["controller.force"] - r["controller.feedforward"]),
-        ),
+        ("feedback's share of the force, RMS N", lambda r: norm(r["controller.force"] - r["controller.feedforward"])),
     )
     for name, measure in measures:
         assert rows[name] == [f"{measure(record):.4g}" for record in expected], name

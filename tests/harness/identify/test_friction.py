@@ -55,11 +55,8 @@ def test_friction_is_differentiated_by_its_parameters(platform: Platform) -> Non
 
 
 def test_slopes_by_length_and_rows_that_slide_are_those_of_closed_forms() -> None:
-    """Expected: σ0 and σ1 within the elastic range; −2 v/v_s² (F_s − F_c) e^(−(v/v_s)²) in steady sliding.
-
-    A leg slides four presliding distances after a reversal: of 10 µm, so 40 µm at 10 mm/s are 4 rows; leg 2 reverses
-    once more.
-    """
+    """Expected: σ0 and σ1 within the elastic range; −2 v/v_s² (F_s − F_c) e^(−(v/v_s)²) in steady sliding."""
+    # A leg slides four presliding distances of 10 µm after a reversal, 4 rows at 10 mm/s; leg 2 reverses once more.
     friction = StickingFriction(PLATFORM, NAMES)
     stuck = friction.by_lengths(VALUES, np.full((3, 6), 1e-4), H)
     np.testing.assert_allclose(stuck[-1], np.tile([LAW.stiffness, LAW.damping], (6, 1)))

@@ -76,11 +76,8 @@ def calibrated(log: Log, names: Any = GEOMETRY, **options: Any) -> Estimate:
 
 
 def pose_error(machine: Machine, platform: Platform, offset: np.ndarray, *, relative: bool = False) -> float:
-    """Root mean square of position and of angle times size, over fresh poses [m].
-
-    Between the machine's pose and the one that the platform has at what the encoders show; `relative` after the best
-    motion of world and of the platform's frame.
-    """
+    """RMS of position and of angle times size between machine and platform at the encoders' readings [m]."""
+    # over fresh poses; `relative` after the best motion of world and of the platform's frame
     position, turn = some_poses(np.random.default_rng(77), 25)
     found = [forward_kinematics(platform, length - offset) for length in machine.encoders(position, turn)]
     there = np.array([pose.position for pose in found])
@@ -151,10 +148,7 @@ def test_a_tracker_in_its_own_frame_calibrates_all_but_where_base_and_platform_a
     assert np.abs(frames.y - Y_T).max() < 3e-3
 
 
-@pytest.mark.parametrize(
-    ("part", "least"),
-    [("position", 4.0), ("orientation", 1.0), ("inclination", 1.0)],
-)
+@pytest.mark.parametrize(("part", "least"), [("position", 4.0), ("orientation", 1.0), ("inclination", 1.0)])
 def test_a_part_of_the_pose_calibrates_in_part(part: str, least: float) -> None:
     """Expected: better than nominal; less than whole poses; no more combinations than there are equations."""
     machine, log = Machine(), Machine().log(2)

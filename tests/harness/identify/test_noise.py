@@ -9,12 +9,7 @@ from numpy.testing import assert_allclose
 from gough_stewart import Acceleration, Platform, inverse_dynamics, leg_geometry
 from gough_stewart.harness.identify.lowpass import kernel_correlations, kernel_of
 from gough_stewart.harness.identify.noise import fitted_noise, part_noise, whitened_by
-from gough_stewart.harness.identify.regressor import (
-    force_derivatives,
-    motion_of_lengths,
-    parameter_columns,
-    states_of,
-)
+from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns, states_of
 from gough_stewart.harness.identify.row_model import RawNoise
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, rates_of_legs
@@ -105,11 +100,7 @@ def test_derivatives_of_forces_by_the_motion_of_legs_and_by_parameters_are_those
     state = type(STATE)(*(part[None] for part in STATE))
     acceleration = Acceleration(np.array([[0.7, -0.4, 1.1]]), np.array([[0.5, 0.9, -0.6]]))
     legs = leg_geometry(UNEVEN, state.position, state.orientation)
-    of_legs = [
-        legs.length,
-        rates_of_legs(legs, state).length_rate,
-        leg_accelerations(legs, state, *acceleration),
-    ]
+    of_legs = [legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration)]
     home = replace(UNEVEN, home_position=STATE.position, home_orientation=STATE.orientation)
 
     def forces(lengths: list[FloatArray], platform: Platform) -> FloatArray:

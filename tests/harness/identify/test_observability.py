@@ -7,26 +7,14 @@ import numpy as np
 import pytest
 
 from gough_stewart import GoughStewartError, identify
-from tests.harness.identify.machine_logs import (
-    HEAVE,
-    MACHINE,
-    NAMES,
-    NOMINAL,
-    Course,
-    Swing,
-    machine_log,
-    value_of,
-)
+from tests.harness.identify.machine_logs import HEAVE, MACHINE, NAMES, NOMINAL, Course, Swing, machine_log, value_of
 
 INERTIA = tuple(f"platform_inertia[{a},{b}]" for a, b in ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)))
 
 
 def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass() -> None:
-    """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right.
-
-    Noise of the lengths looks like rotation, and columns of joints and encoders are nothing else: they must not explain
-    it, or its level would be a third.
-    """
+    """Expected: by hand, no rotation, so gravity has no arm that changes and no inertia turns; the rest is right."""
+    # noise of the lengths looks like rotation: joints and encoders must not explain it, or its level would be a third
     estimate = identify(machine_log(course=Course(HEAVE, duration=6.0)), NOMINAL, NAMES)
     assert estimate.diagnosis is not None
     assert estimate.alarms == ()
@@ -48,17 +36,13 @@ def test_heave_alone_has_no_number_for_the_height_of_the_centre_of_mass() -> Non
 
 
 @pytest.mark.parametrize(
-    ("axis", "size", "unknown"),
-    [(3, 0.06, ()), (4, 0.005, ()), (4, 2e-4, ("leg_armature", "leg_viscous_friction"))],
+    ("axis", "size", "unknown"), [(3, 0.06, ()), (4, 0.005, ()), (4, 2e-4, ("leg_armature", "leg_viscous_friction"))]
 )
 def test_numbers_of_motions_along_one_axis_are_right_or_missing(
     axis: int, size: float, unknown: tuple[str, ...]
 ) -> None:
-    """Expected: the machine's values within five standard errors, one in a million; some without a number.
-
-    Pitching about Op, the log knows the sum of an inertia and m c_z² only if c_z is known; with hardly any, neither.
-    Below the velocity that smooths its sign, Coulomb friction is as viscous friction.
-    """
+    """Expected: the machine's values within five standard errors, one in a million; some without a number."""
+    # pitching about Op shows the sum of an inertia and m c_z²; where its sign is smooth, Coulomb friction is viscous
     swing = Swing(axes=tuple(float(k == axis) for k in range(6)), size=size)
     estimate = identify(machine_log(course=Course(swing, duration=6.0)), NOMINAL, NAMES)
     assert estimate.not_excited

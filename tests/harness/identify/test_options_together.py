@@ -251,12 +251,10 @@ def _parameter(row: dict[str, Any]) -> Any:
 def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
     row: dict[str, Any], tmp_path: Path
 ) -> None:
-    """Expected: the machine, and the covariance of the Cramér–Rao bound in every direction, from both sides.
-
-    Values: (θ̂ − θ)ᵀ C⁻¹ (θ̂ − θ) between the quantiles 5e-5 and 1 − 5e-5 of χ²; one right row in 10,000 fails.
-    Standard errors in no direction below 0.85 times the bound of all fitted readings, or beyond 1.4 times that of the
-    readings far from edges, gaps and reversals. Noise of the forces within 25 %, six of its errors.
-    """
+    """Expected: the machine, and the covariance of the Cramér–Rao bound in every direction, from both sides."""
+    # (θ̂ − θ)ᵀ C⁻¹ (θ̂ − θ) between the quantiles 5e-5 and 1 − 5e-5 of χ²: one right row in 10,000 fails; errors
+    # from 0.85 times the bound of all fitted readings to 1.4 times that of readings far from edges, gaps and reversals;
+    # noise of the forces within 25 %, six of its errors
     found = _identified(row, tmp_path)
     names = _names(row)
     assert list(found["parameters"]) == list(names)

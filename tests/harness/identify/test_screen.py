@@ -1,8 +1,5 @@
-"""Faults in the data of logs: found by place and number, mended to within the intervals, told, or refused.
-
-Logs come from a Lagrangian; where each fault is, how large and how long, is chosen by the test, on both sides of the
-limits that docs/identify.md states. Intervals of 95 % are those of the same log without the fault.
-"""
+"""Faults of logs by a Lagrangian, on both sides of docs/identify.md's limits: found, mended, told or refused."""
+# Intervals of 95 % are those of the same log without the fault.
 
 import re
 from collections.abc import Callable
@@ -96,10 +93,8 @@ FAULTS: dict[str, tuple[tuple[Callable[[Log], Log], ...], tuple[str, ...]]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_named_with_its_place_and_number_and_mended_to_within_the_intervals(fault: str) -> None:
-    """Expected: place and number as chosen; values as without the fault, to a standard error where it is interpolated.
-
-    Where rows are left out the noise is another, of which 3.5 standard errors are one in 2000.
-    """
+    """Expected: place and number as chosen; values as without it, to a standard error where it is interpolated."""
+    # where rows are left out the noise is another, of which 3.5 standard errors are one in 2000
     changes, messages = FAULTS[fault]
     log = machine_log()
     for change in changes:
@@ -151,10 +146,8 @@ def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str,
 @pytest.mark.parametrize(
     ("spikes", "missing", "has_alarm", "refusal"),
     [
-        (9, 0, False, ""),
-        (12, 0, True, ""),
-        (44, 0, True, r"late.csv: too many faults .* 2\.\d % of the rows .* 44 spikes"),
-        (0, 160, False, ""),
+        *((9, 0, False, ""), (12, 0, True, "")),
+        *((44, 0, True, r"late.csv: too many faults .* 2\.\d % of the rows .* 44 spikes"), (0, 160, False, "")),
         (0, 420, True, ""),
         # the rows that follow are fewer than the filter's
         (0, 1050, True, r"too many faults .* 0 % of the rows were to be interpolated and 60 % left"),
@@ -189,11 +182,8 @@ def test_mended_and_missing_rows_are_noted_then_alarm_then_refuse(
 
 
 def test_spikes_are_eight_standard_deviations_of_up_to_seven_rows_and_no_steps() -> None:
-    """Expected: of leg 4, whose noise is 2 µm; the other legs have ten times as much or more.
-
-    Of long ones all rows and no others, mended to the true length within five deviations; one in 20,000 misses. Of 20
-    steps and 5 pulses, the pulses.
-    """
+    """Expected: of leg 4, whose noise is 2 µm; of others ten times as much; of 20 steps and 5 pulses, the pulses."""
+    # of long ones all rows and no others, mended to the true length within five deviations; one in 20,000 misses
     rng = np.random.default_rng(8)
     noise = 2e-6 * np.array([10, 20, 30, 1, 50, 60]) * rng.standard_normal((ROWS, 6))
     for size, number in ((6.0, 0), (14.0, 1)):
@@ -240,10 +230,7 @@ def test_clipped_readings_are_those_at_an_end_that_is_not_the_actuators() -> Non
 
 @pytest.mark.parametrize(("rows", "number"), [(1.0, 1), (1.4, 0), (1.6, 0), (3.0, 1), (-1.0, 1)])
 def test_rows_are_lost_where_all_legs_jump_by_their_velocity_times_whole_rows(rows: float, number: int) -> None:
-    """Expected: the row and the number; −1 is a row that was logged twice. Not of parts of a row, or near bad readings.
-
-    A jump of one leg alone is another fault.
-    """
+    """Expected: row and number, −1 if logged twice; not of parts of a row, of a leg alone, or near bad readings."""
     t = np.asarray(np.arange(1000) * 1e-3, dtype=float)
 
     def legs(time: FloatArray) -> FloatArray:
@@ -294,10 +281,7 @@ def test_a_leg_that_rests_while_others_move_is_frozen_only_up_to_the_end() -> No
 
 
 def test_held_readings_are_those_of_one_rhythm_brought_to_their_own_rows() -> None:
-    """Expected: 4 rows from row 3 on; 1 for a coarse encoder, which changes at any row.
-
-    Of a log lengths and forces of row 2, 5, 8 …; lengths of legs that are read in turn are refused with their rows.
-    """
+    """Expected: 4 rows from row 3 on, 1 for a coarse encoder; of a log rows 2, 5, 8 …; legs in turn are refused."""
     time = np.asarray(np.arange(ROWS) * 1e-3, dtype=float)
     smooth = np.sin(2 * np.pi * time) + 1e-3 * np.random.default_rng(1).standard_normal(len(time))
     assert screen.hold_of(smooth[np.maximum(0, (np.arange(ROWS) - 3) // 4 * 4 + 3)]) == (4, 3)
@@ -321,10 +305,8 @@ def test_held_readings_are_those_of_one_rhythm_brought_to_their_own_rows() -> No
 
 
 def test_a_record_whose_sensors_are_slower_than_its_loop_is_read_at_its_sensors(tmp_path: Path) -> None:
-    """Expected: rows 2 ms apart with the encoders' readings; the forces of a smooth motion at their times.
-
-    Mean forces of the loop's samples until the next reading, half a reading early, would be off by 1 ms.
-    """
+    """Expected: rows 2 ms apart with the encoders' readings; the forces of a smooth motion at their times."""
+    # mean forces of the loop's samples until the next reading, half a reading early, would be off by 1 ms
     settings = {"loop.duration": 3.0, "loop.sample_time": 1e-3, "loop.plant_step": 5e-4, "sensors.sample_time": 2e-3}
     record = run("circle_computed_torque", settings)
     record.write_parquet(tmp_path / "record.parquet")
@@ -393,10 +375,7 @@ def test_linear_algebra_has_one_thread_while_it_identifies_and_its_threads_after
 
 
 def test_a_gap_of_any_length_takes_no_memory_and_logs_are_shown_one_after_the_other() -> None:
-    """Expected: of a gap of eleven days the parts before and after it; three tenths of each log at its end validate.
-
-    The second log begins a row after the first ends.
-    """
+    """Expected: the parts beside a gap of eleven days; the last 3/10 of each log validate; the second is a row on."""
     log = machine_log(course=Course(duration=5.0))
     time = np.asarray(log.time)
     gap = replace(log, time=np.where(np.arange(len(log)) >= 2500, time + 1e6, time), where="gap")

@@ -60,15 +60,9 @@ def test_units_stand_once_and_what_is_left_out_is_counted() -> None:
     text = text_of(from_json(json.dumps(report(*parts, notes=notes))), 120)
     rows = [line for line in text.splitlines() if line.startswith(("│", "┃"))]
     assert [[cell.strip() for cell in re.split("[│┃]", row)[1:-1]] for row in rows] == [
-        ["", "1", "2"],
-        ["peak error mm", "0.1", "0.2"],
-        ["peak force N", "101.5", "203"],
-        ["cause", "peak [mm]"],
-        ["a", "1"],
-        ["b", "-2.5"],
-        ["cause", "peak [mm]", "1", "2"],
-        ["a", "1", "101.5 N", "203 N"],
-        ["b", "1", "0.1 mm", "101.5 N"],
+        *(["", "1", "2"], ["peak error mm", "0.1", "0.2"], ["peak force N", "101.5", "203"]),
+        *(["cause", "peak [mm]"], ["a", "1"], ["b", "-2.5"], ["cause", "peak [mm]", "1", "2"]),
+        *(["a", "1", "101.5 N", "203 N"], ["b", "1", "0.1 mm", "101.5 N"]),
     ]
     assert all(each in text for each in ("over the whole run", "… 1 more on the page", "A sentence.", "of ten runs"))
     assert not any(each in text for each in ("Versions", "beyond its stroke"))
@@ -159,11 +153,9 @@ Legs [of] <a> machine
 
 
 def test_a_table_in_a_narrow_terminal_letter_by_letter() -> None:
-    """Expected: written by hand by the rules: numbers at the right, all else at the left, names and sentences fold.
-
-    A column without a head has no numbers to compare; a group ends with a line. Names of 20 letters and numbers of 5,
-    6, 7, 8 and 4 need 20 + 30 + 6 · 3 + 1 = 69; names fold to 18; then the columns are divided, the last take more.
-    """
+    """Expected: written by hand by the rules: numbers at the right, all else at the left, names and sentences fold."""
+    # A column without a head has nothing to compare; a group ends with a line. Names of 20 letters, numbers of 5, 6, 7,
+    # 8 and 4 need 20 + 30 + 6 · 3 + 1 = 69; names fold to 18; then the columns are divided, the last take more.
     unit, long = Quantity("", "N & m"), "of the longest leg in the second half of the run"
     rows: tuple[tuple[Cell, ...], ...] = (
         ("peak <force>", Value(12.5, unit), Value(-7, unit), long, Value(7, unit)),

@@ -246,10 +246,8 @@ def test_saltellis_design_changes_one_input_after_the_other() -> None:
 
 
 def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
-    """Expected: the same for fewer members and beside another input; others for another seed; uniform.
-
-    By Kolmogorov and Smirnov, false alarm of 1 in 2000 a column; correlations below 4.4 standard errors, 1 in 10⁵.
-    """
+    """Expected: the same for fewer members and beside another input; others for another seed; uniform."""
+    # by Kolmogorov and Smirnov, false alarm of 1 in 2000 a column; correlations below 4.4 standard errors, 1 in 10⁵
     alone = {"platform_mass": {"uniform": [10, 11]}, "platform_com": {"uniform": [0, 1]}}
     many = table_of({"members": 400, **alone})
     beside = table_of({"members": 90, "leg_armature": {"uniform": [1, 2]}, **alone})
