@@ -23,7 +23,9 @@ MOTION = {"velocity": [0.06, -0.04, 0.1], "angular_velocity": [0.05, 0.1, -0.08]
 # Present time, step, and the largest accepted difference: 1e-9 of the time or of 1 s, but no more than a thousandth of
 # the step, nor less than a few units of rounding, 2⁻⁴⁵ s at 200 s. The last is to be refused.
 CLOCKS = [
-    *((0.5, 1e-3, 0.97e-9, 1.03e-9), (0.5, 1e-7, 0.97e-10, 1.03e-10), (200.0, 1e-3, 1.94e-7, 2.06e-7)),
+    (0.5, 1e-3, 0.97e-9, 1.03e-9),
+    (0.5, 1e-7, 0.97e-10, 1.03e-10),
+    (200.0, 1e-3, 1.94e-7, 2.06e-7),
     (200.0, 1e-11, 4 * 2.0**-45, 8 * 2.0**-45),
 ]
 

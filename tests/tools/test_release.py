@@ -17,10 +17,15 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.parametrize(
     ("name", "is_known"),
     [
-        *(("BSD-3-Clause", True), ("MIT AND Python-2.0", True), ("GPL-2.0-only OR MIT", True)),
-        *(("(GPL-2.0-only OR AGPL-3.0) AND MIT", False), ("(GPL-2.0-only OR MIT) AND MIT", True)),
+        ("BSD-3-Clause", True),
+        ("MIT AND Python-2.0", True),
+        ("GPL-2.0-only OR MIT", True),
+        ("(GPL-2.0-only OR AGPL-3.0) AND MIT", False),
+        ("(GPL-2.0-only OR MIT) AND MIT", True),
         ("MIT License; GNU General Public License v3 (GPLv3)", False),
-        *(("Apache Software License; BSD License", True), ("UNKNOWN", False), ("", False)),
+        ("Apache Software License; BSD License", True),
+        ("UNKNOWN", False),
+        ("", False),
     ],
 )
 def test_all_licences_that_hold_have_to_be_known_and_one_of_alternatives(name: str, is_known: bool) -> None:

@@ -198,8 +198,10 @@ def test_presets_are_listed_with_mass_leg_and_conditioning() -> None:
 
 # Words, and the folder of the files: named like the command and its file, which keeps its suffix if its name ships.
 FOLDERS = [
-    *(("check heave_step", "results/check_heave_step"), ("check heave_step.toml", "results/check_heave_step.toml")),
-    *(("check ./a/mine.toml", "results/check_mine"), ("check a/b.c.toml", "results/check_b.c")),
+    ("check heave_step", "results/check_heave_step"),
+    ("check heave_step.toml", "results/check_heave_step.toml"),
+    ("check ./a/mine.toml", "results/check_mine"),
+    ("check a/b.c.toml", "results/check_b.c"),
     ("run heave_tolerances --member 1 --set loop.duration=0.01", "results/run_heave_tolerances_member_1"),
     ("workspace --points 3 --over x,y", "results/workspace_liu2000"),
     ("workspace --points 3 --preset motion_base --at pitch=5°", "results/workspace_motion_base"),
@@ -356,13 +358,20 @@ def test_a_page_alone_is_opened_as_it_is(opened: list[str]) -> None:
 
 LAW, UNIT_CODE = "law.py", "unit.fmu"
 EXECUTED = [
-    *(("run both.toml", [LAW, UNIT_CODE]), ("run both.toml --plant fmu2", [LAW, UNIT_CODE])),
-    *(("run both.toml --plant fmu3 --fmu mine.fmu", [LAW]), ("run both.toml --plant model", [LAW])),
-    *(("run both.toml --fmu mine.fmu", [LAW]), ("run both.toml --controller fmu3", [LAW, UNIT_CODE])),
-    *(("run both.toml --controller mine.fmu", [UNIT_CODE]), ("run both.toml --member 0", [LAW])),
+    ("run both.toml", [LAW, UNIT_CODE]),
+    ("run both.toml --plant fmu2", [LAW, UNIT_CODE]),
+    ("run both.toml --plant fmu3 --fmu mine.fmu", [LAW]),
+    ("run both.toml --plant model", [LAW]),
+    ("run both.toml --fmu mine.fmu", [LAW]),
+    ("run both.toml --controller fmu3", [LAW, UNIT_CODE]),
+    ("run both.toml --controller mine.fmu", [UNIT_CODE]),
+    ("run both.toml --member 0", [LAW]),
     ("run both.toml --member 0 --plant fmu2", [LAW, UNIT_CODE]),
-    *(("run both.toml --member 0 --fmu mine.fmu", [LAW]), ("margins both.toml", [LAW])),
-    *(("frf record --experiment both.toml", [LAW]), ("export both.toml", [LAW]), ("ensemble both.toml", [LAW])),
+    ("run both.toml --member 0 --fmu mine.fmu", [LAW]),
+    ("margins both.toml", [LAW]),
+    ("frf record --experiment both.toml", [LAW]),
+    ("export both.toml", [LAW]),
+    ("ensemble both.toml", [LAW]),
     ("ensemble heave_tolerances --members 2 --compare both.toml", [LAW]),
     ("tune both.toml --vary controller.x=1..2 --minimise force.peak", [LAW]),
     ("identify log.csv --estimate platform_mass --experiment both.toml", [LAW, UNIT_CODE]),

@@ -32,9 +32,13 @@ DURATION = 7.0  # of logs [s]
 @pytest.mark.parametrize(
     ("kind", "seed", "size", "duration"),
     [
-        *(("gain of a leg", 6001, 1.0, DURATION), ("delay of a leg", 6002, 2.0, DURATION)),
-        *(("tilt", 6005, 0.5, DURATION), ("stribeck", 6004, 1.0, DURATION), ("rows lost", 6006, 0.2, 10.0)),
-        *(("clipping", 6007, 1.0, DURATION), ("quadratic friction", 6009, 1.0, DURATION)),
+        ("gain of a leg", 6001, 1.0, DURATION),
+        ("delay of a leg", 6002, 2.0, DURATION),
+        ("tilt", 6005, 0.5, DURATION),
+        ("stribeck", 6004, 1.0, DURATION),
+        ("rows lost", 6006, 0.2, 10.0),
+        ("clipping", 6007, 1.0, DURATION),
+        ("quadratic friction", 6009, 1.0, DURATION),
         ("coloured noise", 6010, 1.0, DURATION),
     ],
 )

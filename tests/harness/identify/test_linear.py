@@ -252,9 +252,14 @@ def test_sizes_of_changes_are_those_of_the_platform_and_of_each_leg() -> None:
     size, mass = MACHINE.characteristic_length, MACHINE.platform_mass
     sizes = dict(zip(estimate.names, estimate.scale, strict=True))
     for name, expected in (
-        *(("platform_mass", mass), ("platform_com[2]", size), ("platform_inertia[1,3]", mass * size**2)),
-        *(("leg_armature", mass / 6 + MACHINE.leg_upper_mass), ("leg_coulomb_friction", force)),
-        *(("force_offset[3]", force), ("delay", 0.01), ("base_tilt[2]", 0.1)),
+        ("platform_mass", mass),
+        ("platform_com[2]", size),
+        ("platform_inertia[1,3]", mass * size**2),
+        ("leg_armature", mass / 6 + MACHINE.leg_upper_mass),
+        ("leg_coulomb_friction", force),
+        ("force_offset[3]", force),
+        ("delay", 0.01),
+        ("base_tilt[2]", 0.1),
     ):
         assert sizes[name] == pytest.approx(expected), name
     # the filter takes the first and the last of a log, which are slow

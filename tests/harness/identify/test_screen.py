@@ -146,8 +146,10 @@ def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str,
 @pytest.mark.parametrize(
     ("spikes", "missing", "has_alarm", "refusal"),
     [
-        *((9, 0, False, ""), (12, 0, True, "")),
-        *((44, 0, True, r"late.csv: too many faults .* 2\.\d % of the rows .* 44 spikes"), (0, 160, False, "")),
+        (9, 0, False, ""),
+        (12, 0, True, ""),
+        (44, 0, True, r"late.csv: too many faults .* 2\.\d % of the rows .* 44 spikes"),
+        (0, 160, False, ""),
         (0, 420, True, ""),
         # the rows that follow are fewer than the filter's
         (0, 1050, True, r"too many faults .* 0 % of the rows were to be interpolated and 60 % left"),

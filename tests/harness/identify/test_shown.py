@@ -112,9 +112,12 @@ def test_tables_have_every_number_in_its_place() -> None:
     assert residuals.title == "Residuals"
     assert residuals.heads == (*("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),)
     assert residuals.shown == [
-        *(("force of leg 1", "10.01", "20.1", "1", "0.91"), ("force of leg 2", "11.02", "21.2", "2.2", "0.82")),
-        *(("force of leg 3", "12.03", "22.3", "3.01", "0.73"), ("force of leg 4", "13.04", "23.4", "4.35", "0.64")),
-        *(("force of leg 5", "14.05", "24.5", "7.03", "0.55"), ("force of leg 6", "15.06", "25.6", "–", "0.46")),
+        ("force of leg 1", "10.01", "20.1", "1", "0.91"),
+        ("force of leg 2", "11.02", "21.2", "2.2", "0.82"),
+        ("force of leg 3", "12.03", "22.3", "3.01", "0.73"),
+        ("force of leg 4", "13.04", "23.4", "4.35", "0.64"),
+        ("force of leg 5", "14.05", "24.5", "7.03", "0.55"),
+        ("force of leg 6", "15.06", "25.6", "–", "0.46"),
     ]
     assert tests.title == "What the residuals contain; all tests p = 0.0042"
     assert tests.heads == ("tested", "p value")
@@ -158,8 +161,10 @@ def test_the_file_of_numbers_has_all_of_them() -> None:
     assert list(numbers["parameters"]) == list(NAMES)
     expected = [
         (1516.9, 2.0, [1512.980072, 1520.819928], 1200.0, "kg"),
-        *((431.7, 3.0, [425.820108, 437.579892], 500.0, "N.s/m"), (None, None, [None, None], 0.15, "m")),
-        *((0.0, None, [None, None], 100.0, "N"), (1.021, 0.01, [1.00140036, 1.04059964], 1.0, "")),
+        (431.7, 3.0, [425.820108, 437.579892], 500.0, "N.s/m"),
+        (None, None, [None, None], 0.15, "m"),
+        (0.0, None, [None, None], 100.0, "N"),
+        (1.021, 0.01, [1.00140036, 1.04059964], 1.0, ""),
     ]
     for row, (value, error, interval, nominal, unit) in zip(numbers.pop("parameters").values(), expected, strict=True):
         assert row == {

@@ -27,14 +27,18 @@ def _came_out(text: str, value: float | None, quantity: Quantity = LENGTH, membe
 @pytest.mark.parametrize(
     ("text", "value", "quantity", "status", "bound", "margin"),
     [
-        *(("<= 1 mm", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3), ("<= 1mm", 1.2e-3, LENGTH, "missed", 1e-3, -0.2e-3)),
-        *(("≤ 0.1 cm", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3), ("<= 800 µm", 0.8e-3, LENGTH, "met", 0.8e-3, 0.0)),
+        ("<= 1 mm", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3),
+        ("<= 1mm", 1.2e-3, LENGTH, "missed", 1e-3, -0.2e-3),
+        ("≤ 0.1 cm", 0.8e-3, LENGTH, "met", 1e-3, 0.2e-3),
+        ("<= 800 µm", 0.8e-3, LENGTH, "met", 0.8e-3, 0.0),
         ("< 800 μm", 0.8e-3, LENGTH, "missed", 0.8e-3, 0.0),
         (">= 1 mm", 0.8e-3, LENGTH, "missed", 1e-3, -0.2e-3),
         ("> 800e-6 m", 800e-6, LENGTH, "missed", 800e-6, 0.0),
         ("<= 1 deg", 0.01, ANGLE, "met", math.pi / 180, math.pi / 180 - 0.01),
-        *(("<= 5 %", 4.0, PERCENT, "met", 5.0, 1.0), ("<= 5 %", 0.04, SHARE, "met", 0.05, 0.01)),
-        *(("<= 1.5 kN", 1400.0, FORCE, "met", 1500.0, 100.0), (">= 0.5", 0.4, NUMBER, "missed", 0.5, -0.1)),
+        ("<= 5 %", 4.0, PERCENT, "met", 5.0, 1.0),
+        ("<= 5 %", 0.04, SHARE, "met", 0.05, 0.01),
+        ("<= 1.5 kN", 1400.0, FORCE, "met", 1500.0, 100.0),
+        (">= 0.5", 0.4, NUMBER, "missed", 0.5, -0.1),
     ],
 )
 def test_a_bound_in_any_unit_of_the_number(
@@ -126,12 +130,18 @@ def _members(holding: int, total: int) -> Any:
 @pytest.mark.parametrize(
     ("holding", "total", "share", "confidence", "status"),
     [
-        *((982, 1000, 95, 95, "met"), (982, 1000, 97, 95, "met"), (982, 1000, 98, 95, "open")),
+        (982, 1000, 95, 95, "met"),
+        (982, 1000, 97, 95, "met"),
+        (982, 1000, 98, 95, "open"),
         (982, 1000, 99.2, 95, "missed"),
         # (1 − 0.95)/2 = 0.025 = p^n: p is 0.94996 for 72 members that all hold it, and 0.95 from 72 on
-        *((72, 72, 95, 95, "met"), (71, 71, 95, 95, "open"), (72, 72, 95, 99, "open")),
+        (72, 72, 95, 95, "met"),
+        (71, 71, 95, 95, "open"),
+        (72, 72, 95, 99, "open"),
         # 1 − 0.1^(1/20) = 0.109
-        *((0, 20, 10.8, 80, "open"), (0, 20, 11, 80, "missed"), (0, 20, 10, 95, "open")),
+        (0, 20, 10.8, 80, "open"),
+        (0, 20, 11, 80, "missed"),
+        (0, 20, 10, 95, "open"),
     ],
 )
 def test_the_interval_decides_on_a_share_of_all_machines(

@@ -31,14 +31,24 @@ from tests.support.records import changed, waving_record
 
 # Stored number, as usual, and of a machine with a stroke of 100 µm, of which a millionth is told.
 TEXTS: list[tuple[Quantity, float, str, str]] = [
-    *((LENGTH, 12.34e-9, "< 0.001 mm", "12.34 nm"), (LENGTH, -5.099e-6, "-0.005099 mm", "-5.099 µm")),
-    *((LENGTH, 4e-11, "< 0.001 mm", "< 0.1 nm"), (LENGTH, 0.0, "0 mm", "0 µm"), (LENGTH, math.inf, "∞ mm", "∞ µm")),
-    *((POSITION, 3.24591, "3.2459 m", "3245.91 mm"), (POSITION, 1.5e-6, "1.5e-06 m", "1.5 µm")),
-    *((ANGLE, math.pi / 6, "30 deg", "523599 µrad"), (ANGLE, 2.5e-7, "< 0.0001 deg", "0.25 µrad")),
-    *((POWER, 2.17e-4, "< 0.001 W", "217 µW"), (ENERGY, 2.1e-5, "< 0.001 J", "21 µJ")),
-    *((FORCE, 5e-4, "< 0.001 N", "0.0005 N"), (FORCE, 18610.4, "18610 N", "18610 N")),
-    *((TIME, 1e-10, "< 1e-09 s", "< 1e-09 s"), (SHARE, 0.125, "12.5 %", "12.5 %")),
-    *((PERCENT, 12.5, "12.5 %", "12.5 %"), (NUMBER, 2.5, "2.5", "2.5"), (of_unit("1"), 2.5, "2.5", "2.5")),
+    (LENGTH, 12.34e-9, "< 0.001 mm", "12.34 nm"),
+    (LENGTH, -5.099e-6, "-0.005099 mm", "-5.099 µm"),
+    (LENGTH, 4e-11, "< 0.001 mm", "< 0.1 nm"),
+    (LENGTH, 0.0, "0 mm", "0 µm"),
+    (LENGTH, math.inf, "∞ mm", "∞ µm"),
+    (POSITION, 3.24591, "3.2459 m", "3245.91 mm"),
+    (POSITION, 1.5e-6, "1.5e-06 m", "1.5 µm"),
+    (ANGLE, math.pi / 6, "30 deg", "523599 µrad"),
+    (ANGLE, 2.5e-7, "< 0.0001 deg", "0.25 µrad"),
+    (POWER, 2.17e-4, "< 0.001 W", "217 µW"),
+    (ENERGY, 2.1e-5, "< 0.001 J", "21 µJ"),
+    (FORCE, 5e-4, "< 0.001 N", "0.0005 N"),
+    (FORCE, 18610.4, "18610 N", "18610 N"),
+    (TIME, 1e-10, "< 1e-09 s", "< 1e-09 s"),
+    (SHARE, 0.125, "12.5 %", "12.5 %"),
+    (PERCENT, 12.5, "12.5 %", "12.5 %"),
+    (NUMBER, 2.5, "2.5", "2.5"),
+    (of_unit("1"), 2.5, "2.5", "2.5"),
 ]
 
 

@@ -175,14 +175,16 @@ _RADIUS, _TURNS = np.hypot(0.3, 0.1), 2 * np.pi * 38
 @pytest.mark.parametrize(
     ("sensors", "least"),
     [
-        *(({"noise": {"leg_length": 2e-4}}, 12e-4), ({"noise": {"leg_length": 1e-9, "position": 2e-4}}, 12e-4)),
+        ({"noise": {"leg_length": 2e-4}}, 12e-4),
+        ({"noise": {"leg_length": 1e-9, "position": 2e-4}}, 12e-4),
         ({"noise": {"orientation": 1e-3}}, 6e-3 * _RADIUS),
         ({"noise": {"leg_length": 1e-9, "leg_velocity": 0.05}}, 0.3 / _TURNS),
         ({"noise": {"velocity": 0.05}}, 0.3 / _TURNS),
         ({"noise": {"angular_velocity": 0.1}}, 0.6 * _RADIUS / _TURNS),
         ({"quantisation": {"leg_length": 2e-4}}, 6e-4),
         ({"quantisation": {"position": 2e-4, "angular_velocity": 1e-9}}, 6e-4),
-        *(({"quantisation": {"leg_velocity": 0.5}, "noise": {"leg_length": 1e-6}}, 1.5 / _TURNS), ({}, 2e-6)),
+        ({"quantisation": {"leg_velocity": 0.5}, "noise": {"leg_length": 1e-6}}, 1.5 / _TURNS),
+        ({}, 2e-6),
         ({"noise": None, "quantisation": None}, 2e-6),
     ],
 )

@@ -205,8 +205,11 @@ def test_faults_stand_in_the_verdict_and_at_their_times_in_charts() -> None:
     assert ended.text.endswith("; legs 3 and 6 without force from 0.1 to 5.1 s")
     marks = [mark for mark in part(report, "Chart", "position error").marks if mark.direction == "vertical"]
     assert [(mark.value, mark.text) for mark in marks] == [
-        *((0.05, "controller off from"), (0.25, "controller off until"), (0.1, "legs 3 and 6 without force from")),
-        *((0.3, "leg_length 2 and 5 frozen from"), (0.4, "leg_length 2 and 5 frozen until")),
+        (0.05, "controller off from"),
+        (0.25, "controller off until"),
+        (0.1, "legs 3 and 6 without force from"),
+        (0.3, "leg_length 2 and 5 frozen from"),
+        (0.4, "leg_length 2 and 5 frozen until"),
         (0.45, "controller off from"),
     ]
 
@@ -381,8 +384,12 @@ def test_nearness_to_limits_counts_each_that_is_stated() -> None:
     names = ("leg_length_min", "leg_length_max", "leg_velocity_max", "actuator_power_max", "joint_angle_max")
     stated = {name: getattr(MACHINE, name) for name in names}
     for kept, limit, key in (
-        *((names[:1], None, ()), (names[1:2], None, ()), (names[:2], None, ("stroke",))),
-        *((names[2:3], None, ("velocity",)), (names[3:4], None, ("power",)), (names[4:], None, ("joint angle",))),
+        (names[:1], None, ()),
+        (names[1:2], None, ()),
+        (names[:2], None, ("stroke",)),
+        (names[2:3], None, ("velocity",)),
+        (names[3:4], None, ("power",)),
+        (names[4:], None, ("joint angle",)),
         ((), 110.0, ("force",)),
     ):
         machine = plain(MACHINE) | {name: stated[name] if name in kept else None for name in names}
@@ -409,11 +416,19 @@ def test_legs_are_drawn_for_the_lengths_that_occur_or_are_allowed(low: float | N
 def test_the_table_of_a_run() -> None:
     """Expected: by hand, what was set, six digits, empty settings left out, every part of lists and tables."""
     assert rows_of(part(REPORT, "Table", "Run")) == [
-        *(("outcome", "completed at 0.3 s"), ("plant", "fmu3"), ("platform", "uneven"), ("rows", "301")),
-        *(("duration", "0.3 s"), ("sample time", "0.002 s"), ("plant step", "0.001 s"), ("force limit", "110 N")),
+        ("outcome", "completed at 0.3 s"),
+        ("plant", "fmu3"),
+        ("platform", "uneven"),
+        ("rows", "301"),
+        ("duration", "0.3 s"),
+        ("sample time", "0.002 s"),
+        ("plant step", "0.001 s"),
+        ("force limit", "110 N"),
         ("reference", "type sine, frequency 2.12346, position_amplitude 0.01, 0, 0.03"),
-        *(("controller", "type pd, gains 1, 2.5; 3, 4"), ("loop", "duration 0.3")),
-        *(("sensors", "noise leg_length 5e-06"), ("disturbance", "at 0.02, force 1, 2, 3")),
+        ("controller", "type pd, gains 1, 2.5; 3, 4"),
+        ("loop", "duration 0.3"),
+        ("sensors", "noise leg_length 5e-06"),
+        ("disturbance", "at 0.02, force 1, 2, 3"),
         ("disturbance", "at 0.04"),
     ]
     bare = {"outcome": {**RUN.metadata["outcome"], "cause": "a cause"}, "platform": plain(BELIEVED)}

@@ -51,8 +51,10 @@ def expected(space: Any, index: tuple[int, ...]) -> list[str]:
     pose = np.array([at[name] for name in ("x", "y", "z", "roll", "pitch", "yaw")])
     q = gs.evaluate_poses(space.platform, pose[:3], pose[3:])
     numbers = (
-        *(("condition number", q.condition_number, ""), ("largest payload", q.payload, "kg")),
-        *(("force margin", q.force_margin, "N"), ("largest speed", 1e3 * np.asarray(q.largest_speed), "mm/s")),
+        ("condition number", q.condition_number, ""),
+        ("largest payload", q.payload, "kg"),
+        ("force margin", q.force_margin, "N"),
+        ("largest speed", 1e3 * np.asarray(q.largest_speed), "mm/s"),
         ("stroke left", 1e3 * np.asarray(q.leg_length_margin), "mm"),
         ("joint angle left", np.degrees(np.asarray(q.joint_angle_margin)), "deg"),
     )

@@ -288,9 +288,12 @@ def test_the_report_says_each_thing_in_its_place(seen: Seen) -> None:
 @pytest.mark.parametrize(
     ("sides", "text"),
     [
-        *(((0.4, 0.25), "an area of 0.1 m²"), ((0.3, 0.333), "an area of 999 cm²")),
-        *(((0.003, 0.003), "an area of 9 mm²"), ((0.4, 0.25, 0.1), "a volume of 0.01 m³")),
-        *(((0.004, 0.0025, 0.0011), "a volume of 0.011 cm³"), ((0.003, 0.002, 0.0015), "a volume of 9 mm³")),
+        ((0.4, 0.25), "an area of 0.1 m²"),
+        ((0.3, 0.333), "an area of 999 cm²"),
+        ((0.003, 0.003), "an area of 9 mm²"),
+        ((0.4, 0.25, 0.1), "a volume of 0.01 m³"),
+        ((0.004, 0.0025, 0.0011), "a volume of 0.011 cm³"),
+        ((0.003, 0.002, 0.0015), "a volume of 9 mm³"),
     ],
 )
 def test_a_size_is_in_the_largest_unit_that_leaves_it_a_number_to_read(
@@ -313,8 +316,10 @@ _NEAR: Over = {"x": (-0.1, 0.1), "y": (0.0, 0.1)}
         ({"yaw": (-0.2, 0.3), "y": (-0.3, 0.2), "x": (-0.12, 0.18)}, {}, 4, (0.11, -0.05)),
         ({"yaw": (-0.2, 0.3), "y": (-0.3, 0.2), "x": (-0.12, 0.18)}, {}, 5, None),
         # to a billionth, from both sides
-        *((_NEAR, {"z": 2.9 - 0.5e-9}, 3, (0.08, -0.05)), (_NEAR, {"z": 2.9 - 2e-9}, 3, None)),
-        *((_NEAR, {"yaw": 0.11 + 0.5e-9}, 3, (0.08, -0.05)), (_NEAR, {"yaw": 0.11 + 2e-9}, 3, None)),
+        (_NEAR, {"z": 2.9 - 0.5e-9}, 3, (0.08, -0.05)),
+        (_NEAR, {"z": 2.9 - 2e-9}, 3, None),
+        (_NEAR, {"yaw": 0.11 + 0.5e-9}, 3, (0.08, -0.05)),
+        (_NEAR, {"yaw": 0.11 + 2e-9}, 3, None),
     ],
 )
 def test_home_is_marked_where_a_map_goes_through_it(
