@@ -112,6 +112,14 @@ def test_a_motion_that_fits_is_left_alone() -> None:
         assert report.number("limits.leg_velocity_max").margin == pytest.approx(1 - share)
 
 
+def test_where_no_limit_is_stated_singular_poses_are_all_that_is_checked() -> None:
+    names = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
+    report = gs.check(experiment({}, reference=HEAVE), {f"platform.parameters.{name}": None for name in names}).report()
+    assert report.verdict.status == "told"
+    assert "as far as is known: the platform states no limit of its legs; " in report.verdict.text
+    assert ": stroke, joint angle, leg velocity, leg acceleration, force and power." in report.notes[0].text
+
+
 def test_a_slower_recording_is_run_to_its_end_and_not_beyond(tmp_path: Path) -> None:
     """Expected: a table of 1.2 s, whose last row a duration in whole steps may miss by one step."""
     time = np.linspace(0, 1.2, 61)
@@ -180,6 +188,7 @@ def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_e
     by_axis = np.stack([1e-4 * directions[:, 0], 2e-4 * directions[:, 2], 1e-4 * np.cross(points, directions)[:, 1]])
     speeds = 2 * np.pi * 1.3 * np.abs(by_axis).sum(axis=0)
     assert rows["speed"].worst == pytest.approx(speeds.max(), rel=1e-3)
+    assert rows["speed"].leg == int(speeds.argmax()) + 1
     assert rows["speed"].as_given == pytest.approx(np.abs(found.needs["leg_velocity_peak"]).max(), rel=1e-3)
     assert rows["stroke"].worst == pytest.approx(2 * np.abs(by_axis).sum(axis=0).max(), rel=1e-3)
     # the same by a check of its own, with these phases
@@ -188,6 +197,7 @@ def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_e
     again = {**small, "position_phase": tuple(phases[:3]), "orientation_phase": tuple(phases[3:])}
     own = gs.check("pitch_sine", {"reference": gs.Sine(**again), "loop.duration": 2})
     assert own.needs["motoring_power_peak"].max() == pytest.approx(rows["power"].worst, rel=1e-3)
+    assert rows["power"].leg == int(own.needs["motoring_power_peak"].argmax()) + 1
     assert list(rows["power"].phases) == ["x", "z", "pitch"]
     assert gs.check("pitch_sine").worst_phases is None  # of one axis
     with pytest.raises(gs.GoughStewartError, match=r"reference: is missing; add one"):

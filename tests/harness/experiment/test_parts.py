@@ -87,6 +87,8 @@ def test_disturbances_add_up_where_they_overlap() -> None:
     record = run(disturbance=both)
     time = record["time"] + 1e-9
     active = np.array([(time > at) & (time < end) for at, end in ((0.005, 0.01), (0.007, 0.017))])
+    # a fault without an end may begin at the end, where it changes nothing
+    assert np.array_equal(run(fault=[{"at": 0.02, "cut": [2]}])["position"], run()["position"])
     assert record["external_force"] == pytest.approx(active.T.astype(float) @ np.array([[20.0, 0, 0], [10, 0, 5]]))
 
 
@@ -139,6 +141,12 @@ def test_the_machine_may_come_from_a_file(tmp_path: Path) -> None:
     assert gs.Platform(**metadata["platform"]) == gs.load_preset("motion_base")
     with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter; did you mean 'platform_m"):
         run(plant={"parameters": {"platform_mas": 3.0}})
+    with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter"):
+        gs.margins("heave_step", {"plant.parameters.platform_mas": 3.0})
+    with pytest.raises(gs.GoughStewartError, match=r"plant: .*nowhere\.toml"):
+        run(plant={"file": str(tmp_path / "nowhere.toml")})
+    with pytest.raises(gs.GoughStewartError, match="platform: platform_mas: no such parameter"):
+        run(platform={"parameters": {"platform_mas": 3.0}})
 
 
 def test_the_papers_open_loop_is_that_of_a_lagrangian() -> None:

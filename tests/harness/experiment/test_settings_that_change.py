@@ -43,6 +43,18 @@ def test_a_delay_and_a_limit_that_change() -> None:
     assert force - 4000 == pytest.approx(expected, abs=1e-9)
 
 
+def test_settings_of_one_change_stay_in_the_next_and_end_with_the_run() -> None:
+    """Expected: noise from 10 ms on, multiples of 1 mm from 20 ms, both after 30 ms; nothing after the last sample."""
+    sizes = {"noise": {"leg_length": 5e-3}}, {"quantisation": {"leg_length": 1e-3}}, {"delay": 1}, {"delay": 5}
+    changes = [{"at": at, **size} for at, size in zip((0.01, 0.02, 0.03, 0.0395), sizes, strict=True)]
+    record = gs.run("heave_step", {**AT_REST, "loop.duration": 0.04, "change": changes})
+    read = record["measured.leg_length"][:80]
+    error, off = (
+        np.abs([read - record["leg_length"][:80], read - 1e-3 * np.round(read / 1e-3)]).reshape(2, 4, -1).max(-1)
+    )
+    assert ((error > 3e-3).tolist(), (off > 1e-9).tolist()) == ([False, True, True, True], [True, True, False, False])
+
+
 def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:
     """Expected: the motion before the first target, which is reached; a jump moves the reference at once."""
     (tmp_path / "targets.csv").write_text(f"{HEADER}\n0.5,0.05,0,2,0,0,0.1,0\n4.0,0.05,0,2.01,0,0,0.1,1\n")

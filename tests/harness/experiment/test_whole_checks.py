@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -271,3 +272,20 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
             of_leg = np.abs(needs[f"{name}_{part}"]["of_leg"])
             assert (value.value, leg) == (of_leg.max(), str(of_leg.argmax() + 1))
         assert rows[label][2].value == needs[f"{name}_peak_time"]["of_leg"][int(rows[label][1]) - 1]
+
+
+def test_text_and_chart_say_what_the_file_has(said: Said, motion: Motion) -> None:
+    """Expected: a line for each limit; strips of those beyond, the most used first; lines of at most 20 times."""
+    lines, limits = repr(said.found).splitlines(), said.values["limits"]
+    for line, label, found in zip(lines[2:-1], said.found.shares.of, limits.values(), strict=True):
+        share, at, *leg = (float(text) for text in re.findall(r"\d[\d.]*", line))
+        by_legs, times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
+        assert (share, at) == pytest.approx((100 * by_legs.max(), times[by_legs.argmax()]), rel=1e-3), label
+        assert leg == ([by_legs.argmax() + 1] if len(by_legs) > 1 else [])
+    shares = {f"{NAMES[name]} beyond its limit": share.max(axis=1) for name, share in motion.shares().items()}
+    used = sorted((name for name in shares if shares[name].max() > 1), key=lambda name: -shares[name].max())
+    strips = said.found.report().charts[0].strips
+    assert [strip.name for strip in strips] == used
+    assert [strip.share for strip in strips] == pytest.approx([(shares[name][:-1] > 1).mean() for name in used])
+    (slow, *_) = gs.check(said.experiment, {"platform.parameters.leg_velocity_max": 0.02}).report().charts[0].series
+    assert slow.values == pytest.approx(np.minimum(np.abs(motion.velocity).max(axis=1) / 0.02, 20))
