@@ -9,14 +9,8 @@ import pytest
 import gough_stewart as gs
 from tests.support.uneven import PARAMETERS
 
-SWAY = {
-    "type": "sine",
-    "position_amplitude": [0.1, -0.16, 0.2],
-    "orientation_amplitude": [0.05, -0.08, 0.07],
-    "frequency": 1.1,
-    "phase": 0.3,
-    "fade_in": 0.4,
-}
+ALONG = {"position_amplitude": [0.1, -0.16, 0.2], "orientation_amplitude": [0.05, -0.08, 0.07]}
+SWAY = {"type": "sine", **ALONG, "frequency": 1.1, "phase": 0.3, "fade_in": 0.4}
 # Of one axis, which has no other phases.
 HEAVE = {**SWAY, "position_amplitude": [0, 0, 0.2], "orientation_amplitude": [0, 0, 0]}
 WIDE: dict[str, float] = {"leg_velocity_max": 3.0, "leg_acceleration_max": 30.0, "actuator_power_max": 2000.0}
@@ -110,9 +104,7 @@ def test_a_motion_that_fits_is_left_alone() -> None:
         report = gs.check(experiment(stated, reference=HEAVE)).report()
         assert report.verdict.status == status
         assert report.number("limits.leg_velocity_max").margin == pytest.approx(1 - share)
-
-
-def test_where_no_limit_is_stated_singular_poses_are_all_that_is_checked() -> None:
+    # without any limit only singular poses are checked
     names = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
     report = gs.check(experiment({}, reference=HEAVE), {f"platform.parameters.{name}": None for name in names}).report()
     assert report.verdict.status == "told"
@@ -173,11 +165,8 @@ def test_a_payload_is_a_point_mass_on_the_platform() -> None:
 
 def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_each_axis() -> None:
     """Expected: for small amplitudes a leg's speed is linear, and its largest has all axes in phase or opposed."""
-    small: dict[str, Any] = {
-        "position_amplitude": (1e-4, 0, 2e-4),
-        "orientation_amplitude": (0, 1e-4, 0),
-        "frequency": 1.3,
-    }
+    small: dict[str, Any] = {"position_amplitude": (1e-4, 0, 2e-4), "orientation_amplitude": (0, 1e-4, 0)}
+    small["frequency"] = 1.3
     found = gs.check("pitch_sine", {"reference": gs.Sine(**small), "loop.duration": 2})
     assert found.worst_phases is not None
     rows = {row.need: row for row in found.worst_phases}

@@ -160,10 +160,9 @@ def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> Non
     late = uneven_run(injection, loop={**base, "plant_step": 1e-3, "jitter": 1e-3})
     assert gs.frf(late).notes == ("jitter delayed the samples, which the linear model does not include",)
     assert repr(gs.frf(late)).endswith(f"\n  {gs.frf(late).notes[0]}")
-    elastic = {"preset": "liu2000", "parameters": PARTS | {"leg_stiffness": 3e5}}
-    at_motors = gs.frf(
-        uneven_run(injection, platform=elastic, sensors={"side": "motor"}, loop=base | {"duration": 1.2})
-    )
+    elastic: Any = {"platform": {"preset": "liu2000", "parameters": PARTS | {"leg_stiffness": 3e5}}}
+    elastic |= {"sensors": {"side": "motor"}, "loop": base | {"duration": 1.2}}
+    at_motors = gs.frf(uneven_run(injection, **elastic))
     assert pytest.approx(1 / (1 + np.asarray(at_motors.predicted)), abs=5e-3) == at_motors.measured.S
     assert "a clock of their own" in str(gs.frf(uneven_run(injection, loop=base, sensors={"sample_time": 4e-3})).notes)
     force = {"at": 0.8, "duration": 0.1, "force": [0, 0, 4e3]}
