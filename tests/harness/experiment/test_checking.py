@@ -10,7 +10,7 @@ import gough_stewart as gs
 from tests.support.uneven import PARAMETERS
 
 ALONG = {"position_amplitude": [0.1, -0.16, 0.2], "orientation_amplitude": [0.05, -0.08, 0.07]}
-SWAY = {"type": "sine", **ALONG, "frequency": 1.1, "phase": 0.3, "fade_in": 0.4}
+SWAY: dict[str, Any] = {"type": "sine", **ALONG, "frequency": 1.1, "phase": 0.3, "fade_in": 0.4}
 # Of one axis, which has no other phases.
 HEAVE = {**SWAY, "position_amplitude": [0, 0, 0.2], "orientation_amplitude": [0, 0, 0]}
 WIDE: dict[str, float] = {"leg_velocity_max": 3.0, "leg_acceleration_max": 30.0, "actuator_power_max": 2000.0}

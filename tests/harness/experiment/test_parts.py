@@ -139,12 +139,13 @@ def test_the_machine_may_come_from_a_file(tmp_path: Path) -> None:
     machine = metadata["machine"]
     assert (machine["name"], machine["leg_viscous_friction"]) == (desktop.name, 3)
     assert gs.Platform(**metadata["platform"]) == gs.load_preset("motion_base")
-    wrong = {"parameters": {"platform_mas": 3.0}}
-    for words, changed in (
+    wrong: dict[str, Any] = {"parameters": {"platform_mas": 3.0}}
+    refused: list[tuple[str, dict[str, Any]]] = [
         ("plant: platform_mas: no such parameter; did you mean 'platform_m", {"plant": wrong}),
         ("platform: platform_mas: no such parameter", {"platform": wrong}),
         (r"plant: .*nowhere\.toml", {"plant": {"file": str(tmp_path / "nowhere.toml")}}),
-    ):
+    ]
+    for words, changed in refused:
         with pytest.raises(gs.GoughStewartError, match=words):
             run(**changed)
     with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter"):

@@ -262,7 +262,7 @@ def test_text_and_chart_say_what_the_file_has(said: Said, motion: Motion) -> Non
     """Expected: a line for each limit; strips of those beyond, the most used first; lines of at most 20 times."""
     lines, limits = repr(said.found).splitlines(), said.values["limits"]
     for line, label, found in zip(lines[2:-1], said.found.shares.of, limits.values(), strict=True):
-        share, at, *leg = (float(text) for text in re.findall(r"\d[\d.]*", line))
+        share, at, *leg = list[Any](map(float, re.findall(r"\d[\d.]*", line)))
         by_legs, times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
         assert (share, at) == pytest.approx((100 * by_legs.max(), times[by_legs.argmax()]), rel=1e-3), label
         assert leg == ([by_legs.argmax() + 1] if len(by_legs) > 1 else [])
