@@ -105,6 +105,10 @@ WRONG = [
     ("run heave_step --require 'tracking.positoin.norm_peak<=1mm'", 2, r"did you mean 'tracking\.position\.norm_peak'"),
     (f"run heave_step --require '{SHARE}'", 2, "is on a share of members, and this study has none"),
     ("run heave_step --require 'limits.stroke<=90%'", 2, "no number 'limits.stroke'; `gough-stewart check` has it"),
+    ("check frequency_response --require 'limits.stroke<=1' --set platform.preset=liu2000", 2,
+     "no limit of the stroke is stated; set platform.parameters.leg_length_min or platform.parameters.leg_length_max"),
+    ("check heave_step --require 'limits.actuator_force_max<=1' --set actuators.force_limit=none", 2,
+     "no limit of the force is stated; set actuators.force_limit"),
     (f"{MEMBERS} --require 'margins.disk>=0.1'", 2, "no number 'margins.disk'; `gough-stewart margins` has it"),
     (f"{TUNE} {BANDWIDTH} --require 'valeu<=1'", 2, "no number 'valeu'; did you mean 'value'"),
 ]  # fmt: skip

@@ -71,6 +71,8 @@ def test_a_unit_without_a_delay_is_refused_with_the_remedy(theirs: Path) -> None
         gs.GoughStewartError, match=r"expected a loop.delay of at least 1, for instance by --set loop.delay=1"
     ):
         gs.run(experiment({"type": "fmu", "file": str(theirs), "names": NAMES}, delay=0))
+    with pytest.raises(gs.GoughStewartError, match=r"change: enabled switches .*theirs\.fmu is an FMU"):
+        gs.run(experiment({"type": "fmu", "file": str(theirs)}), {"change": [{"at": 0.1, "enabled": False}]})
 
 
 def test_a_unit_that_crashes_ends_the_run_and_leaves_the_record(theirs: Path) -> None:

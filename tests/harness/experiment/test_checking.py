@@ -9,14 +9,8 @@ import pytest
 import gough_stewart as gs
 from tests.support.uneven import PARAMETERS
 
-SWAY = {
-    "type": "sine",
-    "position_amplitude": [0.1, -0.16, 0.2],
-    "orientation_amplitude": [0.05, -0.08, 0.07],
-    "frequency": 1.1,
-    "phase": 0.3,
-    "fade_in": 0.4,
-}
+ALONG = {"position_amplitude": [0.1, -0.16, 0.2], "orientation_amplitude": [0.05, -0.08, 0.07]}
+SWAY: dict[str, Any] = {"type": "sine", **ALONG, "frequency": 1.1, "phase": 0.3, "fade_in": 0.4}
 # Of one axis, which has no other phases.
 HEAVE = {**SWAY, "position_amplitude": [0, 0, 0.2], "orientation_amplitude": [0, 0, 0]}
 WIDE: dict[str, float] = {"leg_velocity_max": 3.0, "leg_acceleration_max": 30.0, "actuator_power_max": 2000.0}
@@ -110,6 +104,12 @@ def test_a_motion_that_fits_is_left_alone() -> None:
         report = gs.check(experiment(stated, reference=HEAVE)).report()
         assert report.verdict.status == status
         assert report.number("limits.leg_velocity_max").margin == pytest.approx(1 - share)
+    # without any limit only singular poses are checked
+    names = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
+    report = gs.check(experiment({}, reference=HEAVE), {f"platform.parameters.{name}": None for name in names}).report()
+    assert report.verdict.status == "told"
+    assert "as far as is known: the platform states no limit of its legs; " in report.verdict.text
+    assert ": stroke, joint angle, leg velocity, leg acceleration, force and power." in report.notes[0].text
 
 
 def test_a_slower_recording_is_run_to_its_end_and_not_beyond(tmp_path: Path) -> None:
@@ -165,11 +165,8 @@ def test_a_payload_is_a_point_mass_on_the_platform() -> None:
 
 def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_each_axis() -> None:
     """Expected: for small amplitudes a leg's speed is linear, and its largest has all axes in phase or opposed."""
-    small: dict[str, Any] = {
-        "position_amplitude": (1e-4, 0, 2e-4),
-        "orientation_amplitude": (0, 1e-4, 0),
-        "frequency": 1.3,
-    }
+    small: dict[str, Any] = {"position_amplitude": (1e-4, 0, 2e-4), "orientation_amplitude": (0, 1e-4, 0)}
+    small["frequency"] = 1.3
     found = gs.check("pitch_sine", {"reference": gs.Sine(**small), "loop.duration": 2})
     assert found.worst_phases is not None
     rows = {row.need: row for row in found.worst_phases}
@@ -180,6 +177,7 @@ def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_e
     by_axis = np.stack([1e-4 * directions[:, 0], 2e-4 * directions[:, 2], 1e-4 * np.cross(points, directions)[:, 1]])
     speeds = 2 * np.pi * 1.3 * np.abs(by_axis).sum(axis=0)
     assert rows["speed"].worst == pytest.approx(speeds.max(), rel=1e-3)
+    assert rows["speed"].leg == int(speeds.argmax()) + 1
     assert rows["speed"].as_given == pytest.approx(np.abs(found.needs["leg_velocity_peak"]).max(), rel=1e-3)
     assert rows["stroke"].worst == pytest.approx(2 * np.abs(by_axis).sum(axis=0).max(), rel=1e-3)
     # the same by a check of its own, with these phases
@@ -188,6 +186,7 @@ def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_e
     again = {**small, "position_phase": tuple(phases[:3]), "orientation_phase": tuple(phases[3:])}
     own = gs.check("pitch_sine", {"reference": gs.Sine(**again), "loop.duration": 2})
     assert own.needs["motoring_power_peak"].max() == pytest.approx(rows["power"].worst, rel=1e-3)
+    assert rows["power"].leg == int(own.needs["motoring_power_peak"].argmax()) + 1
     assert list(rows["power"].phases) == ["x", "z", "pitch"]
     assert gs.check("pitch_sine").worst_phases is None  # of one axis
     with pytest.raises(gs.GoughStewartError, match=r"reference: is missing; add one"):

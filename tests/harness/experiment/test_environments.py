@@ -167,8 +167,7 @@ def test_an_episode_terminates_where_the_run_ends(settings: Any, forces: FloatAr
         before = reward
         _, reward, terminated, truncated, info = env.step(forces)
         steps += 1
-    assert terminated
-    assert not truncated
+    assert (terminated, truncated) == (True, False)
     assert cause in info["cause"]
     assert steps == pytest.approx(outcome["time"] / (0.001 * hold), abs=1)
     assert reward / before == pytest.approx(1 + 2000 / hold - steps, rel=0.1)
@@ -218,13 +217,24 @@ def test_what_cannot_be_an_environment_is_refused(name: str, options: dict[str, 
         gs.vector_env(name, **{"n": 2, **options})
 
 
+@pytest.mark.parametrize("ends", [{}, {"leg_length_min": None, "leg_length_max": None}])
+def test_actions_are_bounded_by_forces_or_by_poses_about_home(ends: dict[str, None]) -> None:
+    """Expected: each leg's limit [N]; half the stroke, else a tenth of a leg [m], and as far at a joint's radius."""
+    limits = np.arange(4100.0, 4700, 100)
+    settings: Any = {"platform.parameters": {"actuator_force_max": limits, **ends}, "actuators.force_limit": "platform"}
+    kinds: Any = ("force", "pose")
+    forces, poses = list[Any](gs.vector_env("heave_step", 2, settings, actions=kind).action_space for kind in kinds)
+    np.testing.assert_array_equal([forces.low, forces.high], [[-limits] * 2, [limits] * 2])
+    legs = gs.leg_geometry(HOME, HOME.home_position, HOME.home_orientation).length
+    reach = 0.1 * np.mean(legs) if ends else np.asarray(HOME.stroke) / 2
+    size = reach / np.repeat([1, np.linalg.norm(HOME.platform_points, axis=1).max()], 3)
+    np.testing.assert_allclose([poses.low[1], poses.high[1]], [HOME_POSE - size, HOME_POSE + size], rtol=1e-12)
+
+
 def test_actions_rewards_and_masks_of_other_shapes_are_refused() -> None:
     env = gs.vector_env("heave_step", 2, reward=lambda _: np.zeros(3))
-    for actions, words in (
-        (np.zeros((3, 6)), "2 x 6"),
-        (np.full((2, 6), np.nan), "nan"),
-        (np.zeros((2, 6)), r"\(3,\)"),
-    ):
+    wrong = (np.zeros((3, 6)), "2 x 6"), (np.full((2, 6), np.nan), "nan"), (np.zeros((2, 6)), r"\(3,\)")
+    for actions, words in wrong:
         with pytest.raises(gs.GoughStewartError, match=words):
             env.step(actions)
     for seed, mask in ((None, [1, 0]), (3, [True, False])):

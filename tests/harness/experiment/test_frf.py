@@ -66,6 +66,7 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> 
     (table,) = (part for part in report.parts() if type(part).__name__ == "Table")
     heads = ["f", "|S|", "|T|", "|L|", "∠L", "|L| model", "∠L model", "coherence"]
     assert [column.name for column in table.columns] == heads
+    assert table.note.startswith(f"24 of {len(f)} frequencies; frf.csv has all. Coherence is of S and T: it may be 1 ")
     at = [int(np.abs(f - row[0]).argmin()) for row in table.rows]
     assert (len(at), at[0], at[-1]) == (24, 0, len(f) - 1)
     assert np.ptp(np.diff(at)) <= 1
@@ -158,6 +159,11 @@ def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> Non
     base = {"duration": 0.9, "sample_time": 2e-3}
     late = uneven_run(injection, loop={**base, "plant_step": 1e-3, "jitter": 1e-3})
     assert gs.frf(late).notes == ("jitter delayed the samples, which the linear model does not include",)
+    assert repr(gs.frf(late)).endswith(f"\n  {gs.frf(late).notes[0]}")
+    elastic: Any = {"platform": {"preset": "liu2000", "parameters": PARTS | {"leg_stiffness": 3e5}}}
+    elastic |= {"sensors": {"side": "motor"}, "loop": base | {"duration": 1.2}}
+    at_motors = gs.frf(uneven_run(injection, **elastic))
+    assert pytest.approx(1 / (1 + np.asarray(at_motors.predicted)), abs=5e-3) == at_motors.measured.S
     assert "a clock of their own" in str(gs.frf(uneven_run(injection, loop=base, sensors={"sample_time": 4e-3})).notes)
     force = {"at": 0.8, "duration": 0.1, "force": [0, 0, 4e3]}
     ended = uneven_run(injection, loop=base, disturbance=[force], limits={"position_error": 0.05})

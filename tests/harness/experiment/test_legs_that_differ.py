@@ -40,8 +40,8 @@ def test_members_draw_limits_of_each_leg() -> None:
 class PushesHard:
     """A controller in Python, which the loop in NumPy runs."""
 
-    def __call__(self, _sample: gs.Sample) -> Any:
-        return np.full(6, 1e3)
+    def __call__(self, sample: gs.Sample) -> Any:
+        return np.full(6, 20 * sample.force_limit)
 
 
 @pytest.mark.parametrize("case", ["compiled", "python", "settings that change"])
@@ -61,6 +61,8 @@ def test_each_leg_has_its_own_limits(case: str) -> None:
     assert (force.max(axis=0) <= np.array(FORCES) * (1 + 1e-12)).all()
     assert run["flag.force_limited"].any()
     assert run.metadata["force_limit"] == FORCES
+    if law is not None:  # it knows of the least limit
+        assert run["controller.force"] - run["controller.feedforward"] == pytest.approx(20 * 60.0)
     found = gs.metrics(run)
     used = np.abs(run["leg_velocity"]).max(axis=0) / speeds
     assert found["limits"]["leg_velocity_max"]["used"] == pytest.approx(used)

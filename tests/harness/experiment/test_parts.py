@@ -87,6 +87,8 @@ def test_disturbances_add_up_where_they_overlap() -> None:
     record = run(disturbance=both)
     time = record["time"] + 1e-9
     active = np.array([(time > at) & (time < end) for at, end in ((0.005, 0.01), (0.007, 0.017))])
+    # a fault without an end may begin at the end, where it changes nothing
+    assert np.array_equal(run(fault=[{"at": 0.02, "cut": [2]}])["position"], run()["position"])
     assert record["external_force"] == pytest.approx(active.T.astype(float) @ np.array([[20.0, 0, 0], [10, 0, 5]]))
 
 
@@ -137,8 +139,17 @@ def test_the_machine_may_come_from_a_file(tmp_path: Path) -> None:
     machine = metadata["machine"]
     assert (machine["name"], machine["leg_viscous_friction"]) == (desktop.name, 3)
     assert gs.Platform(**metadata["platform"]) == gs.load_preset("motion_base")
-    with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter; did you mean 'platform_m"):
-        run(plant={"parameters": {"platform_mas": 3.0}})
+    wrong: dict[str, Any] = {"parameters": {"platform_mas": 3.0}}
+    refused: list[tuple[str, dict[str, Any]]] = [
+        ("plant: platform_mas: no such parameter; did you mean 'platform_m", {"plant": wrong}),
+        ("platform: platform_mas: no such parameter", {"platform": wrong}),
+        (r"plant: .*nowhere\.toml", {"plant": {"file": str(tmp_path / "nowhere.toml")}}),
+    ]
+    for words, changed in refused:
+        with pytest.raises(gs.GoughStewartError, match=words):
+            run(**changed)
+    with pytest.raises(gs.GoughStewartError, match="plant: platform_mas: no such parameter"):
+        gs.ensemble("heave_tolerances", {"plant.parameters": wrong["parameters"]})
 
 
 def test_the_papers_open_loop_is_that_of_a_lagrangian() -> None:

@@ -29,18 +29,22 @@ def test_a_delay_and_a_limit_that_change() -> None:
     ramp = {"type": "open_loop", "force": [4000.0] * 6}
     changes = [{"at": 0.001 * k, "controller": {**ramp, "force": [4000.0 + k] * 6}} for k in range(1, 40)]
     more = [{"at": 0.020, "delay": 3}, {"at": 0.030, "force_limit": 4020.0}]
-    settings = {
-        **AT_REST,
-        "controller": ramp,
-        "loop.duration": 0.04,
-        "loop.plant_step": 1e-3,
-        "change": [*changes, *more],
-    }
-    force = gs.run("heave_step", settings)["actuator_force"][:40, 0]
+    settings = {**AT_REST, "controller": ramp, "loop.duration": 0.04, "loop.plant_step": 1e-3}
+    force = gs.run("heave_step", {**settings, "change": [*changes, *more]})["actuator_force"][:40, 0]
     expected = [*range(20), *range(17, 27), *[20] * 10]
     # the command of 20 ms has its place in the line; what was limited later comes later
     expected[30:33] = [27, 28, 29]
     assert force - 4000 == pytest.approx(expected, abs=1e-9)
+
+
+def test_settings_of_one_change_stay_in_the_next_and_end_with_the_run() -> None:
+    """Expected: noise from 10 ms on, multiples of 1 mm from 20 ms, both after 30 ms; nothing after the last sample."""
+    noisy, coarse = {"at": 0.01, "noise": {"leg_length": 5e-3}}, {"at": 0.02, "quantisation": {"leg_length": 1e-3}}
+    changes = [noisy, coarse, {"at": 0.03, "delay": 1}, {"at": 0.0405, "delay": 5}]
+    record = gs.run("heave_step", {**AT_REST, "loop.duration": 0.0405, "change": changes})
+    read, true = record["measured.leg_length"][:80], record["leg_length"][:80]
+    error, off = np.abs([read - true, read - 1e-3 * np.round(read / 1e-3)]).reshape(2, 4, -1).max(-1)  # each 10 ms
+    assert ((error > 3e-3).tolist(), (off > 1e-9).tolist()) == ([False, True, True, True], [True, True, False, False])
 
 
 def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -194,35 +195,19 @@ def test_the_file_has_the_largest_share_of_every_limit_and_its_time(said: Said, 
     other = gs.check(said.experiment, {"limits.condition_number": 80}).shares.peak("condition_number")
     assert limits["condition_number"] == {"share": pytest.approx(2 * other.share), "time": other.time}
     assert limits.keys() == {"pitch", "side", "condition_number"}
-    assert {key: values[key] for key in ("title", "platform", "within", "margin", "keeps_margin", "not_stated")} == {
-        "title": "sway",
-        "platform": "uneven",
-        "within": False,
-        "margin": 0,
-        "keeps_margin": False,
-        "not_stated": [],
-    }
+    said_of_all = [values[key] for key in ("title", "platform", "within", "margin", "keeps_margin", "not_stated")]
+    assert said_of_all == ["sway", "uneven", False, 0, False, []]
     name = max(expected, key=lambda each: expected[each].max())
     row, leg = np.unravel_index(expected[name].argmax(), expected[name].shape)
-    assert values["largest"] == {
-        "limit": name,
-        "share": pytest.approx(expected[name].max()),
-        "time": pytest.approx(motion.time[row]),
-        "leg": leg + 1,
-    }
+    most, at = pytest.approx(expected[name].max()), pytest.approx(motion.time[row])
+    assert values["largest"] == {"limit": name, "share": most, "time": at, "leg": leg + 1}
     assert values["versions"]["numpy"] == np.__version__
     assert values["time_factor"] == said.found.time_factor
     assert values["amplitude_factor"] == said.found.amplitude_factor
 
 
-NAMES = {
-    "stroke": "stroke",
-    "joint_angle_max": "joint angle",
-    "leg_velocity_max": "leg velocity",
-    "leg_acceleration_max": "leg acceleration",
-    "actuator_force_max": "force",
-    "actuator_power_max": "power",
-}
+NAMES = {"stroke": "stroke", "joint_angle_max": "joint angle", "leg_velocity_max": "leg velocity"}
+NAMES |= {"leg_acceleration_max": "leg acceleration", "actuator_force_max": "force", "actuator_power_max": "power"}
 SHOWN = """
 shortest mm: leg_length_min; longest mm: leg_length_max; stroke mm: stroke; RMS mm: stroke_rms; travelled mm: distance
 speed, peak mm/s: leg_velocity_peak; at force N: leg_velocity_peak_force; RMS mm/s: leg_velocity_rms
@@ -271,3 +256,25 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
             of_leg = np.abs(needs[f"{name}_{part}"]["of_leg"])
             assert (value.value, leg) == (of_leg.max(), str(of_leg.argmax() + 1))
         assert rows[label][2].value == needs[f"{name}_peak_time"]["of_leg"][int(rows[label][1]) - 1]
+
+
+def test_text_and_chart_say_what_the_file_has(said: Said, motion: Motion) -> None:
+    """Expected: a line for each limit; strips of those beyond, the most used first; lines of at most 20 times."""
+    lines, limits = repr(said.found).splitlines(), said.values["limits"]
+    for line, label, found in zip(lines[2:-1], said.found.shares.of, limits.values(), strict=True):
+        share, at, *leg = list[Any](map(float, re.findall(r"\d[\d.]*", line)))
+        by_legs, times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
+        assert (share, at) == pytest.approx((100 * by_legs.max(), times[by_legs.argmax()]), rel=1e-3), label
+        assert leg == ([by_legs.argmax() + 1] if len(by_legs) > 1 else [])
+    assert lines[:2] == ["Motion: sway, of platform uneven", f"  {said.found.report().verdict.text}"]
+    kinds = "stroke leg_velocity_peak leg_velocity_rms actuator_force_peak actuator_force_rms motoring_power_peak"
+    names, needs = [*kinds.split(), "actuator_power_rms", "regenerated_power_peak"], motion.needs()
+    most = [np.abs(needs[name][1]).max() for name in names]
+    assert [float(text) for text in re.findall(r"\d[\d.]*", lines[-1])] == pytest.approx(most, rel=1e-3)
+    shares = {f"{NAMES[name]} beyond its limit": share.max(axis=1) for name, share in motion.shares().items()}
+    used = sorted((name for name in shares if shares[name].max() > 1), key=lambda name: -shares[name].max())
+    strips = said.found.report().charts[0].strips
+    assert [strip.name for strip in strips] == used
+    assert [strip.share for strip in strips] == pytest.approx([(shares[name][:-1] > 1).mean() for name in used])
+    (slow, *_) = gs.check(said.experiment, {"platform.parameters.leg_velocity_max": 0.02}).report().charts[0].series
+    assert slow.values == pytest.approx(np.minimum(np.abs(motion.velocity).max(axis=1) / 0.02, 20))
