@@ -1,5 +1,7 @@
 """Members side by side: each has the bits that it has among any others, and steps as small as it needs."""
 
+import re
+
 import numpy as np
 import polars
 import pytest
@@ -29,8 +31,13 @@ def test_an_ensemble_of_impossible_members_has_the_columns_of_any_other() -> Non
     members = gs.ensemble(small(platform_mass=varied, margins=True, members=4), workers=1).members
     assert members["outcome"].to_list() == ["impossible"] * 3 + ["completed"]
     assert members["margins.disk"].is_null().to_list() == [True] * 3 + [False]
-    with pytest.raises(gs.GoughStewartError, match=r"none of the first 4 members is possible; the first: .*platform_m"):
-        gs.ensemble(small(platform_mass={"uniform": [-3, -1]}, members=4), workers=1)
+    with pytest.raises(gs.GoughStewartError, match=r"none of the first 64 members is possible; the first: .*_mass"):
+        gs.ensemble(small(platform_mass={"grid": [-3.0] * 64 + [1000.0]}, members=65), workers=1)
+    # the most frequent cause first, others by their text, fifty of them
+    masses = {"grid": [-20, -40, -30, -30, *range(-99, -40), 1000]}
+    causes = gs.ensemble(small(platform_mass=masses, members=64), workers=1).metadata["causes"]
+    numbers = [(int(re.findall(r"-\d+", cause)[0]), number) for cause, number in causes.items()]
+    assert numbers == [(-30, 2), (-20, 1), *((-mass, 1) for mass in range(40, 88))]
 
 
 @pytest.mark.usefixtures("units_in_process")

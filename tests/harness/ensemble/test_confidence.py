@@ -186,6 +186,13 @@ def test_a_saltelli_ensemble_is_as_sure_as_its_points(tmp_path: Any) -> None:
     assert [float(said[2]), float(said[3])] == pytest.approx([100 * end for end in ends], rel=6e-3)
 
 
+def test_three_of_four_that_matter_alike_are_named() -> None:
+    """Expected: of four slopes of 1 the first three with β of about a half, and how many more there are."""
+    text = with_peak(normal(400), 0.01 + 1e-3 * normal(400).sum(axis=1)).report(charts=False).verdict.text
+    share = r"0\.[45]\d \[0\.\d\d, 0\.\d\d\]"
+    assert re.search(rf"; \S+, \S+, \S+ and 1 other matter alike \({share}, {share} and {share}\)$", text), text
+
+
 @pytest.mark.parametrize("sampling", ["random", "saltelli"])
 def test_what_matters_most_is_named_only_if_it_matters_more(sampling: str) -> None:
     """Expected: of two forces at the same time and place neither; both by name with their intervals. Of 3 to 1 one."""

@@ -235,10 +235,16 @@ def from_before() -> Any:
     return law
 
 
+def in_a_cause() -> Any:
+    """Members end at the same sample with the same numbers, but for other reasons."""
+    numbers, none = iter(range(9)), dict[int, Any]()
+    return lambda sample: proportional(sample) if sample.index < 10 else none[next(numbers)]
+
+
 REFUSED = r"first member gave other results when it ran again \(.*keeps memory, which all members share; use a factory"
 
 
-@pytest.mark.parametrize("make", [in_a_closure, in_an_object, late, from_before])
+@pytest.mark.parametrize("make", [in_a_closure, in_an_object, late, from_before, in_a_cause])
 def test_a_function_with_memory_is_refused_wherever_it_keeps_it(make: Callable[[], Any]) -> None:
     with pytest.raises(gs.GoughStewartError, match=REFUSED):
         ensemble(make())

@@ -102,6 +102,9 @@ JUDGED: dict[str, tuple[dict[str, Any], Any, list[bool]]] = {
     # of a member that otherwise oscillates by 11 mm, and of a sound one
     "steps of encoders": ({**MIXED, "sensors": {"quantisation": {"leg_length": 2e-3}}}, None, [False, False]),
     "noise": ({**MIXED, "sensors": {"noise": {"leg_length": 2e-3}}}, None, [False, False]),
+    "noise of another member": (
+        {**HUNTING, "ensemble": {"members": 2, "sensors": {"noise": {"leg_length": {"grid": [3e-2, 0.0]}}}}},
+        None, [True, True]),
 }  # fmt: skip
 
 

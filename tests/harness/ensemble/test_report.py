@@ -331,7 +331,8 @@ def test_members_that_do_not_fill_the_grids_evenly_and_steps_that_are_too_long_a
     """Expected: of 2 × 3 combinations, multiples of six have none; errors up to tenfold the tolerance have none."""
     grids = {"loop": {"delay": {"grid": [0, 1]}}, "platform_mass": {"grid": ["1 t", "1.1 t", "1.2 t"]}}
     settings = {"loop.duration": 0.01, "ensemble": {"members": 4, **grids}}
-    assert gs.ensemble("heave_step", settings, workers=1).metadata["combinations"] == 6
+    notes = gs.ensemble("heave_step", settings, workers=1).report().notes
+    assert notes[1].text.startswith("4 members of grids with 6 combinations")
 
     def warnings(members: int, errors: Any, **metadata: Any) -> list[str]:
         made = with_columns(ensemble_of(normal(members)), {"integration_error": errors}, tolerance=1e-8, **metadata)
@@ -412,6 +413,9 @@ def test_bands_are_those_of_the_table(uneven: Ensemble) -> None:
             np.testing.assert_array_equal([series.low, series.high], [part[end] for end in ends])
         np.testing.assert_array_equal(chart.series[3].values, part["q50"])
         assert chart.series[0].quantity.factor == pytest.approx(SIGNALS[name][1])
+    for n, more in ((10_000, ""), (10_001, " Quantiles are of the first 10,000 members.")):
+        many = Ensemble(polars.concat([uneven.members] * 3).head(n), uneven.bands, uneven.metadata)
+        assert {chart.note for chart in charts_of(many, "bands")} == {f"Of the members still running.{more}"}
 
 
 def test_histograms_are_of_the_members_that_completed(uneven: Ensemble) -> None:

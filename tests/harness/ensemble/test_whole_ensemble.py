@@ -171,6 +171,15 @@ def test_the_worst_member_and_the_nominal_machine_share_the_axis_of_the_longer_r
     assert [curve["x"][-1] for curve in chart["series"]] == pytest.approx(ends, abs=2 * 0.0025)
 
 
+def test_a_worst_member_that_outlasts_the_nominal_machine_has_the_axis(tmp_path: Path) -> None:
+    """Expected: the times of the member; the nominal machine is too heavy for its drives, and falls."""
+    settings = ("loop.duration=0.3", "reference.at=0.01", "actuators.force_limit=5e3", "limits.position_error=0.06",
+                "plant.parameters.platform_mass=5e3", "ensemble.platform_mass={ grid = [1200, 1250] }")  # fmt: skip
+    invoke("ensemble", "heave_step", "--out", str(tmp_path), *(word for text in settings for word in ("--set", text)))
+    chart = next(part for part in parts_in(report_in(tmp_path), "chart") if part["title"] == "position error")
+    assert chart["series"][0]["x"][-1] < chart["x"]["values"][-1] == pytest.approx(0.3)
+
+
 def test_bands_are_quantiles_of_the_members_rows(done: Done) -> None:
     """Expected: NumPy's quantiles of the records' columns, row by row, over the members that have the row."""
     bands = polars.read_parquet(done.folder / "bands.parquet")

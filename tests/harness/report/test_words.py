@@ -122,6 +122,8 @@ def test_fineness_follows_the_stroke_of_the_legs(machine: gs.Platform, error: st
 def test_a_run_of_a_nano_hexapod_tells_nanometres(tmp_path: Path) -> None:
     """Expected: norms of the record's columns; in verdict, tables, charts and the record's own lines."""
     record = gs.run(nano_experiment(tmp_path))
+    found = gs.tune(tmp_path / "sine.toml", ["loop.delay=0..2"], "tracking.position.norm_peak", generations=1)
+    assert found.report(charts=False).verdict.numbers[0].text == f"{1e9 * found.seen.value:.4g} nm"
     peak = 1e9 * np.linalg.norm(record["error.position"], axis=1).max()
     turned = 1e6 * np.linalg.norm(record["error.orientation"], axis=1).max()
     assert 1 < peak < 1000

@@ -170,9 +170,10 @@ def test_what_the_experiment_leaves_out_was_nothing(folder: Path) -> None:
     assert rows["runs that failed"][1] == "0"
 
 
-def test_one_noisy_run_is_tested_on_fresh_members(folder: Path) -> None:
+@pytest.mark.parametrize("chance", [{"sensors.noise.leg_length": "1 mm"}, {"loop.jitter": "9 ms"}])
+def test_one_noisy_run_is_tested_on_fresh_members(folder: Path, chance: dict[str, str]) -> None:
     """Expected: members of an ensemble that varies nothing, with the seed of the sensors, and the next seed."""
-    settings: dict[str, Any] = {"loop.duration": 0.1, "sensors": {"noise": {"leg_length": "1 mm"}, "seed": 6}}
+    settings: dict[str, Any] = {"loop.duration": 0.1, "loop.plant_step": 2e-3, "sensors.seed": 6, **chance}
     path = folder / "noisy.toml"
     path.write_text((folder / "mine.toml").read_text().partition("[ensemble]")[0])
     found = gs.tune(path, [VARY[0]], "force.rms", settings, fresh=2, generations=1, population=5, quantile=0.5)
@@ -231,6 +232,11 @@ def test_a_generation_has_sixteen_candidates_for_each_key_by_default(folder: Pat
     assert seen == [(32, 0)]
     assert found.members == 9
     assert inspect.signature(gs.tune).parameters["generations"].default == 25
+    many = {"loop.duration": 0.04, "ensemble.members": 600}
+    found = tune(folder, VARY[0], "duration", many, members=None, fresh=None, generations=3)
+    assert (found.members, found.fresh_members) == (64, 500)
+    assert found.search.ending == "the candidates have converged"  # for all are alike
+    assert found.candidates["generation"].max() == 1
     said = invoke("tune", "--help").stdout
     assert "25" in said
     assert "16 per key" in said
