@@ -13,7 +13,6 @@ from hashlib import sha256
 from itertools import repeat
 from pathlib import Path
 from threading import Event
-from typing import Literal
 
 from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
@@ -21,7 +20,7 @@ from gough_stewart.fmu_build.documents import installed_package, model_descripti
 from gough_stewart.fmu_build.mjcf import mjcf
 from gough_stewart.fmu_build.plant.plant_component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_headers, start_block
-from gough_stewart.fmu_build.toolchain import FLAGS, Library, Target, chosen_targets, compiler_of
+from gough_stewart.fmu_build.toolchain import FLAGS, Library, Target, chosen_names, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.installed import prebuilt_content
@@ -84,7 +83,7 @@ def build(
     >>> gs.build("fmus", fmi=["3.0"], targets=["x86_64-linux", "x86_64-windows"])
     >>> gs.build("models", forms=["mjcf"], platform=gs.load_preset("motion_base"))
     """
-    forms, versions = chosen_names("form", forms), chosen_names("FMI version", fmi)
+    forms, versions = chosen_names("form", forms, FORMS), chosen_names("FMI version", fmi, VERSIONS)
     platform = load_preset(DEFAULT_PRESET) if platform is None else platform
     models = dict([mjcf(platform)]) if "mjcf" in forms else {}
     units = versions if "fmu" in forms else None
@@ -104,7 +103,7 @@ def build_units(
 ) -> list[Path]:
     """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; see `build` for arguments and errors."""
     folder, extra, systems = Path(out), extra_files or {}, chosen_targets(targets)
-    versions = () if fmi is None else chosen_names("FMI version", fmi)
+    versions = () if fmi is None else chosen_names("FMI version", fmi, VERSIONS)
     check_output_folder(folder, [*extra, *(file_name(version, component.file_stem) for version in versions)])
     contents = {**unit_archives(component, versions, systems, progress), **extra}
     write_files(folder, contents)
@@ -197,20 +196,7 @@ def unit_library(component: UnitComponent) -> Library:
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
     """Number of progress reports of `build_units`."""
-    return len(chosen_names("FMI version", fmi)) * (1 + len(chosen_targets(targets)))
-
-
-def chosen_names(kind: Literal["form", "FMI version"], names: Iterable[str]) -> tuple[str, ...]:
-    """The requested forms or FMI versions, in order and without duplicates; `BuildError` for another name, or none."""
-    known = FORMS if kind == "form" else VERSIONS
-    requested = [names] if isinstance(names, str) or not isinstance(names, Iterable) else list(names)
-    expected = f"expected {' or '.join(map(repr, known))}"
-    for name in requested:
-        if name not in known:
-            raise BuildError(f"no {kind} {name!r}; {expected}")
-    if not requested:
-        raise BuildError(f"no {kind}; {expected}")
-    return tuple(name for name in known if name in requested)
+    return len(chosen_names("FMI version", fmi, VERSIONS)) * (1 + len(chosen_targets(targets)))
 
 
 def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:

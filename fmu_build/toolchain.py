@@ -79,14 +79,21 @@ def native() -> Target:
 
 def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
     """Targets by name, `native` or `all`, in the order of the table; `BuildError` for an unknown name, or none."""
-    requested, expected = set[Target](), f"expected native, all, or one of {', '.join(BY_NAME)}"
-    for name in [names] if isinstance(names, str) or not isinstance(names, Iterable) else names:
-        if name not in ("native", "all", *BY_NAME):
-            raise BuildError(f"no target {name!r}; {expected}")
-        requested.update(TARGETS if name == "all" else [native() if name == "native" else BY_NAME[name]])
+    chosen = chosen_names("target", names, ("native", "all", *BY_NAME), f"native, all, or one of {', '.join(BY_NAME)}")
+    here = native() if "native" in chosen else None
+    return tuple(target for target in TARGETS if "all" in chosen or target is here or target.name in chosen)
+
+
+def chosen_names(kind: str, names: Iterable[str], known: Sequence[str], expected: str = "") -> tuple[str, ...]:
+    """The requested names, in the order of `known` and without duplicates; `BuildError` for another name, or none."""
+    requested = [names] if isinstance(names, str) or not isinstance(names, Iterable) else list(names)
+    expected = expected or " or ".join(map(repr, known))
+    for name in requested:
+        if name not in known:
+            raise BuildError(f"no {kind} {name!r}; expected {expected}")
     if not requested:
-        raise BuildError(f"no target; {expected}")
-    return tuple(target for target in TARGETS if target in requested)
+        raise BuildError(f"no {kind}; expected {expected}")
+    return tuple(name for name in known if name in requested)
 
 
 class Compiler(NamedTuple):

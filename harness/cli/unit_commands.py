@@ -57,16 +57,16 @@ def build_command(
 
     - `gough-stewart build --as mjcf --preset motion_base`
     """
-    from gough_stewart.fmu_build.build import VERSIONS, build, chosen_names, number_of_steps
+    from gough_stewart.fmu_build.build import FORMS, VERSIONS, build, number_of_steps
     from gough_stewart.fmu_build.cache import BuildError
+    from gough_stewart.fmu_build.toolchain import chosen_names, native
     from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
-    from gough_stewart.fmu_build.toolchain import native
     from gough_stewart.harness.plants.unit_report import unit_report
 
     loaded = opt.chosen_platform(preset, platform)
     versions, targets = [version.value for version in fmi] if fmi else VERSIONS, opt.chosen_targets(target)
     with wrong_use_if(BuildError):
-        chosen_as = chosen_names("form", [form.strip() for form in forms.split(",")])
+        chosen_as = chosen_names("form", [form.strip() for form in forms.split(",")], FORMS)
         if check and "fmu" not in chosen_as:
             raise BuildError(f"--check runs units, and --as is {forms}; expected fmu among the forms")
         if check and native() not in targets_by_name(targets):

@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from gough_stewart.fmu_build.build import chosen_names, unit_archives
+from gough_stewart.fmu_build.build import VERSIONS, unit_archives
 from gough_stewart.fmu_build.cache import check_installed
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.plant.plant_component import plant_component
-from gough_stewart.fmu_build.toolchain import chosen_targets
+from gough_stewart.fmu_build.toolchain import chosen_names, chosen_targets
 from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import experiment_of
@@ -149,7 +149,7 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
         )
     if ssp not in ("1.0", "2.0"):
         raise ExportError(f"ssp is {ssp!r}; expected '1.0' or '2.0'")
-    versions, (in_ssp,) = chosen_names("FMI version", fmi), chosen_names("FMI version", [ssp_fmi])
+    versions, (in_ssp,) = (chosen_names("FMI version", names, VERSIONS) for names in (fmi, [ssp_fmi]))
     systems = chosen_targets(targets)
     folder, files, report = Path(out), dict[str, bytes](), progress or (lambda _text: None)
     check_output_folder(folder, names_of_files(name, wanted, versions))
