@@ -282,7 +282,7 @@ class BatchPlant(Plant):
         self._find_signals()
 
     def _find_signals(self) -> None:
-        """By a step of no duration."""
+        """Compute the signals, by a step of duration 0."""
         self._kernel.library.lanes_step(self.batch.reference, 0.0, 0, self.tolerance, self._signals.ctypes.data)
 
     def failure(self, k: int, begin: float) -> StepError:

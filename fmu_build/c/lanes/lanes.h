@@ -24,7 +24,7 @@ typedef struct {
     double *internal_steps;   /* (M), internal steps so far, with those that were too large */
 } batch;
 
-/* A step under constant inputs, of any duration from 0 on. Returns the number of members that fail; their states do not
+/* A step under constant inputs; its duration may be 0. Returns the number of members that fail; their states do not
    change, and `failure` has the reason. Poses are checked at the end of each internal step. Writes the signals at the end
    (N_SIGNALS, M) unless NULL; computing them here is cheap.
 
@@ -34,7 +34,7 @@ typedef struct {
    The error of an internal step is at most `tolerance`; that of a step the sum of its internal ones. A member that needs
    more than MOST_LANE_STEPS fails. */
 OFFERED int64_t lanes_step(const batch *members, double size, int64_t substeps, double tolerance, double *signals);
-/* Checks the current poses, which a step of no duration does not; returns as `lanes_step`. */
+/* Checks the current poses, which a step of duration 0 does not do; returns what `lanes_step` does. */
 OFFERED int64_t lanes_check(const batch *members);
 /* (N_RESULTS, M) */
 OFFERED void lanes_results(const batch *members, double *results);

@@ -9,8 +9,8 @@
 #pragma clang fp contract(off) reciprocal(off)
 #endif
 
-/* generated: motions by kind, and what follows from a motion; gains of a bandwidth, times that follow from gains, the
-   matrices of laws, coefficients of limits and sensors */
+/* generated: motions by kind, and what follows from a motion; the gains and times that act, the matrices of laws,
+   coefficients of sensors */
 #include "design.h"
 #include "plan.h"
 

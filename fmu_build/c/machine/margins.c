@@ -48,7 +48,7 @@ static void balance(int64_t n, int64_t m, double complex *A, double complex *B, 
 
 typedef struct { double complex c, s; } rotation;
 
-/* What turns the second one of two numbers to 0. */
+/* The rotation of two numbers that makes the second one 0. */
 static rotation rotation_of(double complex x, double complex y)
 {
     double r = hypot(cabs(x), cabs(y));
@@ -57,7 +57,7 @@ static rotation rotation_of(double complex x, double complex y)
 
 static rotation inverse(rotation by) { return (rotation){conj(by.c), conj(by.s)}; }
 
-/* Turns n pairs of elements, each so many places from the last. */
+/* Rotates n pairs of elements, from one to the next `apart` places. */
 static void rotate(int64_t n, int64_t apart, double complex *one, double complex *other, rotation by)
 {
     for (int64_t k = 0; k < n * apart; k += apart) {
@@ -67,7 +67,7 @@ static void rotate(int64_t n, int64_t apart, double complex *one, double complex
     }
 }
 
-/* Other states of (A, B, C), in which A has zeros below its first subdiagonal. */
+/* Transforms the states of (A, B, C), by rotations, so that A is a Hessenberg matrix. */
 static void reduce(int64_t n, int64_t m, double complex *A, double complex *B, double complex *C)
 {
     for (int64_t k = 1; k < n - 1; k++)
@@ -112,7 +112,7 @@ static void turn(int64_t n, int64_t low, int64_t m, double complex *h, double co
         h[i * n + i] += shift;
 }
 
-/* Eigenvalues (n) of a matrix (n, n) as `reduce` leaves it, which is overwritten. 0, or 1 if they do not converge. */
+/* Eigenvalues (n) of a Hessenberg matrix (n, n), which is overwritten. Returns 0, or 1 if they do not converge. */
 static int eigenvalues(int64_t n, double complex *h, double complex *values)
 {
     for (int64_t m = n - 1, tries = 1; m >= 0; tries++) {
@@ -155,8 +155,8 @@ static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
 
 /* ---- the loop -------------------------------------------------------------------------------------------------- */
 
-/* The loop as if nothing were late, from disturbing forces w to those that act, w - C x, with x+ = A x + B w: states of
-   the plant, then of the law; and the samples by which forces are late. */
+/* The closed loop without delay, from disturbing forces w to those that act, w - C x, with x+ = A x + B w: states of the
+   plant, then of the law; and the samples by which forces are late. */
 typedef struct {
     double sample_time;
     int64_t n, delay;

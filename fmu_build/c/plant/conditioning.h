@@ -6,8 +6,8 @@
 #include "plant_table.h"
 
 INTERNAL_BEGIN
-/* The determinant of a, 0 if a pivot is not larger than the smallest one; then m right sides b (N_LEGS, m) are not solved,
-   else they become x of a x = b. By Gauss with pivots, which overwrites a. */
+/* Replaces b (N_LEGS, m) by the solution x of a x = b, by Gaussian elimination with partial pivoting, which overwrites a.
+   Returns det a; or 0, without a solution, if a pivot is not larger than `smallest`. */
 double solve(double a[N_LEGS][N_LEGS], double smallest, int m, double b[]);
 /* Condition number in Frobenius norms, which is one to six times the spectral one. */
 double exact_condition_number(const double jacobian[N_LEGS][N_LEGS]);

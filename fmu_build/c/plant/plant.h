@@ -63,7 +63,7 @@ outcome check_pose(component *c, double *handedness);
 outcome check_parameters(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
 /* No two legs share both joints. */
 outcome check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
-/* At the start, centres of mass are on the legs, and motors near their lengths. */
+/* At the start, centres of mass are on the legs, and motors near the leg lengths. */
 outcome check_start(const double p[N_PARAMETERS], const double x[N_STATES], const double leg_length[N_LEGS],
                     char message[MESSAGE_SIZE]);
 INTERNAL_END

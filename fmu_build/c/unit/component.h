@@ -66,9 +66,9 @@ outcome component_reverse(component *c, const double wxdot[], const double wy[],
 /* d(results)/dt with the inputs changing at their rates. */
 outcome component_result_rates(component *c, double rates[]);
 
-/* The complete state: so many numbers, with which a component begins. They are finite; but the stop time may be infinite. */
+/* The complete state: the first N_SAVED numbers of a component, finite except for the stop time, which may be infinite. */
 extern const size_t N_SAVED;
-enum { NOW, START_TIME, STOP_TIME };
+enum { NOW, START_TIME, STOP_TIME }; /* positions in it */
 /* Whether a component can be in a state of such numbers; 1 for each that it has been in. */
 int component_can_restore(const double saved[]);
 /* To be called after the state has been replaced. */

@@ -18,7 +18,7 @@ static inline fmi_instance *called(void *instance, const char *function)
     return i;
 }
 
-/* A function of the standard that returns the status of a call of an instance i. */
+/* A function of the standard that returns a status; its argument `instance` is i in the expression for that. */
 #define FUNCTION(name, arguments, status)                                                                              \
     FMI(Status) name arguments                                                                                         \
     {                                                                                                                  \
