@@ -39,8 +39,9 @@ def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     assert np.isfinite(weightless.force_margin)
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
     assert one_sided.limit == LEG_TOO_LONG
-    with pytest.raises(GoughStewartError, match=r"pose 2 is \[0\.0, nan, 2\.0, 0\.0, 0\.0, 0\.0\]; expected finite"):
-        evaluate_poses(MOTION_BASE, np.array([[0, 0, 2], [0, np.nan, 2]]), LEVEL)
+    for position, orientation in (([0, np.nan, 2], LEVEL), ([0, 0, 2], [0, np.nan, 0])):
+        with pytest.raises(GoughStewartError, match=r"pose 2 is \[0\.0, .*nan, .*0\.0\]; expected finite"):
+            evaluate_poses(MOTION_BASE, np.array([[0, 0, 2], position]), np.array([LEVEL, orientation]))
 
 
 # Six different poses about and beyond the limits of the uneven platform.

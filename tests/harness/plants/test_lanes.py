@@ -245,12 +245,14 @@ def test_members_that_restart_repeat_their_run_bit_by_bit(steps: dict[str, Any])
     """Expected: the bits of the first run, of those that restart; of the others, those of a run without restarts."""
     platforms, starts, inputs = members(N)
     plant, other = (BatchPlant(platforms, starts, **steps) for _ in range(2))
-    again, found = np.arange(N) % 3 > 0, []
+    again, found, start = np.arange(N) % 3 > 0, [], plant.signals().copy()
     for each in (plant, other):
         each.set_inputs(inputs)
         for k in range(6):
             if k == 3 and each is plant:
+                expected = np.where(again[:, None], start, plant.signals())
                 plant.restart(again)
+                np.testing.assert_array_equal(plant.signals(), expected)
             each.do_step(k * STEP, STEP)
             found.append(each.results())
     np.testing.assert_array_equal(found[5], np.where(again[:, None], found[2], found[11]))
