@@ -16,7 +16,6 @@ import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
-from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -275,7 +274,7 @@ def _on_vectors(folder: str, generated: str, text: str) -> Sources:
     return c_folder(folder) | Sources({}, {**vectors, generated: text})
 
 
-# ---- the kernel, for Python ---------------------------------------------------------------------------------------
+# ---- the kernel, for Python -----------------------------------------------------------------------------------------
 
 
 def kernel_code(variant: Variant = IDEAL) -> Library:
@@ -297,9 +296,9 @@ def kernel_sources(variant: Variant = IDEAL) -> Sources:
     stepper = Sources(called, unit.headers) | c_folder("stepper")
     if variant.parts:
         return stepper
-    _, parts = new_block()
-    ends = accumulate((part.size for part in parts.values()), initial=0)
-    places = {f"AT_{name.upper()}": begin for name, begin in zip(parts, ends, strict=False)}
+    block, parts = new_block()
+    block[:] = range(len(block))
+    places = {f"AT_{name.upper()}": int(part[0]) for name, part in parts.items()}
     tangent = function_source(traced_function("tangent"), "static void kernel_")
     functions = filled("kernel/functions.c", tangent=tangent, places=defines(places))
     return stepper | c_folder("kernel") | Sources({"functions.c": functions}, {})
