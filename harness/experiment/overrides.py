@@ -74,11 +74,16 @@ def keys_and_values(settings: Settings) -> list[tuple[str, str, Any]]:
             raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
         if "\n" in text:
             raise SettingError(where, "", "expected one line")
-        try:
-            items.append((where, key, toml_values(f"value = {text}")["value"]))
-        except ValueError:
-            items.append((where, key, text.strip()))
+        items.append((where, key, typed_value(text)))
     return items
+
+
+def typed_value(text: str) -> Any:
+    """The value of a typed text: of TOML, such as a number in SI units, or else the text itself, such as 300kg."""
+    try:
+        return toml_values(f"value = {text}")["value"]
+    except ValueError:
+        return text.strip()
 
 
 def set_key(values: Any, where: str, key: str, value: Any) -> None:
