@@ -34,7 +34,7 @@ Settings = Iterable[str] | Mapping[str, Any]
 Values = Mapping[tuple[str, ...], Any]
 
 _PLATFORMS = ("platform", "plant")
-# A key that replaces another one of its table.
+# Setting one of two keys removes the other one of its table.
 _EITHER = {"platform.preset": "file", "platform.file": "preset"}
 # Common to all members: clocks, sampling and simulation settings, and strings.
 _COMMON = {
