@@ -6,9 +6,8 @@ NumPy, small signals for margins, the parameters and the traced equations of exp
 tables. A host only moves time and values: it calls a component at the controller's samples, at the steps of the plant,
 or at the sensors' readings, with the inputs of then.
 
-In the order of the loop: links filter what a controller gives; the takeover makes of it the command, which is a manual
-force while the controller is off; limits clip the command, and a drive follows it with the force that acts; a sensor
-makes a reading of a true signal. Faults cut forces and freeze readings.
+In the order of the loop: links filter what a controller gives, the takeover makes of it the command, limits clip it,
+and a drive follows it with the force that acts; a sensor reads a true signal; faults cut forces and freeze readings.
 
 Rules of the equations of a `Stepped` component:
 
@@ -203,7 +202,7 @@ class Notch(Link):
         return matrices_at(StateSpace(A, B, C, np.array([[1.0]])), warped, "tustin", solve)
 
 
-# ---- manual operation ----
+# ---- manual operation, and drives ----
 
 # In which a force that was taken over from manual operation fades [s].
 TRANSFER_TIME = 1.0
@@ -240,8 +239,6 @@ class Takeover(Stepped):
         lacked = where(is_off, manual_force - wanted, transfer - transfer * coefficients.share)
         return (lacked,), (where(is_off, manual_force, wanted + transfer),)
 
-
-# ---- drives ----
 
 ForceLimit = Annotated[
     float | str,
