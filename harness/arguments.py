@@ -165,8 +165,7 @@ def _vectors(size: int, unit: str, what: str, *, may_be_texts: bool = True) -> T
         import numpy as np
 
         expected = f"{size} numbers of {unit}, {what}, or an array (…, {size})"
-        is_list = may_be_texts and isinstance(value, list | tuple)
-        if is_list and any(isinstance(item, str) for item in value):
+        if may_be_texts and isinstance(value, list | tuple) and any(isinstance(item, str) for item in value):
             value = [_quantity(unit)(f"{name}[{k}]", item) for k, item in enumerate(value)]
         try:
             array = np.asarray(value)

@@ -1,6 +1,6 @@
 """Tables of an experiment, from a file or from Python; the quantities in them, and the messages for invalid ones.
 
-Quantities are numbers in SI units or with a unit, and vectors of them.
+Quantities are numbers in SI units or with a unit, and vectors of them. Results are written with them as JSON.
 """
 
 import json

@@ -3,9 +3,9 @@
 Of CSV: encodings, separators, decimal commas, comments, a row of units; what could mean two things is refused. Headings
 have a name, and a unit in brackets, as in "leg_length[1] [mm]" or "time (ms)".
 
-Paths that are not UTF-8, which Polars refuses, go through memory, and interrupts wait for its end. The surrogates that
-stand for bytes of other encodings are not printable. A `KeyboardInterrupt` in one of the Python functions that Polars
-calls from Rust becomes a panic.
+Paths that are not UTF-8, which Polars refuses, go through memory: the surrogates that stand for bytes of other
+encodings are not printable. Interrupts are held back until Polars has ended, since a `KeyboardInterrupt` in one of the
+Python functions that it calls from Rust becomes a panic.
 """
 
 import math

@@ -59,14 +59,13 @@ def check_command(
     """
     loaded = opt.chosen_experiment(experiment, settings, executed=lambda _: ())
     from gough_stewart.harness.experiment.checking import FILES, PATHS, absent_numbers, check, check_files
-    from gough_stewart.harness.experiment.overrides import keys_and_values
+    from gough_stewart.harness.experiment.overrides import typed_value
 
     running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("check", experiment), FILES)
     running.step("shares of all limits")
-    # without a unit they are in SI units, as with --set
-    (_, _, mass), (_, _, height) = keys_and_values((f"payload={payload}", f"payload-height={payload_height}"))
-    checked = check(loaded, payload=mass if payload is not None else None, payload_height=height)
+    mass = None if payload is None else typed_value(payload)
+    checked = check(loaded, payload=mass, payload_height=typed_value(payload_height))
     report = checked.report(charts=running.draws)
     running.require(loaded.requirements, report.numbers)
     running.present(report, check_files(checked))

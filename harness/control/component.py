@@ -6,8 +6,8 @@ NumPy, small signals for margins, the parameters and the traced equations of exp
 tables. A host only moves time and values: it calls a component at the controller's samples, at the steps of the plant,
 or at the sensors' readings, with the inputs of then.
 
-Links filter what controllers give; a drive makes of a command the force that acts, a sensor of a true signal its
-reading; a fault cuts or freezes either.
+In the order of the loop: links filter what a controller gives, the takeover makes of it the command, limits clip it,
+and a drive follows it with the force that acts; a sensor reads a true signal; faults cut forces and freeze readings.
 
 Rules of the equations of a `Stepped` component:
 
@@ -202,10 +202,43 @@ class Notch(Link):
         return matrices_at(StateSpace(A, B, C, np.array([[1.0]])), warped, "tustin", solve)
 
 
-# ---- drives, and manual operation ----
+# ---- manual operation, and drives ----
 
-# In which a force fades that was taken over from manual operation [s].
+# In which a force that was taken over from manual operation fades [s].
 TRANSFER_TIME = 1.0
+
+
+class TakeoverCoefficients(NamedTuple):
+    """Of `Takeover`."""
+
+    share: Any  # of what was taken over that fades in a sample
+
+
+class Takeover(Stepped):
+    """Off, the command is the manual force; on, it begins there, and its distance from the controller's own fades."""
+
+    name: ClassVar[str] = "takeover"
+    table: ClassVar[type[TableSection]] = TableSection
+    keys: ClassVar[tuple[str, ...]] = ()
+    inputs: ClassVar[tuple[str, ...]] = ("wanted", "manual_force", "off")
+    outputs: ClassVar[tuple[str, ...]] = ("command",)
+    states: ClassVar[tuple[str, ...]] = ("transfer",)
+
+    @staticmethod
+    def prepare(_values: Mapping[str, Any], period: Any) -> TakeoverCoefficients:
+        return TakeoverCoefficients(period / TRANSFER_TIME)
+
+    @staticmethod
+    def start(_coefficients: TakeoverCoefficients, inputs: Signals) -> Signals:
+        return (0 * inputs[0],)
+
+    @staticmethod
+    def step(coefficients: TakeoverCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
+        (transfer,), (wanted, manual_force, off) = states, inputs
+        is_off = greater(off, 0.0)
+        lacked = where(is_off, manual_force - wanted, transfer - transfer * coefficients.share)
+        return (lacked,), (where(is_off, manual_force, wanted + transfer),)
+
 
 ForceLimit = Annotated[
     float | str,
@@ -350,38 +383,6 @@ class Drive(Stepped):
         following = r1 + (on_ramp - r1) * np.exp(-rest / tau)
         late = mean - (following - force) * tau / h
         return (reached, following), (late if lags is None else where(lags, late, mean), is_behind)
-
-
-class TakeoverCoefficients(NamedTuple):
-    """Of `Takeover`."""
-
-    share: Any  # of what was taken over that fades in a sample
-
-
-class Takeover(Stepped):
-    """Off, the command is the manual force; on, it begins there, and what the controller's own lacks of it fades."""
-
-    name: ClassVar[str] = "takeover"
-    table: ClassVar[type[TableSection]] = TableSection
-    keys: ClassVar[tuple[str, ...]] = ()
-    inputs: ClassVar[tuple[str, ...]] = ("wanted", "manual_force", "off")
-    outputs: ClassVar[tuple[str, ...]] = ("command",)
-    states: ClassVar[tuple[str, ...]] = ("transfer",)
-
-    @staticmethod
-    def prepare(_values: Mapping[str, Any], period: Any) -> TakeoverCoefficients:
-        return TakeoverCoefficients(period / TRANSFER_TIME)
-
-    @staticmethod
-    def start(_coefficients: TakeoverCoefficients, inputs: Signals) -> Signals:
-        return (0 * inputs[0],)
-
-    @staticmethod
-    def step(coefficients: TakeoverCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
-        (transfer,), (wanted, manual_force, off) = states, inputs
-        is_off = greater(off, 0.0)
-        lacked = where(is_off, manual_force - wanted, transfer - transfer * coefficients.share)
-        return (lacked,), (where(is_off, manual_force, wanted + transfer),)
 
 
 # ---- sensors ----

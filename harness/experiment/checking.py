@@ -86,7 +86,7 @@ _OF_LEG = {
     "actuator_force_max": "force",
     "actuator_power_max": "power",
 }
-# The keys that have a payload.
+# The keys that a payload changes.
 _OF_PAYLOAD = tuple(f"platform.parameters.platform_{name}" for name in ("mass", "com", "inertia"))
 
 # All numbers that a check may have.
@@ -124,7 +124,7 @@ class MotionCheck:
     _motion: Motion
     _timing: Timing
     payload: str = ""
-    """What the platform carries beside its own mass, as "300 kg at 0.5 m"."""
+    """What the platform carries besides its own mass, such as "300 kg at 0.5 m"; "" for nothing."""
 
     @property
     def title(self) -> str:

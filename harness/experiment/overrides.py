@@ -34,7 +34,7 @@ Settings = Iterable[str] | Mapping[str, Any]
 Values = Mapping[tuple[str, ...], Any]
 
 _PLATFORMS = ("platform", "plant")
-# A key that replaces another one of its table.
+# Setting one of two keys removes the other one of its table.
 _EITHER = {"platform.preset": "file", "platform.file": "preset"}
 # Common to all members: clocks, sampling and simulation settings, and strings.
 _COMMON = {
@@ -74,11 +74,16 @@ def keys_and_values(settings: Settings) -> list[tuple[str, str, Any]]:
             raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
         if "\n" in text:
             raise SettingError(where, "", "expected one line")
-        try:
-            items.append((where, key, toml_values(f"value = {text}")["value"]))
-        except ValueError:
-            items.append((where, key, text.strip()))
+        items.append((where, key, typed_value(text)))
     return items
+
+
+def typed_value(text: str) -> Any:
+    """The value of a typed text: of TOML, such as a number in SI units, or else the text itself, such as 300kg."""
+    try:
+        return toml_values(f"value = {text}")["value"]
+    except ValueError:
+        return text.strip()
 
 
 def set_key(values: Any, where: str, key: str, value: Any) -> None:

@@ -41,10 +41,7 @@ _COMPONENTS: tuple[tuple[str, str, type[Stepped], int], ...] = (
     ("takeover", "TAKEOVER", Takeover, N_LEGS),
 )
 # Sources besides those of the plant's machine code.
-_SOURCES = (
-    ("gough_stewart.harness.control", "component.py"),
-    (str(__package__), "folds.py", "libraries.py"),
-)
+_SOURCES = ("gough_stewart.harness.control", "component.py"), (str(__package__), "folds.py", "libraries.py")
 # Share of the largest number by which a law's machine code may differ from its function; they differ by rounding.
 _AGREES = 1e-9
 _SEED, _SCALES = 1, (1e-3, 1.0)

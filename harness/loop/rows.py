@@ -1,6 +1,6 @@
-"""The rows of a run: how they are kept, checked against limits, and passed on in blocks; how members end; folds.
+"""The rows of a run: how they are kept, checked against limits, and passed on in blocks; how members end.
 
-Folds are fed with blocks of rows, or within the loop in machine code.
+And what takes them: folds, fed with blocks of rows, or within the loop in machine code.
 """
 
 import ctypes

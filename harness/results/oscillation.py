@@ -33,7 +33,7 @@ _INPUTS = ("reference.leg_length", "controller.injection", "external_force", "ex
 FAULTS = ("flag.force_cut", *(f"flag.frozen_{name}" for name in NAMES))
 # While the controller is off.
 MANUAL = "flag.manual"
-# The least cycles in the window; with a moving reference, `_ABOVE` asks for more.
+# The fewest cycles in the window; with a moving reference, `_ABOVE` asks for more.
 _CYCLES = 3
 # A reference has no part in what is so many times above 99.9 % of the power of its accelerations.
 _ABOVE, _POWER = 10.0, 0.999

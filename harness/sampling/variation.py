@@ -5,12 +5,11 @@ design, into values. All are computed element by element, so a value does not de
 correlated: of correlations a Gaussian copula, of covariances a multivariate normal distribution.
 """
 
-import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil, prod
+from math import ceil, log2, prod
 from typing import Annotated, Any, Literal
 from zlib import crc32
 
@@ -61,7 +60,7 @@ class SamplingDesign:
     def __post_init__(self) -> None:
         if self.members % self.block:
             # a Sobol' sequence is balanced at powers of two
-            near = 2 ** max(0, round(math.log2(self.members / self.block))) * self.block
+            near = 2 ** max(0, round(log2(self.members / self.block))) * self.block
             raise ValueError(
                 f"members is {self.members}; Saltelli's design needs {self.block} per point ({len(self.groups)} inputs "
                 f"plus 2), expected a multiple, for instance {near}"

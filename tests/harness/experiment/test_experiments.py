@@ -269,7 +269,8 @@ def test_a_file_a_name_and_an_experiment_run_alike(tmp_path: Path, monkeypatch: 
     # a file of a shipped name goes first
     monkeypatch.chdir(tmp_path)
     mine.rename("circle")
-    assert gs.load_experiment("circle").platform.file == "heavy.toml"
+    files = [gs.load_experiment("circle", changed).platform.file for changed in ((), "platform.preset=liu2000")]
+    assert files == ["heavy.toml", None]
 
 
 def test_requirements_have_paths_with_dots_or_quoted(tmp_path: Path) -> None:
