@@ -66,9 +66,10 @@ def test_the_policy_admits_only_the_scripts_of_the_page_and_all_else_is_inside()
     scripts = elements(page, "//script[not(@id)]/text()")
     digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     assert directives == {
-        **dict.fromkeys(("default-src", "base-uri", "form-action"), ["'none'"]),
+        **{kind: ["'none'"] for kind in ("default-src", "base-uri", "form-action")},
         "script-src": [f"'sha256-{digest}'" for digest in digests],
-        **{"style-src": ["'unsafe-inline'"], "img-src": ["data:", "blob:"]},
+        "style-src": ["'unsafe-inline'"],
+        "img-src": ["data:", "blob:"],
     }
     assert b"\r" not in page
     assert elements(page, "//script[@src] | //link[not(starts-with(@href, 'data:'))] | //img | //iframe") == []
@@ -93,7 +94,7 @@ def test_text_of_the_user_stays_text() -> None:
 
 
 def test_a_page_says_how_many_rows_a_block_has_and_describes_its_charts() -> None:
-    """Expected: of 50,000 rows, shown as at most 20,001, pairs of five rows; of lines twelve names, of a map what is inside."""
+    """Expected: of 50,000 rows, shown as 20,001, pairs of five rows; of lines twelve names, of a map what is inside."""
     names = [f"line {k}" for k in range(1, 14)]
     short = chart("many", [0.0, 1.0], *(series(name, [1e-3 * k, -2e-3]) for k, name in enumerate(names)))
     rows = {"kind": "heat", "y": {"name": "z", "values": [0.0, 1.0]}, "map": {"inside": [[1.0, 0.5], [-0.5, 2.0]]}}
