@@ -97,10 +97,9 @@ def test_a_page_says_how_many_rows_a_block_has_and_describes_its_charts() -> Non
     """Expected: of 50,000 rows, shown as 20,001, pairs of five rows; of lines twelve names, of a map what is inside."""
     names = [f"line {k}" for k in range(1, 14)]
     short = chart("many", [0.0, 1.0], *(series(name, [1e-3 * k, -2e-3]) for k, name in enumerate(names)))
-    rows = {"kind": "heat", "y": {"name": "z", "values": [0.0, 1.0]}, "map": {"inside": [[1.0, 0.5], [-0.5, 2.0]]}}
-    over = chart(
-        "gain", {"name": "x", "values": [0.0, 1.0]}, series("k", [[3.0, 5.0], [9.0, 4.0]], quantity="count"), **rows
-    )
+    z, inside = {"name": "z", "values": [0.0, 1.0]}, {"inside": [[1.0, 0.5], [-0.5, 2.0]]}
+    gain = series("k", [[3.0, 5.0], [9.0, 4.0]], quantity="count")
+    over = chart("gain", {"name": "x", "values": [0.0, 1.0]}, gain, kind="heat", y=z, map=inside)
     page = page_of(report(chart("long", list(range(50_000)), series("x", [0.0] * 50_000)), short, over))
     kept = page.decode()
     assert "more than 20,001 rows, charts show the smallest and the largest value of each block of 5 rows." in kept
