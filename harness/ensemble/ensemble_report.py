@@ -306,7 +306,7 @@ def _sensitivity_table(known: Sensitivity) -> Table:
         (known.inputs[k], *(float(values[k]) for effect in known.effects for values in effect)) for k in known.order
     ]
     title = f"What makes the {metric_of(known.metric).text} vary"
-    note = f"{known.remark[:1].upper()}{known.remark[1:]}."
+    note = f"{sentence([known.remark])}."
     return Table(title, columns, tuple(rows), first_shown=_MOST_INPUTS, note=note, beside=True)
 
 

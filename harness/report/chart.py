@@ -88,10 +88,10 @@ def looks_of(lines: Sequence[Series], *, in_print: bool = False) -> list[Look]:
 
     No two lines share both. Those of six colours have dashes, too, if they differ by run, or `in_print`.
     """
-    components = list(dict.fromkeys(line.leg or line.component or line.name for line in lines))
-    roles, looks, used = [line.role for line in lines], list[Look](), set[tuple[str, tuple[float, ...]]]()
-    for line in lines:
-        place, is_plain = components.index(line.leg or line.component or line.name), line.role in PLAIN_ROLES
+    names, roles = [line.leg or line.component or line.name for line in lines], [line.role for line in lines]
+    components, looks, used = list(dict.fromkeys(names)), list[Look](), set[tuple[str, tuple[float, ...]]]()
+    for line, name in zip(lines, names, strict=True):
+        place, is_plain = components.index(name), line.role in PLAIN_ROLES
         colour: Role | int = line.role
         dashes = DASHES.get(line.role, ())
         if line.run is not None:

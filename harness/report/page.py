@@ -99,7 +99,7 @@ def page_of(report: Report) -> bytes:
         differences = Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
     curves = [chart for chart in charts if chart.kind in ("line", "step")]
     longest = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
-    rounding = "rounded finer than a pixel, or to an eighth of the smallest range that is drawn"
+    rounding = "rounded to less than a pixel, or to an eighth of the smallest difference that is drawn"
     kept = f"Charts have all rows, {rounding}. " if longest else ""
     if longest > MOST_ROWS:
         kept = (

@@ -66,7 +66,7 @@ class Table(Data):
     group_ends: tuple[int, ...] = ()  # rows after which a group ends
     note: str = ""
     detail: bool = False  # on the page only, and not shown at first
-    beside: bool = False  # on the page under the verdict, if a chart is the picture there
+    beside: bool = False  # on the page under the verdict, where a chart or surface is the picture
     links: tuple[str, ...] = ()  # a page for each row, relative to the report's; "" for none
 
     def __post_init__(self) -> None:

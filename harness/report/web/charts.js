@@ -53,8 +53,8 @@
         const isLog = panel.chart.x.scale === "log", middle = isLog ? Math.sqrt(range[0] * range[1]) : (range[0] + range[1]) / 2;
         const at = own.fixed ?? middle, step = isLog ? (range[1] / range[0]) ** 0.01 : (range[1] - range[0]) / 100;
         const to = { ArrowLeft: isLog ? at / step : at - step, ArrowRight: isLog ? at * step : at + step, Home: range[0], End: range[1] }[key];
-        if (to !== undefined) own.fixed = Math.min(Math.max(to, range[0]), range[1]);
-        else if (!GS.rangeKey(key, group, at, isLog)) return false;
+        if (to === undefined) return GS.rangeKey(key, group, at, isLog);
+        own.fixed = Math.min(Math.max(to, range[0]), range[1]);
         group.panels.forEach(follow);
         return true;
       },

@@ -39,7 +39,7 @@ const GoughStewart = (() => {
     // colours [r, g, b], 0 to 1: of #rrggbb, a share of the way between two, between stops [share, #rrggbb], and for CSS
     rgb, mix,
     gradient: (stops) => (share) => {
-      const k = Math.min(Math.max(stops.findIndex(([at]) => share <= at), 1), stops.length - 1), [[low, from], [high, to]] = [stops[k - 1], stops[k]];
+      const k = stops.slice(1, -1).filter(([at]) => at < share).length, [[low, from], [high, to]] = stops.slice(k, k + 2);
       return mix(rgb(from), rgb(to), Math.min(Math.max((share - low) / (high - low), 0), 1));
     },
     css: (colour) => `rgb(${colour.map((x) => Math.round(255 * x)).join(",")})`,

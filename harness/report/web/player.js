@@ -1,11 +1,11 @@
 "use strict";
 // Starts the page, and plays: play, pause, speed, time slider, keys; the whole page shows the same time.
 (() => {
-  const GS = GoughStewart, { page, state } = GS, $ = (id) => document.getElementById(id), hasTime = Boolean($("play")), digits = page.clock?.digits;
+  const GS = GoughStewart, { page, state } = GS, $ = (id) => document.getElementById(id), hasTime = Boolean($("play")), { start, end, digits } = page.clock;
   let view = null, write = null, before = 0, colour = "force", moments = [];
 
   const prepareClock = async () => {
-    if (page.clock) Object.assign(state, { start: page.clock.start, end: page.clock.end, time: page.clock.start });
+    Object.assign(state, { start, end, time: start });
     const numbers = page.charts.filter((chart) => chart.isTime).flatMap((chart) => chart.series.map((series) => series.x ?? chart.x.values));
     const clocks = GS.records.length ? GS.records.map((r) => r.time) : await Promise.all([...new Set(numbers)].map(GS.array));
     moments = [...new Set(clocks.flatMap((t) => [...t]))].sort((a, b) => a - b);

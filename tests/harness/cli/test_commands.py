@@ -139,8 +139,8 @@ LISTED = ["liu2000", "motion_base", "desktop_hexapod"]
 CASES: list[tuple[str, int, str | None, list[str]]] = [
     ("presets", 0, None, LISTED),
     ("experiments", 0, None, ["heave_step", "circle", "paper_open_loop"]),
-    (f"check pitch_sine {COARSE} --figures", 0, f"{CHECK} shares.pdf shares.png shares.svg",
-     ["^Can be done; leg 3 needs 28 % of its stroke at ", "leg velocity", "states no limit: leg acceleration"]),
+    (f"check pitch_sine {COARSE} --figures --fit time", 0, f"{CHECK} shares.pdf shares.png shares.svg",
+     ["^Can be done; leg 3 needs 28 % of its stroke at ", "leg velocity", "limit: leg acceleration", "nothing to fit"]),
     (f"check pitch_sine {COARSE} --set reference.frequency=4", 3, CHECK,
      ["^Cannot be done; leg 3 needs 21", r"times as long \(--fit time\)", r"times as large \(--fit amplitude\)"]),
     (f"check pitch_sine {COARSE} --set platform.preset=liu2000", 0, CHECK,

@@ -250,6 +250,8 @@ def test_a_log_is_scaled_in_time_and_size_about_its_pose_at_time_0(slow: float, 
     found = np.hstack(motion(motion.time)[:2])
     np.testing.assert_allclose(found, centre + size * (pose - centre), atol=1e-13)
     assert motion.end == pytest.approx(1.1 * slow)
+    arrays = (motion.time, motion.position, motion.orientation)
+    assert not any(values.flags.writeable for values in arrays)  # the spline would not follow a change
 
 
 def waves(path: Path, rate: float, frequency: float, n: int) -> Path:

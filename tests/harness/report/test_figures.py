@@ -187,13 +187,15 @@ def test_no_two_lines_look_the_same() -> None:
     roles: tuple[Role, ...] = ("actual", "reference")
     cases = [(run, axis, role) for run in (0, 1) for axis in "xyz" for role in roles]
     of_runs = [
-        _series(f"{run} {axis} {role}", _TIME * (k + 1.3), role, run=run, component=axis)
-        for k, (run, axis, role) in enumerate(cases)
+        _series(f"{k}", _TIME * (k + 1.3), role, run=run, component=axis) for k, (run, axis, role) in enumerate(cases)
     ]
     for series in ([_series(f"limit {k}", _TIME + k) for k in range(11)], of_runs):
         (axes,) = _drawn(_chart("shares", *series))
         looks = {(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines}
         assert len(looks) == len(axes.lines) == len(series)
+    (axes,) = _drawn(_chart("states", *(_series(f"{k}", _TIME + k) for k in range(8))))
+    looks = [(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines]
+    assert looks[6:] == [(looks[k][0], looks[k + 1][1]) for k in range(2)]  # six colours, then with the next dashes
 
 
 def test_bars_have_labels_intervals_and_the_first_on_top() -> None:

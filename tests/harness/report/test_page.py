@@ -66,12 +66,10 @@ def test_the_policy_admits_only_the_scripts_of_the_page_and_all_else_is_inside()
     scripts = elements(page, "//script[not(@id)]/text()")
     digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     assert directives == {
-        "default-src": ["'none'"],
+        **{kind: ["'none'"] for kind in ("default-src", "base-uri", "form-action")},
         "script-src": [f"'sha256-{digest}'" for digest in digests],
         "style-src": ["'unsafe-inline'"],
         "img-src": ["data:", "blob:"],
-        "base-uri": ["'none'"],
-        "form-action": ["'none'"],
     }
     assert b"\r" not in page
     assert elements(page, "//script[@src] | //link[not(starts-with(@href, 'data:'))] | //img | //iframe") == []
@@ -96,14 +94,18 @@ def test_text_of_the_user_stays_text() -> None:
 
 
 def test_a_page_says_how_many_rows_a_block_has_and_describes_its_charts() -> None:
-    """Expected: of 50,000 rows, shown as at most 20,001, pairs of five rows; the names of the first twelve lines."""
+    """Expected: of 50,000 rows, shown as 20,001, pairs of five rows; of lines twelve names, of a map what is inside."""
     names = [f"line {k}" for k in range(1, 14)]
     short = chart("many", [0.0, 1.0], *(series(name, [1e-3 * k, -2e-3]) for k, name in enumerate(names)))
-    page = page_of(report(chart("long", list(range(50_000)), series("x", [0.0] * 50_000)), short))
+    z, inside = {"name": "z", "values": [0.0, 1.0]}, {"inside": [[1.0, 0.5], [-0.5, 2.0]]}
+    gain = series("k", [[3.0, 5.0], [9.0, 4.0]], quantity="count")
+    over = chart("gain", {"name": "x", "values": [0.0, 1.0]}, gain, kind="heat", y=z, map=inside)
+    page = page_of(report(chart("long", list(range(50_000)), series("x", [0.0] * 50_000)), short, over))
     kept = page.decode()
     assert "more than 20,001 rows, charts show the smallest and the largest value of each block of 5 rows." in kept
     described = f"Chart of many over time [s]: {'; '.join(names[:12])}; values from −2 to 12 mm."
-    assert [described] == elements(page, "//div[@class='plot']/@aria-label")[1:]
+    of_map = "Map of gain over x and z: values from 3 to 5. Arrows go from value to value."
+    assert [described, of_map] == elements(page, "//div[@class='plot']/@aria-label")[1:]
 
 
 def test_links_lead_to_files_whatever_their_names_and_not_out_of_the_folder() -> None:

@@ -255,9 +255,13 @@ def test_keys_move_through_time(fresh: Page, record: gs.Record) -> None:
     ):  # fmt: skip
         fresh.keyboard.press(key)
         assert fresh.evaluate("GoughStewart.player.time") == pytest.approx(expected, abs=1e-9)
-    for key in ("[", "Shift+ArrowRight", "]"):
-        fresh.keyboard.press(key)
-    assert fresh.evaluate("GoughStewart.state.region") == pytest.approx([0.1, 0.15])
+    for keys, marked in (
+        ("[", [0.1, 0.5]), ("Shift+ArrowRight ]", [0.1, 0.15]), ("Shift+ArrowLeft Shift+ArrowLeft [", [0.05, 0.15]),
+        ("Escape ]", [0, 0.05]), ("Shift+ArrowRight Shift+ArrowRight", [0, 0.05]),
+    ):  # fmt: skip
+        for key in keys.split():
+            fresh.keyboard.press(key)
+        assert fresh.evaluate("GoughStewart.state.region") == pytest.approx(marked), keys
     # about the present time, which is 0.15 s
     fresh.evaluate("GoughStewart.mark(null)")
     for key, expected in (("+", [0.075, 0.325]), ("+", [0.1125, 0.2375]), ("-", [0.075, 0.325]), ("-", None)):

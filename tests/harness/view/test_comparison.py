@@ -43,7 +43,10 @@ def test_a_step_is_judged_by_what_is_left_before_the_time_that_it_takes() -> Non
     settled = [gs.metrics(record)["step_response"][0]["settling_time"] for record in records]
     assert settled == pytest.approx([0.05 * np.log(0.99 / 0.01), 0.1 * np.log(50)], abs=2e-3)
     left = 50 * np.exp(-(0.901 - 0.1) / 0.1)
-    text = verdict_of(page_of_records(records, ["fast", "slow"]))[1]
+    text = verdict_of(page := page_of_records(records, ["fast", "slow"]))[1]
+    told = [words_of(each) for each in elements(page, "//dl[@class='numbers']/div/dt")]
+    kinds = ("position error, at the end", "z: rise time", "z: settling time")
+    assert told == [f"{kind}: {name}" for kind in kinds for name in ("fast", "slow")]
     assert text.startswith("slow follows best, within ")
     assert left <= float(text.split()[4]) <= 1.1 * left
     assert "after settling; fast within 0.51 mm; z: " in text

@@ -176,6 +176,9 @@ def test_legs_change_colour_with_force_and_with_nearness(one: Watched, record: g
     scrub(page, record["time"][at_limit])
     red, green, _ = drawn(page)["legs"][leg]["colour"]
     assert red > 3 * green
+    # and within rounding of the limit it is the same
+    shades = page.evaluate("[1, 1 + 1e-12].map(GoughStewart.gradient(GoughStewart.page.nearness.stops))")
+    assert shades[0] == shades[1]
     page.select_option("#colour", "plain")
     assert len({tuple(leg["colour"]) for leg in drawn(page)["legs"]}) == 1
 
