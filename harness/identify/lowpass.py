@@ -17,8 +17,8 @@ _WINDOW = (0.375, 0.5, 0.125)
 # The cut-off is this multiple of the frequency below which the motion's accelerations lie, except for this share.
 _ABOVE_MOTION, _BEYOND = 16.0, 1e-3
 LOWEST = 2.0  # cut-off [Hz]
-# A bin is the motion's if its power exceeds these multiples of the power in the upper half of the spectrum: of the median
-# of all legs together; of that of the noisiest leg, since the power of one leg varies more; and of the largest, since an
+# A bin is the motion's if its power exceeds these multiples of powers in the upper half of the spectrum: of the median
+# of all legs together; of that of the noisiest leg, since the power of one leg varies more; of the largest, since an
 # encoder without noise rounds a repeating motion alike each time, which makes lines that no median sees.
 _OF_MEDIAN, _OF_NOISIEST, _OF_LARGEST = 10.0, 26.0, 2.0
 # Median of |x| of the standard normal distribution.
