@@ -77,11 +77,12 @@ class Smoothing(Stepped):
         return (x + h * v + h * h * (a / 3 + later / 6), v + h * (a + later) / 2, later), ()
 
 
-# What a hand's filter follows, of positions [m] and angles [rad].
-HAND_FILTERS = (
-    SmoothingChoice(bandwidth=1.5, largest_rate=0.3, largest_acceleration=2.0),
-    SmoothingChoice(bandwidth=1.5, largest_rate=0.5, largest_acceleration=4.0),
-)
+# How what a hand wants is smoothed, of three positions [m] and three angles [rad].
+HAND_FILTERS = {
+    "bandwidth": np.full(6, 1.5),
+    "largest_rate": np.repeat([0.3, 0.5], 3),
+    "largest_acceleration": np.repeat([2.0, 4.0], 3),
+}
 TARGET_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw", "jumps")
 
 
@@ -150,8 +151,7 @@ class HandMotion:
         self._motion, self._period, self._samples = motion, sample_time, samples
         self._rows = list(zip(samples, targets, jumps > 0, strict=True))
         self._start = samples[0] * sample_time
-        values = {key: np.repeat([getattr(choice, key) for choice in HAND_FILTERS], 3) for key in Smoothing.keys}
-        self._coefficients = Smoothing.prepare(values, sample_time)
+        self._coefficients = Smoothing.prepare(HAND_FILTERS, sample_time)
         pose, rate, acceleration = (part[0] for part in coordinates_of(motion(np.array([self._start]))))
         self._target, self._filter = pose, (pose, rate, acceleration)
         self._states = [self._filter]  # by sample since the start

@@ -29,7 +29,6 @@ from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
-from gough_stewart.harness.loop.libraries import coefficients_of
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
@@ -327,8 +326,6 @@ def _planned(experiment: Experiment, prepared: Prepared, kept: int) -> dict[str,
     samples = kept // every + 2
     parameters = [np.ravel(getattr(prepared.platform, v.name)) for v in interface.PLATFORM_PARAMETERS]
     maps = ("jacobians", "inverses") if getattr(prepared.controller, "space", "leg") == "task" else ()
-    # of positions, then of angles
-    filters = {key: np.repeat([[getattr(choice, key)] for choice in HAND_FILTERS], 3, axis=0) for key in Smoothing.keys}
     return {
         **motion,
         "n_pieces": len(motion["begins"]),
@@ -338,7 +335,7 @@ def _planned(experiment: Experiment, prepared: Prepared, kept: int) -> dict[str,
         "given": np.zeros(N_MOTION),
         "given_at": np.zeros(1),
         "target": np.zeros(6),
-        "smoothing": coefficients_of(Smoothing, filters, T)[:, 0],
+        "smoothing": np.hstack(Smoothing.prepare(HAND_FILTERS, T)),
         "smoothed": np.zeros(18),
         "samples": -np.ones(1, np.int64),
         "reference": np.zeros((kept + every, 30)),

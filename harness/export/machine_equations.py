@@ -129,10 +129,8 @@ def design_header() -> str:
 
     # gains and times of a design, and coefficients of components
     sizes_of_used = {"masses": N_LEGS, "gains": 25, "wanted": len(REQUESTED), "filter_time": 1, "tracking_time": 1}
-    functions = [_of_elements("used", sizes_of_used, _used, "used")]
     sensor = _of_elements("sensor", {"step": 1}, lambda step: Sensor.prepare({"quantisation": step}), "coefficients")
-    functions.append(sensor)
-    functions += laws
+    functions = [_of_elements("used", sizes_of_used, _used, "used"), sensor, *laws]
     texts = [in_lanes(function, "static void design_", exact=True) for function in functions]
     states = ", ".join(f"{{{1 + variant.integrates}, {2 * variant.has_notch}}}" for variant in VARIANTS)
     tustin = ", ".join(str(int(variant.discretisation == "tustin")) for variant in VARIANTS)

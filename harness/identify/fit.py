@@ -66,7 +66,7 @@ _DELAY, _TILT = 0.01, 0.1
 _SMALLEST = 1e-6
 # Magnitudes beyond which a log is not one of these instruments: the filters hardly reach further [s].
 _LARGEST = {"delay": 0.02}
-# Smaller p-values are not known better, and none is 0.
+# Smaller p-values are told as smaller than this: so far out the distribution is not known.
 _LEAST_P = 1e-6
 # NumPy and SciPy have an OpenBLAS each; other libraries of linear algebra keep their threads.
 _PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")

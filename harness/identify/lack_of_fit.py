@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from gough_stewart.harness.identify.noise import PartNoise, RowNoise, fitted_noise, noises_of, whitened_by
+from gough_stewart.harness.identify.noise import INVISIBLE, PartNoise, RowNoise, fitted_noise, noises_of, whitened_by
 from gough_stewart.harness.identify.regressor import INERTIAL, PER_LEG, expanded, parameter_columns, states_of, unit_of
 from gough_stewart.harness.identify.row_model import RowFit, tilt_directions
 from gough_stewart.harness.identify.sticking_friction import travel_since_reversal
@@ -59,8 +59,6 @@ FITS = 0.02
 _DRAWS, _MOST_DRAWS, _MOST_ROWS, _LAGS = 4000, 40_000, 400, 10
 # Singular values below this share of the column's own size are rounding errors.
 _NEGLIGIBLE = 1e-6
-# Effects of a family's size that are below this many standard deviations cannot be seen.
-_INVISIBLE = 0.3
 
 
 class Family(NamedTuple):
@@ -302,7 +300,7 @@ def lack_of_fit(
     """
     Q = basis_of(D)
     left = beside(Q, residual)
-    bases = {name: basis_of(beside(Q, X), np.linalg.norm(X, axis=0), _INVISIBLE) for name, X in families.items()}
+    bases = {name: basis_of(beside(Q, X), np.linalg.norm(X, axis=0), INVISIBLE) for name, X in families.items()}
     bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
     all_columns = np.concatenate([np.empty((len(left), 0)), *bases.values()], axis=1)
     U = basis_of(all_columns, np.ones(all_columns.shape[1]))

@@ -60,11 +60,8 @@ _JITTER = 0.1  # of a row's time, in samples
 _SLOWEST_SAMPLES = 0.1  # [s]
 # Share of each log, taken from its end, that validates the fit.
 VALIDATION = 0.2
-# Shapes of a row of a log's arrays.
-_SIZES: dict[str, tuple[int, ...]] = {
-    **{"leg_length": (6,), "time": (), "actuator_force": (6,), "position": (3,)},
-    **{"orientation": (3,), "motor_position": (6,)},
-}
+# The arrays of a log.
+_ARRAYS = ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position")
 
 
 class _Rows:
@@ -105,14 +102,14 @@ class Log(_Rows):
     def __post_init__(self) -> None:
         """Convert the arrays, and refuse shapes that do not belong together."""
         rows: tuple[int, ...] = ()
-        for name, size in _SIZES.items():
+        for name in _ARRAYS:
             if (value := getattr(self, name)) is None and rows:
                 continue
             try:
                 values = np.asarray(value, dtype=float)
             except (ValueError, TypeError):  # ragged, or no numbers
                 raise LogError(f"{self.where}: {name} is {value!r:.60}; expected an array of numbers") from None
-            rows = rows or values.shape[:1]
+            rows, size = rows or values.shape[:1], () if name == "time" else _QUANTITIES[name][1:2]
             if not rows or values.shape != (*rows, *size):
                 expected = f"{(*rows, *size)}, a row for each of leg_length"
                 if name == "leg_length":
@@ -263,10 +260,9 @@ def _log_of(  # noqa: PLR0912, PLR0915 - one quantity after the other
     elements: dict[tuple[str, int], Heading] = {}
     for heading in map(Heading.of, table.columns):
         match = _ELEMENT.fullmatch(heading.name)
-        if match is not None:
-            name, bracket, tail = match.groups()
-            element = name, int(bracket or tail or 1)
-            if (other := elements.setdefault(element, heading)) is not heading and name in _NAMES:
+        if match is not None and match[1] in _NAMES:
+            element = match[1], int(match[2] or match[3] or 1)
+            if (other := elements.setdefault(element, heading)) is not heading:
                 raise LogError(f"has {other.column} and {heading.column}, which mean the same; remove one of them")
     columns: dict[str, list[tuple[str, float]]] = {}  # of each quantity, with factors to SI units
     for quantity, (names, size, unit) in _QUANTITIES.items():

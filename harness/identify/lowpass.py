@@ -17,11 +17,10 @@ _WINDOW = (0.375, 0.5, 0.125)
 # The cut-off is this multiple of the frequency below which the motion's accelerations lie, except for this share.
 _ABOVE_MOTION, _BEYOND = 16.0, 1e-3
 LOWEST = 2.0  # cut-off [Hz]
-# Power of noise in a bin that is not the motion's: times the median of all legs, and of the noisiest leg alone, whose
-# power varies more.
-_FLOOR, _FLOOR_OF_ONE = 10.0, 26.0
-# Or times the largest: of a motion that repeats, an encoder without noise rounds alike, which makes lines.
-_OF_LINES = 2.0
+# A bin is the motion's if its power exceeds these multiples of powers in the upper half of the spectrum: of the median
+# of all legs together; of that of the noisiest leg, since the power of one leg varies more; of the largest, since an
+# encoder without noise rounds a repeating motion alike each time, which makes lines that no median sees.
+_OF_MEDIAN, _OF_NOISIEST, _OF_LARGEST = 10.0, 26.0, 2.0
 # Median of |x| of the standard normal distribution.
 _MEDIAN = 0.6744897501960817
 # Correlations below this share of the largest are cut off; the kernels' windows make them vanish.
@@ -81,7 +80,7 @@ def cutoff_of(leg_length: FloatArray, step: float) -> float:
     """A cut-off above the motion of a log [Hz]; accelerations matter, since they carry the masses and most noise.
 
     The spectrum of the lengths, times frequency to the fourth power, up to where it rises again into noise. A leg that
-    moves at the log's ends leaks into all of it: f⁻² of this through Hann's window, f⁻⁶ through its square.
+    moves at the ends of the log leaks into all of that: as f⁻² with Hann's window, as f⁻⁶ with its square.
     """
     window = np.hanning(len(leg_length))[:, None] ** 2
     of_legs = np.abs(np.fft.rfft((leg_length - leg_length.mean(axis=0)) * window, axis=0)) ** 2
@@ -89,15 +88,15 @@ def cutoff_of(leg_length: FloatArray, step: float) -> float:
     # encoder noise is white: its power is estimated from the upper half
     upper = slice(len(power) // 2, None)
     floor = max(
-        _FLOOR * float(np.median(power[upper])),
-        _FLOOR_OF_ONE * float(np.median(of_legs[upper], axis=0).max()),
-        _OF_LINES * float(power[upper].max()),
+        _OF_MEDIAN * float(np.median(power[upper])),
+        _OF_NOISIEST * float(np.median(of_legs[upper], axis=0).max()),
+        _OF_LARGEST * float(power[upper].max()),
     )
     of_acceleration = np.maximum(power - floor, 0.0) * frequency**4
     share = np.cumsum(of_acceleration) / max(float(of_acceleration.sum()), 1e-300)
-    # all frequencies where nothing stands out
-    highest = min(int(np.searchsorted(share, 1 - _BEYOND)), len(share) - 1)
-    return max(_ABOVE_MOTION * float(frequency[highest]), LOWEST)
+    # the last frequency where nothing stands out of the noise
+    highest = frequency[np.searchsorted(share[:-1], 1 - _BEYOND)]
+    return max(_ABOVE_MOTION * float(highest), LOWEST)
 
 
 def noise_beyond(values: FloatArray, step: float, cutoff: float) -> FloatArray:

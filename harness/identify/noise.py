@@ -29,9 +29,10 @@ _ENOUGH = 3
 # Logarithm of how much the ratio of both noises may differ from that of the raw signals.
 _LIKELY, _RATIOS = (-1.5, 1.5), (-18.0, 18.0)
 _CLOSE = 0.05
-# Singular values below this share of the largest are rounding errors; effects of an extension's size that are below so
-# many standard deviations of the raw noise cannot be seen.
-_DEPENDENT, _INVISIBLE = 1e-9, 0.3
+# Singular values below this share of the largest are rounding errors.
+_DEPENDENT = 1e-9
+# Effects of an extension's size that are below this many standard deviations cannot be seen.
+INVISIBLE = 0.3
 # Added to the variances, so that what was cut off does not make a covariance indefinite.
 _CUT_OFF = 3e-5
 
@@ -154,8 +155,8 @@ def _fitted_shares(
     # where the motion lacks, columns are noise of the lengths themselves, which must not explain that of the residual
     white = whitened_by([window.factor(1.0, 1.0) for window in windows], np.concatenate([D, X], axis=1))
     Q, rest = np.linalg.qr(white[:, : D.shape[1]])[0], white[:, D.shape[1] :]
-    _, sigma, directions = np.linalg.svd(np.linalg.qr(rest - Q @ (Q.T @ rest), mode="r"))
-    X = X @ directions[: len(sigma)][sigma > np.maximum(_INVISIBLE, _DEPENDENT * sigma[:1])].T
+    _, sigma, directions = np.linalg.svd(np.linalg.qr(rest - Q @ (Q.T @ rest), mode="r"), full_matrices=False)
+    X = X @ directions[sigma > np.maximum(INVISIBLE, _DEPENDENT * sigma[:1])].T
     Y, k = np.column_stack([D, X, (used * residual).ravel()]), D.shape[1] + X.shape[1]
 
     def shares(log_ratio: float) -> tuple[float, float]:

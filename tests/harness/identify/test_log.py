@@ -12,8 +12,6 @@ from gough_stewart import GoughStewartError, Log, read_log, run, save_record
 
 LENGTHS = 0.31 + 0.017 * np.sin(np.outer(np.arange(8), [1.0, 1.3, 1.7, 2.1, 2.3, 2.9]))
 FORCES = 40.0 + 13.0 * np.cos(np.outer(np.arange(8), [0.7, 1.1, 1.9, 2.2, 2.6, 3.1]))
-
-
 SIZES: dict[str, tuple[int, ...]] = {"time": (), "position": (3,), "orientation": (3,)}
 
 

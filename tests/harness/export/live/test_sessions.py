@@ -58,8 +58,8 @@ def played(sessions: list[tuple[Page, Hand | int]], folder: Path) -> list[dict[s
         messages = session_of(np.random.default_rng(hand), data) if isinstance(hand, int) else hand(data)
         told.append({"page": list(pages).index(name), "messages": [*messages, {"type": "files"}]})
     (folder / "in.json").write_text(json.dumps({"pages": list(pages.values()), "sessions": told}))
-    script = Path(__file__).parents[3] / "support" / "session.mjs"
-    command = [compute_driver_executable()[0], str(script), str(folder / "in.json"), str(folder / "out.json")]
+    script = str(Path(__file__).with_name("session.mjs"))
+    command = [compute_driver_executable()[0], script, str(folder / "in.json"), str(folder / "out.json")]
     subprocess.run(command, check=True, timeout=300)
     said: list[dict[str, Any]] = json.loads((folder / "out.json").read_text())
     return said
