@@ -48,6 +48,7 @@ _COMMON = {
 }
 _SIGNALS = {variable.name: variable for variable in VARIABLES}
 _GAINS = re.compile(r"controller\.\w+_gain")
+_POINT_FIRST = re.compile(r"[+-]?\.\d+([eE][+-]?\d+)?", re.ASCII)
 _UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {n: row.unit for n, row in TABLE.items()}
 
 
@@ -83,7 +84,8 @@ def typed_value(text: str) -> Any:
     try:
         return toml_values(f"value = {text}")["value"]
     except ValueError:
-        return text.strip()
+        # TOML has no numbers that begin with their point
+        return float(text) if _POINT_FIRST.fullmatch(text.strip()) else text.strip()
 
 
 def set_key(values: Any, where: str, key: str, value: Any) -> None:

@@ -258,7 +258,7 @@ def test_a_fitted_experiment_is_written_beside_and_checked_and_can_be_run() -> N
     assert "the reference cannot be reached" in invoke("run", "pitch_sine", *fast, *slow).stderr
     assert invoke("run", "pitch_sine-fitted.toml", *slow).exit_code in (0, 3)
     # what is checked beside it carries the same load
-    payload = ("--payload", "300kg", "--payload-height", "0.4 m")
+    payload = ("--payload", "300kg", "--payload-height", ".4")
     fitted = invoke("check", "pitch_sine", *fast, "--fit", "amplitude", *payload).output.partition("-fitted.toml:")[2]
     alone = invoke("check", "pitch_sine-fitted.toml").output
     force = next(line for line in alone.splitlines() if line.startswith("│ force "))

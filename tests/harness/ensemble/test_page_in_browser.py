@@ -57,9 +57,10 @@ def page(browser: Browser, folder: Path) -> Iterator[Page]:
 
 def test_members_in_a_marked_range_stand_out_everywhere(page: Page, ensemble: gs.Ensemble) -> None:
     """Expected: those whose mass is in the range, by the table; their quantiles by NumPy; bars that sum to them."""
-    box = page.evaluate(BOX, MASS)
-    page.wait_for_timeout(100)
-    box = page.evaluate(BOX, MASS)
+    box = None
+    while (now := page.evaluate(BOX, MASS)) != box:  # a chart that is scrolled to comes to rest
+        box = now
+        page.wait_for_timeout(200)
     y = box["y"] + 0.5 * box["height"]
     page.mouse.move(box["x"] + 0.5 * box["width"], y)
     page.mouse.down()

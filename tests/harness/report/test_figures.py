@@ -194,8 +194,10 @@ def test_no_two_lines_look_the_same() -> None:
         looks = {(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines}
         assert len(looks) == len(axes.lines) == len(series)
     (axes,) = _drawn(_chart("states", *(_series(f"{k}", _TIME + k) for k in range(8))))
-    looks = [(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines]
-    assert looks[6:] == [(looks[k][0], looks[k + 1][1]) for k in range(2)]  # six colours, then with the next dashes
+    of_eight = [(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines]
+    assert of_eight[6:] == [
+        (of_eight[k][0], of_eight[k + 1][1]) for k in range(2)
+    ]  # six colours, then with the next dashes
 
 
 def test_bars_have_labels_intervals_and_the_first_on_top() -> None:
