@@ -21,7 +21,7 @@ from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folds import Fold, KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS, Timing
 from gough_stewart.harness.loop.rows import FoldsOfRows, Outcome
-from gough_stewart.harness.loop.run import observe, samples_of_rows
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
 from gough_stewart.harness.results.metric_folds import columns_of, metric_folds, metric_kernels
@@ -256,7 +256,7 @@ def oscillations(
             prepared = batch.member(members[0])
             assert prepared.loop.reference is not None
             reference = np.ascontiguousarray(prepared.loop.reference[:: kept.every, LENGTHS].T)
-            acting = acting_columns(prepared, samples_of_rows(prepared.loop.timing))
+            acting = acting_columns(prepared, prepared.loop.timing.sample_of_row)
             # up to the first kept row at or after it
             begin = ceil(rest_begins(values for _, values in acting) / kept.every)
             excitation = SelfExcitation(kept.time, reference, begin)

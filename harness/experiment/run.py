@@ -196,8 +196,7 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
 
     # simulate
     with opening as opened, opening_law as law_from:
-        history = simulate(opened, law_from, loop, progress)
-        history = history.of_member(0) if getattr(opened, "shape", ()) else history
+        history = simulate(opened, law_from, loop, progress)[0]
         remarks = opened.remarks() if hasattr(opened, "remarks") else ""
     record = record_of(history, prepared, chosen, name, replaced, member if in_batch else None)
 
@@ -240,10 +239,10 @@ def records_of(members: Members, numbers: Sequence[int | None]) -> list[Record]:
     experiments, batch = _members_of(members, numbers)
     running = batch.in_parallel(members.stepping)
     with running.plant:
-        run = simulate(running.plant, running.law_from, running.loop)
+        runs = simulate(running.plant, running.law_from, running.loop)
     replaced = [] if members.controller is None else ["controller"]
     return [
-        record_of(run.of_member(k), with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, numbers[k])
+        record_of(runs[k], with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, numbers[k])
         for k, experiment in enumerate(experiments)
     ]
 
@@ -295,7 +294,7 @@ def record_of(
         **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
         "host": run.host,
         "rows": len(run.time),
-        "outcome": run.outcomes[0]._asdict(),
+        "outcome": run.outcome._asdict(),
         "duration": timing.duration,
         "sample_time": timing.sample_time,
         "plant_step": timing.plant_step,

@@ -384,7 +384,7 @@ def c_files(
         prepared = prepare(experiment.model_copy(update={"loop": loop, **quiet}), controller)
     with prepared.law_in_a_run() as law:
         plant = ModelPlant(prepared.machine, prepared.start)
-        run = simulate(plant, law, replace(prepared.loop, changes=(), injection=None))
+        (run,) = simulate(plant, law, replace(prepared.loop, changes=(), injection=None))
     samples = int(run.sample_of_row[-1]) + 1
     names = [v.name for v in designed.measured]
     rows = [run.measured[:samples, signals.positions(names) if names else []]]

@@ -116,6 +116,14 @@ class Timing:
             rows = rows[:, None] + late if differ else rows + late[:, 0]
         return np.minimum(rows, self.steps - 1)
 
+    @property
+    def sample_of_row(self) -> NDArray[np.intp]:
+        """The last sample at or before each row: (n,), or (n, N) where members differ."""
+        rows, all_rows = self.rows_of_samples, np.arange(self.steps + 1)
+        if rows.ndim == 1:
+            return np.searchsorted(rows, all_rows, side="right") - 1
+        return np.stack([np.searchsorted(of_member, all_rows, side="right") - 1 for of_member in rows.T], axis=-1)
+
     def steps_in(self, time: float, name: str) -> int:
         """The number of plant steps in a time [s], which must be a whole number."""
         steps = round(time / self.plant_step)

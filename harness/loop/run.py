@@ -3,7 +3,7 @@
 A run has N members, N >= 1, which run in parallel; arrays have a leading member axis.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLa
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.compiled_host import CompiledHost
 from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_together
-from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges, Timing
+from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
 from gough_stewart.harness.loop.python_host import SensorReadings, run_in_python
 from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
 from gough_stewart.harness.plants.lanes import BatchPlant
@@ -96,11 +96,7 @@ def observe(
 
 @dataclass(frozen=True)
 class Run:
-    """The history of a run up to its end, by row; the controller's by sample.
-
-    With many members, arrays have the member axis after that of time, such as (n, N, 12). After a member has ended,
-    its rows repeat the last state.
-    """
+    """The history of a run of one member up to its end, by row; the controller's by sample."""
 
     time: FloatArray  # (n,)
     results: FloatArray  # (n, N_RESULTS)
@@ -112,57 +108,34 @@ class Run:
     command: FloatArray  # (m, 6), before limits
     controller_state: FloatArray  # (m, n_states), before the command was computed
     force_limited: BoolArray  # (m, 6)
-    outcomes: tuple[Outcome, ...]  # one per member
-    used: tuple[str, ...] = ()  # the measured signals that controllers use
-    host: str = "Python"  # what ran the loop, see `RowBlock`
-
-    def of_member(self, member: int) -> "Run":
-        """The history of one of many members, up to its end."""
-        outcome = self.outcomes[member]
-        # half a row later than its end, since times are rounded
-        rows = np.searchsorted(self.time, outcome.time + (self.time[1] if len(self.time) > 1 else 1.0) / 2)
-        samples = self.sample_of_row if self.sample_of_row.ndim == 1 else self.sample_of_row[:, member]
-        by_row = {name: getattr(self, name)[:rows, member] for name in ("inputs", "rate_limited", "stroke_exceeded")}
-        of_samples = ("measured", "command", "controller_state", "force_limited")
-        return replace(
-            self,
-            time=self.time[:rows],
-            results=np.ascontiguousarray(self.results[:rows, member]),
-            sample_of_row=samples[:rows],
-            outcomes=(outcome,),
-            **by_row,
-            **{name: getattr(self, name)[:, member] for name in of_samples},
-        )
+    outcome: Outcome
+    used: tuple[str, ...]  # the measured signals that controllers use
+    host: str  # what ran the loop, see `RowBlock`
 
 
-def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
-    """`observe` with a complete history."""
-    rows = AllRows()
+def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> list[Run]:
+    """`observe` with the complete history of each member."""
+    rows, timing = AllRows(), loop.timing
     outcomes = observe(plant, law_from, loop, rows, progress)
-    n = int(rows.counting.max())
-    # members before elements
-    results = np.moveaxis(rows.results[1 : n + 1], 1, 2)
-    run = Run(
-        time=loop.timing.times[:n],
-        results=results,
-        inputs=np.moveaxis(rows.inputs[1 : n + 1], 1, 2),
-        rate_limited=np.moveaxis(rows.rate_limited[1 : n + 1], 1, 2),
-        stroke_exceeded=loop.limits.beyond_stroke(results[..., LENGTHS]),
-        sample_of_row=samples_of_rows(loop.timing)[:n],
-        measured=np.moveaxis(rows.measured, 1, 2),
-        command=np.moveaxis(rows.command, 1, 2),
-        controller_state=np.moveaxis(rows.state, 1, 2),
-        force_limited=np.moveaxis(rows.limited, 1, 2),
-        outcomes=outcomes,
-        used=rows.used,
-        host=rows.host,
-    )
-    return run if getattr(plant, "shape", ()) else run.of_member(0)
-
-
-def samples_of_rows(timing: Timing) -> NDArray[np.intp]:
-    """The last sample at or before each row (n,), or (n, N) where members differ."""
-    rows, all_rows = timing.rows_of_samples, np.arange(timing.steps + 1)
-    if rows.ndim == 1:
-        return np.searchsorted(rows, all_rows, side="right") - 1
-    return np.stack([np.searchsorted(of_member, all_rows, side="right") - 1 for of_member in rows.T], axis=-1)
+    exceeded = loop.limits.beyond_stroke(np.moveaxis(rows.results[1:, LENGTHS], 1, 2))
+    runs, sample_of_row = list[Run](), np.broadcast_to(timing.sample_of_row.T, (len(outcomes), timing.steps + 1))
+    for k, outcome in enumerate(outcomes):
+        # one row, at rest, of a member of many that never had a controller
+        n = min(max(int(rows.counting[k]), 1), int(rows.counting.max()))
+        history = Run(
+            time=timing.times[:n],
+            results=np.ascontiguousarray(rows.results[1 : n + 1, :, k]),
+            inputs=rows.inputs[1 : n + 1, :, k],
+            rate_limited=rows.rate_limited[1 : n + 1, :, k],
+            stroke_exceeded=exceeded[:n, k],
+            sample_of_row=sample_of_row[k, :n],
+            measured=rows.measured[:, :, k],
+            command=rows.command[:, :, k],
+            controller_state=rows.state[:, :, k],
+            force_limited=rows.limited[:, :, k],
+            outcome=outcome,
+            used=rows.used,
+            host=rows.host,
+        )
+        runs.append(history)
+    return runs
