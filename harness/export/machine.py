@@ -28,14 +28,12 @@ from gough_stewart.harness.control.state_space import METHODS, Method
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
+from gough_stewart.harness.loop.host import MEMORY, LoopBlock, LoopHost
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
-from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, BatchPlant
-from gough_stewart.harness.plants.plant import seen
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
@@ -200,12 +198,10 @@ def _block(  # noqa: PLR0912 - one road, in sections
         [prepared.machine], [prepared.start], tolerance=experiment.plant.tolerance, kernel=prepared.kernel
     )
     with batch_plant as plant, prepared.law_in_a_run() as law_from:
-        changes = _changes(plant, loop)
-        reading = SensorReadings(loop, 1, np.zeros((1, N_FAULTS))).read(0, seen(plant, loop.sensors.side))
-        law: Any = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
+        changes, room = _changes(plant, loop), Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED)
+        host = LoopHost(plant, replace(loop, changes=(room, *loop.changes)))
+        host.control(None if law_from is None or loop.reference is None else law_from(loop.reference[0], host.reading))
         plant.set_inputs(changes["inputs"][:1])
-        room = Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED)
-        host = CompiledHost(plant, law, replace(loop, changes=(room, *loop.changes)), reading)
         host.follow(changes["faults"][:1], np.zeros((1, 0)))
         if failures := plant.begin():
             raise MembersError(failures)
@@ -404,7 +400,7 @@ _DERIVATIVES: tuple[DerivativeOn, ...] = ("error", "measurement")
 VARIANTS = tuple(TurnableLaw(*fixed) for fixed in product(_DERIVATIVES, (False, True), METHODS, (False, True)))
 
 
-def _channels_of(host: CompiledHost, law: TurnableLaw) -> NDArray[np.int64]:
+def _channels_of(host: LoopHost, law: TurnableLaw) -> NDArray[np.int64]:
     """Of each entry of a law (n, 2) its channel, and its place in that one's [C D; A B].
 
     The states of all channels' controllers come first, then those of their notches.

@@ -71,12 +71,9 @@ class RowBlock:
         self.force_limited, self.rate_limited = np.zeros((2, self.most + 1, 6, members), dtype=bool)
         self.counting = np.zeros(members, dtype=np.intp)  # how many rows count for each, up to that of its outcome
 
-    def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
-        """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
+    def add(self, _inputs: FloatArray) -> None:
+        """Count a row that the loop's machine code has written; inputs (N, 12) act from it on."""
         self.count += 1
-        k = self.count
-        self.signals[k], self.forces[k] = now.T, inputs.T[:6]
-        self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
 
 
 @dataclass
@@ -134,10 +131,10 @@ class AllRows(RowBlock, Observer):
         self.limited = np.zeros((m, 6, members), dtype=bool)  # which forces are limited
         return self
 
-    def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
-        """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
+    def add(self, inputs: FloatArray) -> None:
+        """Count a row, evaluated again under the inputs (N, 12) that act from now on."""
         k = self.count + 1
-        self.results[k], self.inputs[k], self.rate_limited[k] = self._plant.results().T, inputs.T, rate_limited.T
+        self.results[k], self.inputs[k] = self._plant.results().T, inputs.T
         self.count = k  # at last, since the plant may fail
 
     def block(self, rows: RowBlock) -> None:
@@ -151,7 +148,6 @@ class RowMonitor:
         (n_members,) = plant.shape
         self._times, self._limits, self.observer = loop.timing.times, loop.limits, observer
         self._reference = members_last(loop.reference)
-        self._nearest_limit = float(np.min(loop.limits.largest_position_error))
         self.outcomes: dict[int, Outcome] = {}  # of those that have ended before the end of the run
         self.rows = observer.start(loop.timing, plant, n_members)  # the block that is being filled
         self.n_rows = 0  # so far
@@ -170,22 +166,6 @@ class RowMonitor:
                 self.counting[member] = rows
                 self.going[member] = self.all_go = False
                 self.ended_now = True
-
-    def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
-        """Add a row, see `RowBlock.add`, and end members that are beyond a limit there."""
-        self.rows.add(now, inputs, force_limited, rate_limited)
-        row, self.n_rows = self.n_rows, self.n_rows + 1
-        if self._limits.on_stroke == "stop":
-            beyond = self._limits.beyond_stroke(now[:, LENGTHS]).any(axis=1)
-            self.end(beyond, row + 1, "stopped", lambda k: self.beyond_stroke(now[k]))
-        if self._reference is not None:
-            gap = self._reference[row, :3] - now.T[:3]
-            if not signals.all_below(gap, self._nearest_limit):
-                x, y, z = gap
-                away = ~np.less_equal(np.sqrt(x * x + y * y + z * z), self._limits.largest_position_error)
-                self.end(away, row + 1, "diverged", lambda k: self.too_far(k, row, now[k]))  # also for NaN
-        if self.rows.count == self.rows.most:
-            self.pass_on()
 
     def beyond_stroke(self, now: FloatArray) -> str:
         """Why a run with these signals (24,) is stopped: its first leg that is beyond its stroke."""

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaw, SeparateLaws
+from gough_stewart.harness.control.laws_of_members import LawFrom, SeparateLaws
 from gough_stewart.harness.errors import ControllerError, PlantError
-from gough_stewart.harness.loop.compiled_host import CompiledHost
-from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_together
+from gough_stewart.harness.loop.host import LoopHost
+from gough_stewart.harness.loop.libraries import compiled_together
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
-from gough_stewart.harness.loop.python_host import SensorReadings, run_in_python
 from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
-from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
+from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
@@ -61,26 +59,18 @@ def observe(
             # the controllers, at the first sample
             changes = ScheduledChanges(loop, several)
             changes.apply(0)
-            readings = SensorReadings(loop, len(monitor.going), changes.faults)
-            reading = readings.read(0, seen(several, loop.sensors.side))
-            law: Law | None = None
+            host, law = LoopHost(several, loop), None
             if law_from is not None and reference is not None:
-                law = law_from(reference[0], reading)
+                law = law_from(reference[0], host.reading)
+                for member, error in law.failures.items():
+                    monitor.end(member, 0, "stopped", str(error))
                 if isinstance(monitor.rows, AllRows):
                     monitor.rows.used = law.used
                     monitor.rows.state = np.zeros((len(monitor.rows.measured), *law.state.T.shape))
-
-            # in machine code if they and the plant can, else in Python; for it linear controllers are data
-            lanes = several if isinstance(several, BatchPlant) and several.loop_run is not None else None
-            form: LinearLaw | CompiledLaw | None = law if isinstance(law, LinearLaw) else None
-            if lanes is not None and isinstance(law, SeparateLaws) and law.traced is not None:
-                form = compiled_together(law.traced)
-            if lanes is not None and (law is None or form is not None):
-                for member, error in ({} if law is None else law.failures).items():
-                    monitor.end(member, 0, "stopped", str(error))
-                CompiledHost(lanes, form, loop, reading).run(monitor, changes, progress, threads)
-            else:
-                run_in_python(several, law, loop, readings, monitor, changes, progress)
+            # functions of CasADi in machine code, if they have the same operations
+            traced = compiled_together(law.traced) if isinstance(law, SeparateLaws) and law.traced is not None else None
+            host.control(traced or law)
+            host.run(monitor, changes, progress, threads)
     except (StepError, ControllerError, PlantError) as error:
         if not monitor.n_rows:
             raise

@@ -4,7 +4,7 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 """
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -98,11 +98,11 @@ class CompiledLanes:
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features  # of the processor that it was compiled for: equal texts mean equal bits
         self.library = ctypes.CDLL(str(library.path))
-        # the function of c/loop, if it is there
-        self.loop_run: Callable[..., int] | None = getattr(self.library, "loop_run", None)
         number, count, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
-        if self.loop_run is not None:
+        if hasattr(self.library, "loop_run"):
             self.library.loop_run.restype = count
+            for name in ("loop_read", "loop_act"):
+                getattr(self.library, name).argtypes = (ctypes.POINTER(_CBatch), array, count)
         for name, result, arguments in (
             ("check", count, tuple[Any, ...]()),
             ("step", count, (number, count, number, array)),
@@ -171,8 +171,8 @@ class BatchPlant(Plant):
         self.substeps, self.tolerance = substeps, tolerance
         self._kernel = kernel or _of_plants_alone(variant)
         self.features, self.columns = self._kernel.features, variant.columns
-        # the function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`
-        self.loop_run = self._kernel.loop_run
+        # the machine code with c/loop, if it is there; then call `begin` and, at last, `came_to`
+        self.loop_library = self._kernel.library if hasattr(self._kernel.library, "loop_run") else None
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False

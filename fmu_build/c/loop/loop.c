@@ -226,6 +226,10 @@ static void control(vector *v, int64_t sample, mask due, lanes force[])
     const loop *l = v->loop;
     mask off = those_off(v, due);
     lanes output[N_LEGS];
+    if (l->kinds == ASKED) {
+        recall(v, l->next, N_LEGS, force);
+        return;
+    }
     feed(v, sample, due, off);
     for (int64_t i = 0; i < l->n_states; i++)
         write_number(v, &l->sample_state, sample, i, remembered(v, l->memory, i), due);
@@ -462,23 +466,37 @@ static int64_t step_plant(vector *v, int64_t row)
     return work;
 }
 
-/* Everything at a row but the step from there. */
-static void at_row(vector *v, int64_t row)
+/* The members whose sample is at a row before the end. */
+static mask due_at(const vector *v, int64_t row)
+{
+    const loop *l = v->loop;
+    mask due = v->plant.running;
+    const int64_t *rows = l->sampled.at + row / l->every * l->sampled.row;
+    for (int lane = 0; lane < v->live; lane++)
+        if (rows[l->sampled.member ? v->first + lane : 0] != row)
+            LANE(due, lane) = 0;
+    return due;
+}
+
+static void read_at(const vector *v, int64_t row, mask due)
+{
+    const loop *l = v->loop;
+    if (!l->kinds)
+        return;
+    if (l->reading_every && row % l->reading_every == 0)
+        read_sensors(v, row / l->reading_every, l->size, l->used, v->plant.running);
+    else if (!l->reading_every && any(due))
+        read_sensors(v, row / l->every, l->size, l->used, due);
+}
+
+/* Command, drives and faults: what acts from a row on. The row is kept, and its limits are checked. */
+static void act_at(vector *v, int64_t row, mask due)
 {
     const loop *l = v->loop;
     lanes is_behind[N_LEGS] = {(lanes)0.0};
     if (row < l->last) {
-        int64_t sample = row / l->every;
-        mask due = v->plant.running;
-        const int64_t *rows = l->sampled.at + sample * l->sampled.row;
-        for (int lane = 0; lane < v->live; lane++)
-            if (rows[l->sampled.member ? v->first + lane : 0] != row)
-                LANE(due, lane) = 0;
-        if (l->kinds && (l->reading_every ? row % l->reading_every == 0 : any(due)))
-            read_sensors(v, l->reading_every ? row / l->reading_every : sample, l->size, l->used,
-                         l->reading_every ? v->plant.running : due);
         if (any(due))
-            sample_at(v, row, sample, due);
+            sample_at(v, row, row / l->every, due);
         drive(v, is_behind);
     }
     if (l->cut) { /* legs without force; their drives go on */
@@ -496,20 +514,54 @@ static void at_row(vector *v, int64_t row)
     check_limits(v, row);
 }
 
+static void place(vector *v, const batch *members, const loop *l, int64_t block)
+{
+    v->loop = l;
+    v->first = block * WIDTH;
+    v->stride = members->stride;
+    v->live = l->members - v->first < WIDTH ? (int)(l->members - v->first) : WIDTH;
+    v->plant.members = members;
+    v->plant.running = *(const mask_anywhere *)(members->running + v->first);
+}
+
+void loop_read(const batch *members, const loop *l, int64_t row)
+{
+    for (int64_t block = 0; block * WIDTH < l->members && row < l->last; block++) {
+        vector v;
+        place(&v, members, l, block);
+        recall(&v, members->states, N_STATES, v.plant.x);
+        read_at(&v, row, due_at(&v, row));
+    }
+}
+
+void loop_act(const batch *members, const loop *l, int64_t row)
+{
+    for (int64_t block = 0; block * WIDTH < l->members; block++) {
+        vector v;
+        place(&v, members, l, block);
+        recall(&v, members->states, N_STATES, v.plant.x);
+        act_at(&v, row, row < l->last ? due_at(&v, row) : v.plant.running);
+        *(mask_anywhere *)(members->running + v.first) = v.plant.running;
+    }
+}
+
 int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end, int64_t to, int64_t most_work)
 {
     lanes chunk[CHUNK + 1][ROW_ELEMENTS];
     for (int64_t block = first; block < end; block++) {
-        vector v = {.loop = l, .first = block * WIDTH, .stride = members->stride, .chunk = chunk};
-        if (l->at_row[block] >= to || v.first >= l->members)
+        vector v = {.chunk = chunk};
+        if (l->at_row[block] >= to || block * WIDTH >= l->members)
             continue;
-        v.live = l->members - v.first < WIDTH ? (int)(l->members - v.first) : WIDTH;
+        place(&v, members, l, block);
         read_group(&v.plant, members, block, N_PARAMETERS);
         if (l->takes)
             recall(&v, l->takes->latest, ROW_ELEMENTS, chunk[0]);
         while (l->at_row[block] < to && most_work >= 0) {
             int64_t row = l->at_row[block]++;
-            at_row(&v, row);
+            mask due = row < l->last ? due_at(&v, row) : v.plant.running;
+            if (row < l->last)
+                read_at(&v, row, due);
+            act_at(&v, row, due);
             if (row < l->last)
                 most_work -= step_plant(&v, row);
             if (v.taken == CHUNK)
@@ -548,22 +600,3 @@ void loop_begin(const batch *members, const loop *l)
     feed(&v, 0, everyone_of(&v), everyone_of(&v) & 0);
 }
 #endif
-
-void loop_noise(const int64_t *streams, int64_t n, int64_t reading, int64_t readings, int64_t element,
-                int64_t elements, double *noise)
-{
-    for (int64_t first = 0; first < n; first += WIDTH) {
-        int live = n - first < WIDTH ? (int)(n - first) : WIDTH;
-        words stream[4];
-        lanes x[N_SIGNALS];
-        for (int i = 0; i < 4; i++)
-            for (int lane = 0; lane < WIDTH; lane++)
-                LANE(stream[i], lane) = (uint64_t)streams[i * n + first + (lane < live ? lane : 0)];
-        for (int64_t k = 0; k < readings; k++) {
-            normals(stream, reading + k, element, elements, x);
-            for (int64_t i = 0; i < elements; i++)
-                for (int lane = 0; lane < live; lane++)
-                    noise[(k * elements + i) * n + first + lane] = LANE(x[i], lane);
-        }
-    }
-}

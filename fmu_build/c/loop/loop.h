@@ -7,6 +7,9 @@
 
 #include "lanes.h"
 
+/* Of `kinds`: a controller elsewhere, which puts its forces into `next` between `loop_read` and `loop_act`. */
+enum { ASKED = 4 };
+
 /* Numbers by row, element and member: each distance is in numbers, that of members is 1, or 0 if all have the same. */
 typedef struct {
     const double *at;
@@ -60,7 +63,7 @@ typedef struct {
     table reference, feedforward, injection;
 
     /* the linear controller y = C x + D u, x+ = A x + B u, as the elements of [C D; A B] that are not zero, row by row */
-    int64_t kinds;   /* parts of u: errors; references, measurements; these and the excess. 0: no controller */
+    int64_t kinds;   /* parts of u: errors; references, measurements; these and the excess. 0: no controller; ASKED */
     int64_t size;    /* number of signals that it uses */
     int64_t n_states;
     void (*law)(const double *memory, double *next, int64_t stride); /* a user's, see c/law/law.c, with kinds = 2 and
@@ -136,9 +139,9 @@ OFFERED int64_t loop_run(const batch *members, const loop *l, int64_t first, int
 void loop_begin(const batch *members, const loop *l);
 #endif
 
-/* Standard normal numbers (readings, elements, n) of `n` streams (4, n), words of 32 bits: those of `elements` from
-   `element` on, of `readings` from `reading` on; see noise.h. */
-OFFERED void loop_noise(const int64_t *streams, int64_t n, int64_t reading, int64_t readings, int64_t element,
-                        int64_t elements, double *noise);
+/* The same in two calls for plants that are stepped elsewhere: the readings at a row, then everything up to its step, in
+   which `acting` acts. They know the plant by its `signals` alone, and write no results; of members also `running`. */
+OFFERED void loop_read(const batch *members, const loop *l, int64_t row);
+OFFERED void loop_act(const batch *members, const loop *l, int64_t row);
 
 #endif
