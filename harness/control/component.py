@@ -98,11 +98,6 @@ class Stepped(Component):
         """The coefficients, a named tuple, from the values of its keys and the time [s] between its steps."""
 
     @staticmethod
-    def without_idle(coefficients: Any) -> Any:
-        """The same for numbers, with None for parts that no member has, which costs no time in a step."""
-        return coefficients
-
-    @staticmethod
     def start(coefficients: Any, inputs: Signals) -> Signals:  # noqa: ARG004 - of those with states
         """The states at rest in these inputs, in the order of `states`."""
         return ()
@@ -285,13 +280,6 @@ class ForceLimits(Stepped):
         return LimitCoefficients(-limit, limit, values["rate_limit"] * period)
 
     @staticmethod
-    def without_idle(coefficients: LimitCoefficients) -> LimitCoefficients:
-        c = coefficients
-        if not np.isfinite(c.high).any():
-            c = c._replace(low=None, high=None)
-        return c if np.isfinite(c.change).any() else c._replace(change=None)
-
-    @staticmethod
     def start(coefficients: LimitCoefficients, inputs: Signals) -> Signals:
         """The command; no states without a rate limit."""
         return () if coefficients.change is None else inputs
@@ -342,15 +330,6 @@ class Drive(Stepped):
         rate, lag = values["rate_limit"], values["lag"]
         lags = greater(lag, 0.0)
         return DriveCoefficients(period, rate, where(less(rate, np.inf), rate, 0.0), where(lags, lag, 1.0), lags)
-
-    @staticmethod
-    def without_idle(coefficients: DriveCoefficients) -> DriveCoefficients:
-        c = coefficients
-        if not np.isfinite(c.rate).any():
-            c = c._replace(rate=None, slope=None)
-        if not c.lags.any():
-            return c._replace(lag=None, lags=None)
-        return c._replace(lags=None) if c.lags.all() else c
 
     @staticmethod
     def start(_coefficients: DriveCoefficients, inputs: Signals) -> Signals:
@@ -468,13 +447,6 @@ class Sensor(Stepped):
         step = values["quantisation"]
         has_steps = greater(step, 0.0)
         return SensorCoefficients(where(has_steps, step, 1.0), has_steps)
-
-    @staticmethod
-    def without_idle(coefficients: SensorCoefficients) -> SensorCoefficients:
-        c = coefficients
-        if not c.has_steps.any():
-            return SensorCoefficients(None, None)
-        return c._replace(has_steps=None) if c.has_steps.all() else c
 
     @staticmethod
     def step(coefficients: SensorCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:

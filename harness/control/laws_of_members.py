@@ -6,6 +6,7 @@ and for small signals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -207,7 +208,7 @@ class SeparateLaws:
         functions = [law.traced if isinstance(law, CalledLaw) else None for law in laws]
         self.traced = None if any(f is None for f in functions) else [functions[k] for k in self._members.tolist()]
         # the memory of functions and FMUs is not visible
-        self.state: FloatArray = np.zeros((len(self._members), 0))
+        self.state: FloatArray = np.zeros((0, len(self._members)))
 
     @property
     def limited(self) -> BoolArray | None:
@@ -228,7 +229,11 @@ class SeparateLaws:
         due: BoolArray | None = None,
         off: BoolArray | None = None,
     ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, as of `LinearLaw`; members that gave none are in `failures`."""
+        """Forces (N, 6) [N] at sample k, by references (30,) or (N, 30), readings (N, 24) and excess (N, 6) [N].
+
+        Of the members that are `due` (N,), by default all; `off` are those of them that are switched off, which are
+        only asked. Members that gave none are in `failures`.
+        """
         failures = dict(self._not_made)
         references = np.broadcast_to(reference, (len(measured), reference.shape[-1]))
         for member, law in enumerate(self._laws):
@@ -276,13 +281,11 @@ def product_of_members(columns_first: FloatArray, vectors: FloatArray) -> FloatA
 
 
 class LinearLaw:
-    """The linear controllers of N members, of one structure: x⁺ = A x + B u, w = C x + D u; (x, u) are columns.
+    """The linear controllers of N members, of one structure, as data: x⁺ = A x + B u, w = C x + D u.
 
     The memory starts in steady state for constant inputs, those of the first sample, integrators at zero, so that a
     start off the reference gives no derivative kick.
     """
-
-    limited = None
 
     def __init__(
         self,
@@ -291,91 +294,33 @@ class LinearLaw:
         reference: FloatArray,  # at the first sample (30,) or (N, 30)
         measured: FloatArray,  # at the first sample (N, 24)
     ) -> None:
-        first, n_members, n = controllers[0], len(controllers), controllers[0].system.nstates
+        first = controllers[0]
         self.failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
         self.kinds, self.used = first.kinds, first.signals
-        self.positions = signals.positions(first.signals)  # of its signals among all
         # [C D; A B], (N, 6 + n, n + size of u), or (1, ...) if all members have the same system
         is_common = all(controller.system is first.system for controller in controllers)
         systems = [controller.system for controller in (controllers[:1] if is_common else controllers)]
         self.matrices = np.stack([stacked_blocks(system) for system in systems])
-        self._columns = np.ascontiguousarray(np.moveaxis(self.matrices, 0, -1).swapaxes(0, 1))
         # by sample (m, 6, 6, N), or (m, 6, 6, 1) if common to all members; in task space only
         self.jacobians: FloatArray | None = None
         self.inverses: FloatArray | None = None
+        # the steady state (n, N) under constant inputs
+        self.rests = rests_of(systems, first.kinds)
+        at = signals.positions(first.signals)
+        y, r = measured.T[at], np.broadcast_to(np.atleast_2d(reference).T[at], (len(at), len(measured)))
+        self.lengths = y  # at the last sample, in task space [m]
         if first.space == "task":
             by_member = jacobians if jacobians.ndim == 4 else jacobians[:, None]
             self.jacobians, self.inverses = (
                 np.ascontiguousarray(np.moveaxis(J, 1, -1)) for J in (by_member, np.linalg.inv(by_member))
             )
-        # memory, members last: x above u, and of task space the pose and the lengths of the last sample
-        size, low, high = len(self.positions), int(self.positions[0]), int(self.positions[-1]) + 1
-        # a slice of consecutive positions, which NumPy reads faster
-        self._at: Any = slice(low, high) if np.array_equal(self.positions, np.arange(low, high)) else self.positions
-        self._angles = np.flatnonzero(np.isin(self.positions, signals.positions(["orientation"])))
-        self.lengths = measured.T[self._at].copy()
-        self._pose = np.zeros_like(self.lengths)
-        self._xu: FloatArray = np.zeros((n + first.system.ninputs, n_members))
-        self._x = self._xu[:n]
-        self._u = np.split(self._xu[n:], [size, 2 * size])[: first.kinds]
-        # the steady state under constant inputs
-        self.rests = rests_of(systems, first.kinds)
-        self._rest_columns = np.ascontiguousarray(np.moveaxis(self.rests, 0, -1).swapaxes(0, 1))
-        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), True)
-        self._x[...] = product_of_members(self._rest_columns, self._xu[n:])
-        self._start = self._x.copy(), self._pose.copy(), self.lengths.copy()
-
-    def restart(self, members: BoolArray) -> None:
-        """Give these members (N,) the memory of the first sample again."""
-        for values, start in zip((self._x, self._pose, self.lengths), self._start, strict=True):
-            np.copyto(values, start, where=members)
-
-    @property
-    def state(self) -> FloatArray:
-        """A copy of x (N, n)."""
-        return self._x.copy().T
-
-    def force(
-        self,
-        k: int,
-        _time: float,
-        reference: FloatArray,  # (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]
-        measured: FloatArray,  # (N, 24)
-        excess: FloatArray,  # what the limits cut off the last command (N, 6) [N]
-        due: BoolArray | None = None,  # the members to sample (N,); None means all
-        off: BoolArray | None = None,  # those of them whose controller is off, and rests in these signals
-    ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space."""
-        are_due: Any = True if due is None else due
-        if off is not None:
-            np.copyto(self.lengths, measured.T[self._at], where=off)
-            np.copyto(self._pose, 0.0, where=off)
-        self._feed(k, reference, measured, excess.T, are_due)
-        if off is not None:
-            np.copyto(self._x, product_of_members(self._rest_columns, self._xu[len(self._x) :]), where=off)
-            are_due = are_due & ~off
-        force_and_state = product_of_members(self._columns, self._xu)
-        np.copyto(self._x, force_and_state[N_LEGS:], where=are_due)
-        force = force_and_state[:N_LEGS]
-        return (force if self.inverses is None else product_of_members(self.inverses[k], force)).T
-
-    def _feed(self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: Any) -> None:
-        """Set u at sample k."""
-        r = (reference.T if reference.ndim == 2 else reference[:, None])[self._at]
-        y = measured.T[self._at]
-        if self.jacobians is not None and self.inverses is not None:
-            lengths, rows_of_inverse = y, self.inverses[k].swapaxes(0, 1)
-            r, y = displacements(
-                lambda change: product_of_members(rows_of_inverse, change), self._pose, self.lengths, r, lengths
-            )
-            excess = product_of_members(self.jacobians[k], excess) if self.kinds == 3 else excess
-            np.copyto(self._pose, y, where=due)
-            np.copyto(self.lengths, lengths, where=due)
-        elif self._angles.size:  # in the turns of their references
-            y = y.copy()
-            y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
-        for place, part in zip(self._u, inputs_of(self.kinds, r, y, excess), strict=True):
-            place[...] = part
+            to_pose = partial(product_of_members, self.inverses[0].swapaxes(0, 1))
+            r, y = displacements(to_pose, np.zeros_like(y), y, r, y)
+        elif "orientation" in first.signals:  # in the turns of their references
+            is_angle = np.isin(at, signals.positions(["orientation"]))[:, None]
+            y = np.where(is_angle, nearest_angle(y, r), y)
+        u = np.concatenate(inputs_of(self.kinds, r, y, np.zeros((N_LEGS, len(measured)))))
+        self.state = product_of_members(np.moveaxis(self.rests, 0, -1).swapaxes(0, 1), u)
 
 
 Law = SeparateLaws | LinearLaw

@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.random import SeedSequence
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.component import N_FAULTS, Drive, ForceLimits
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.laws_of_members import LinearLaw, laws_of
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.errors import ExperimentError
@@ -25,11 +25,11 @@ from gough_stewart.harness.experiment.overrides import Values
 from gough_stewart.harness.experiment.preparation import Preparation
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import AT, error_between
+from gough_stewart.harness.loop.host import LoopHost, streams_of
 from gough_stewart.harness.loop.libraries import loop_kernel
-from gough_stewart.harness.loop.loop import LENGTHS, members_last
-from gough_stewart.harness.loop.python_host import SensorReadings
+from gough_stewart.harness.loop.loop import LENGTHS, Limits, members_last
 from gough_stewart.harness.plants.lanes import BatchPlant
-from gough_stewart.harness.plants.plant import BoolArray, seen
+from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES, of_legs
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
@@ -42,6 +42,11 @@ from gough_stewart.model.vectors import FloatArray
 # Poses reach this share of the mean leg length where the platform states no stroke.
 _REACH = 0.1
 _REFERENCE = "reference."
+# What the loop remembers of an episode, see c/loop/loop.h.
+_OF_EPISODES = (
+    *("memory", "pose", "lengths", "command", "excess", "limited", "planned", "delayed"),
+    *("target", "driven", "acting"),
+)
 # Metrics that are means of squares over rows, by the signal whose error they are of.
 _SQUARES = {f"tracking.{name}.norm_rms": name for name in ("position", "orientation")}
 
@@ -178,6 +183,21 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         injection: Any = members_last(self._loop.injection)  # each of both may be common to all members
         if injection is not None:
             self._known = self._known + injection
+        # of each member its row, and whether and why its episode has ended; samples and readings so far
+        self._row, self._samples, self._readings = np.zeros(n, dtype=np.intp), 0, 0
+        self._ended, self._causes = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)
+        self._inputs, self._members = np.zeros((n, interface.N_INPUTS)), np.arange(n)
+        # the loop's machine code, whose tables have one row, that of now: references and forces known in advance
+        self._wanted, self._added = np.zeros((1, 30, n)), np.zeros((1, N_LEGS, n))
+        loop = replace(
+            self._loop,
+            reference=np.moveaxis(self._wanted, 1, 2),
+            feedforward=np.moveaxis(self._added, 1, 2),
+            injection=None,
+            limits=Limits(),
+        )
+        if self._loop.reference is not None:
+            self._wanted[0] = self._reference_now()
         # the controllers of all, with the memory of rest in the start state
         self._law: LinearLaw | None = None
         if self._follows_poses:
@@ -187,49 +207,46 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
                 raise ExperimentError(where, "controller", text)
             if any(setup.platform is not self._platform for setup in batch.setups):
                 raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
-            assert self._loop.reference is not None  # a controller has one
             jacobians = np.stack([setup.jacobians[:1] for setup in batch.setups], axis=1)
             make = laws_of(
                 [controller for controller in controllers if controller is not None],
                 self._timing.sample_time,
                 jacobians,
             )
-            silent = replace(self._loop, sensors=replace(self._loop.sensors, noise={}))
-            sensors = SensorReadings(silent, self.num_envs, np.zeros((self.num_envs, N_FAULTS)))
-            law = make(self._loop.reference[0], sensors.read(0, seen(self._plant, silent.sensors.side)))
+            silent = LoopHost(self._plant, replace(loop, sensors=replace(loop.sensors, noise={})))
+            law = make(self._wanted[0].T, silent.reading)
             assert isinstance(law, LinearLaw)
             self._law = law
-
-        # limits, commands that wait for their delay, and drives, members last, as in the host of a run
-        self._start_force = start = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T.copy()
-        actuators = {
-            key: np.full(start.shape, np.transpose(value)) for key, value in self._loop.actuators.values.items()
-        }
-        self._limits = ForceLimits.without_idle(ForceLimits.prepare(actuators, self._timing.sample_time))
-        self._drive = Drive.without_idle(Drive.prepare(actuators, self._timing.plant_step))
-        self._planned, self._driven = ForceLimits.start(self._limits, (start,)), Drive.start(self._drive, (start,))
-        self._delay = np.broadcast_to(np.asarray(self._loop.actuators.delay), (n,))
-        self._slots, self._excess = np.tile(start, (int(self._delay.max()) + 1, 1, 1)), np.zeros((N_LEGS, n))
-        self._inputs, self._members = np.zeros((n, interface.N_INPUTS)), np.arange(n)
-        # of each member its row, and whether and why its episode has ended; samples and rows since machines were made
-        self._row, self._samples, self._rows = np.zeros(n, dtype=np.intp), 0, 0
-        self._ended, self._causes = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)
+        self._host = host = LoopHost(self._plant, loop)
+        host.control(self._law)
+        c = host.structure
+        for table in (c.reference, c.feedforward, c.sampled, c.jacobian, c.inverse):
+            table.row = 0
+        c.last, c.farthest.at, self._sampled = np.iinfo(np.int64).max, None, host.arrays[c.sampled.at]
+        self._acting = c.kinds, c.size, c.used
+        self._start = {name: host.memory[name].copy() for name in _OF_EPISODES}
 
     def _sense(self, seed: int | None) -> None:
         """Sensors with the noise of a seed, from their first reading on."""
-        common = self._experiment.sensors.seed if seed is None else seed
-        seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
-        loop = replace(self._loop, sensors=replace(self._loop.sensors, seed=seeds))
+        common, c = self._experiment.sensors.seed if seed is None else seed, self._host.structure
         used = {name for name in NAMES for kind, at in self._observed if kind == "measured" and AT[name] == at}
         used |= set(() if self._law is None else self._law.used)
-        self._readings = SensorReadings(loop, self.num_envs, np.zeros((self.num_envs, N_FAULTS)), sorted(used))
-        self._read = 0
+        self._host.sense(sorted(used))
+        seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
+        self._host.memory["streams"][:, : self.num_envs] = streams_of(seeds)
+        self._reading, self._readings = (1, c.size, c.used), 0
 
     def _observe(self) -> FloatArray:
-        """Read the sensors once more: observations (N, size)."""
-        self._reading = self._readings.read(self._read, seen(self._plant, self._loop.sensors.side))
-        self._read += 1
-        parts = {"measured": self._reading.T, "reference": self._reference_now()}
+        """Read the sensors once more, also of members that have ended: observations (N, size)."""
+        host, c, n, running = self._host, self._host.structure, self.num_envs, self._plant.batch.running
+        host.memory["signals"][:, :n] = self._plant.signals().T
+        row, are_running = self._readings * self._every, running.copy()
+        running[:n], self._sampled[...] = -1, row
+        c.kinds, c.size, c.used = self._reading
+        host.read(row)
+        c.kinds, c.size, c.used = self._acting
+        running[...], self._readings = are_running, self._readings + 1
+        parts = {"measured": host.memory["measured"][:, :n], "reference": self._reference_now()}
         return np.ascontiguousarray(np.concatenate([parts[kind][at] for kind, at in self._observed]).T)
 
     def reset(
@@ -264,14 +281,8 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         """Begin a new episode of these members (N,), in the start state of the experiment."""
         self._plant.restart(members)
         self._row[members], self._ended[members] = 0, False
-        self._slots[:, :, members] = self._start_force[:, members]
-        self._planned, self._driven = (
-            tuple(np.where(members, self._start_force, values) for values in states)
-            for states in (self._planned, self._driven)
-        )
-        self._excess = np.where(members, 0.0, self._excess)
-        if self._law is not None:
-            self._law.restart(members)
+        for name, start in self._start.items():
+            np.copyto(self._host.memory[name][:, : self.num_envs], start[:, : self.num_envs], where=members)
 
     def step(  # noqa: PLR0912, PLR0915 - one road, in sections
         self, actions: FloatArray
@@ -294,15 +305,15 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if waiting.any():
             self._plant.freeze(waiting)
 
-        # forces, or references at rest in the poses (N, 30) with the feedforward that holds them
-        added, reference = actions.T, np.zeros((n, 30))
+        # forces, or references at rest in the poses with the feedforward that holds them
+        host, added = self._host, actions.T
         if law is not None:
             position, orientation = actions[:, :3], actions[:, 3:]
-            reference[:, :6] = actions
-            reference[:, LENGTHS] = leg_geometry(self._platform, position, orientation).length
-            if law.jacobians is not None:
+            self._wanted[0], self._wanted[0, :6] = 0.0, actions.T
+            self._wanted[0, LENGTHS] = leg_geometry(self._platform, position, orientation).length.T
+            if law.jacobians is not None and law.inverses is not None:
                 J = leg_jacobian(self._platform, position, orientation)
-                law.jacobians, law.inverses = (np.moveaxis(M, 0, -1)[None] for M in (J, np.linalg.inv(J)))
+                law.jacobians[0], law.inverses[0] = (np.moveaxis(M, 0, -1) for M in (J, np.linalg.inv(J)))
             added = np.zeros((N_LEGS, 1))
             if self._experiment.controller.feedforward != "none":
                 added = static_leg_forces(self._platform, position, orientation).T
@@ -310,29 +321,24 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         for sample in range(self._hold):
             if sample:
                 self._observe()
-            # the command, what of it is allowed, and what reaches the drives after its delay
-            command = self._at(self._known, np.minimum(self._row, self._steps - 1) // self._every) + added
-            if law is not None:
-                due = None if going.all() else going
-                command = command + law.force(0, 0.0, reference, self._reading, self._excess.T, due).T
-            self._planned, (allowed, _, excess) = ForceLimits.step(self._limits, self._planned, (command,))
-            self._excess = self._excess if excess is None else excess
-            j, self._samples = self._samples, self._samples + 1
-            self._slots[j % len(self._slots)] = allowed
-            target = self._slots[(j - self._delay) % len(self._slots), :, self._members].T
-            for _ in range(self._every):
-                self._driven, (force, _) = Drive.step(self._drive, self._driven, (target,))
+            self._added[0] = self._at(self._known, np.minimum(self._row, self._steps - 1) // self._every) + added
+            first, self._samples = self._samples * self._every, self._samples + 1
+            self._sampled[...] = first
+            host.turn_to(self._wanted[0].T)
+            for row in range(first, first + self._every):
+                host.act(row)
                 # the plant, and who ends there
-                ended, step = np.zeros(n, dtype=bool), self._timing.plant_step
-                self._inputs[:, :N_LEGS] = force.T
+                ended, step = self._plant.batch.failure[:n] == Failure.COMMAND, self._timing.plant_step
+                self._causes[ended] = "the controller's forces are too large"
+                self._plant.batch.failure[:n][ended] = Failure.GOES_ON
+                self._inputs[:, :N_LEGS] = host.memory["acting"][:, :n].T
                 self._plant.set_inputs(self._inputs)
                 try:
-                    self._plant.do_step(self._rows * step, step)
+                    self._plant.do_step(row * step, step)
                 except MembersError as error:
                     for member, failure in error.failures.items():
                         ended[member], self._causes[member] = True, str(failure)
                 self._row += going
-                self._rows += 1
                 now, limits = self._plant.signals(), self._loop.limits
                 if limits.on_stroke == "stop":
                     beyond = limits.beyond_stroke(now[:, LENGTHS]).any(axis=1) & going

@@ -7,6 +7,7 @@ what calls back into Python, functions of users, FMUs and any plant, Python step
 import ctypes
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import partial
 from itertools import pairwise
 from threading import Event
 from types import MappingProxyType
@@ -150,6 +151,11 @@ class LoopHost:
             feedforward=self._table(members_last(loop.feedforward)),
             injection=self._table(members_last(loop.injection)),
         )
+        # readings, and the rest of a row
+        self.read, self.act = (
+            partial(function, self.batch.reference, ctypes.byref(c))
+            for function in (self._library.loop_read, self._library.loop_act)
+        )
         sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
         c.sampled = _Indices(self._address(sampled), sampled.strides[0] // 8, int(sampled.ndim == 2))
 
@@ -185,11 +191,11 @@ class LoopHost:
             "at_row": np.zeros(self.batch.blocks, np.int64),
             "ended": np.full(self.batch.blocks * WIDTH, -1, np.int64),
         }
-        self._sense(signals.NAMES)
+        self.sense(signals.NAMES)
         self._remember()
         if loop.reference is not None:
             c.kinds = 1
-            self._library.loop_read(self.batch.reference, ctypes.byref(c), 0)
+            self.read(0)
             c.kinds = 0
         self.memory["signals"][:, :n] = plant.signals().T
         if loop.has_faults:
@@ -214,9 +220,9 @@ class LoopHost:
             address = ctypes.cast(law.library.law_step, ctypes.c_void_p).value or 0  # see c/law/law.c
             c.law, c.kinds, c.n_states = address, 2, traced.n_states
         elif isinstance(law, LinearLaw):
-            c.kinds, c.n_states = law.kinds, law.state.shape[1]
+            c.kinds, c.n_states = law.kinds, len(law.state)
             memory = self._rows(law.matrices.shape[2])
-            memory[: c.n_states, :n] = law.state.T
+            memory[: c.n_states, :n] = law.state
             # the elements of [C D; A B]
             laws = [*law.matrices, *(stacked_blocks(s.system) for s in self._turned if s.system is not None)]
             entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
@@ -234,11 +240,11 @@ class LoopHost:
                 m = len(law.jacobians)
                 c.jacobian = self._table(law.jacobians.reshape(m, 36, -1))
                 c.inverse = self._table(law.inverses.reshape(m, 36, -1))
-        self._sense(() if law is None else law.used)
+        self.sense(() if law is None else law.used)
         self.memory |= {"memory": memory, "next": self._rows(N_LEGS + c.n_states)}
         self._remember()
 
-    def _sense(self, used: Sequence[str]) -> None:
+    def sense(self, used: Sequence[str]) -> None:
         """Read these signals."""
         c, n, sensors = self.structure, self._plant.shape[0], self._loop.sensors
         every = [sensors, *(settings.sensors for settings in self._turned)]
@@ -299,6 +305,12 @@ class LoopHost:
             force = manual[:, N_LEGS:].T
             memory["off"][:, :n] = manual[:, :N_LEGS].T
             memory["manual_force"][:, :n] = np.where(np.isnan(force), memory["command"][:, :n], force)
+
+    def turn_to(self, reference: FloatArray | None) -> None:
+        """Put angles that linear controllers measure in the turns of their references (30,) or (N, 30)."""
+        if reference is not None and isinstance(self._law, LinearLaw) and "orientation" in self._law.used:
+            at, measured = AT["orientation"], self.memory["measured"][:, : self._plant.shape[0]]
+            measured[at] = nearest_angle(measured[at], np.atleast_2d(reference).T[at])
 
     def _tables_of(self, sensors: Sensors, actuators: Actuators) -> dict[str, FloatArray]:
         """Coefficients of what measures and what acts, (size, N)."""
@@ -378,8 +390,7 @@ class LoopHost:
         signals_now, measured, acting = (self.memory[name][:, :n] for name in ("signals", "measured", "acting"))
         command, excess, following = (self.memory[name][:, :n] for name in ("command", "excess", "next"))
         has_motors, reads_motors = signals.MOTORS in plant.columns, loop.sensors.side == "motor"
-        has_angles = isinstance(self._law, LinearLaw) and "orientation" in self._law.used
-        calls, inputs = (self.batch.reference, ctypes.byref(c)), changes.inputs
+        inputs = changes.inputs
 
         for row, time in enumerate(timing.times.tolist()):
             if row and row in changes.by_row:
@@ -394,11 +405,9 @@ class LoopHost:
                 j = row // every
                 due = going & (sampled[j] == row)
                 signals_now[...] = (at_motors if reads_motors else now).T
-                self._library.loop_read(*calls, row)
+                self.read(row)
                 reference = None if loop.reference is None else loop.reference[j * every]
-                if has_angles and reference is not None:  # in the turns of their references
-                    at = AT["orientation"]
-                    measured[at] = nearest_angle(measured[at], reference.T[at].reshape(at.stop - at.start, -1))
+                self.turn_to(reference)
                 if law is not None and reference is not None and due.any():
                     off = due & (self.memory["off"][0, :n] > 0) if loop.has_switch else None
                     time_of_sample = j * every * timing.plant_step
@@ -411,7 +420,7 @@ class LoopHost:
                         return
                     self.batch.running[:n][~going] = 0
             c.first_row, signals_now[...] = rows.first, now.T
-            self._library.loop_act(*calls, row)
+            self.act(row)
             if law is not None and loop.has_switch:
                 law.hear(command.T)
             if law is not None and law.limited is not None and isinstance(rows, AllRows) and row < c.last:

@@ -66,7 +66,7 @@ def observe(
                     monitor.end(member, 0, "stopped", str(error))
                 if isinstance(monitor.rows, AllRows):
                     monitor.rows.used = law.used
-                    monitor.rows.state = np.zeros((len(monitor.rows.measured), *law.state.T.shape))
+                    monitor.rows.state = np.zeros((len(monitor.rows.measured), *law.state.shape))
             # functions of CasADi in machine code, if they have the same operations
             traced = compiled_together(law.traced) if isinstance(law, SeparateLaws) and law.traced is not None else None
             host.control(traced or law)

@@ -172,7 +172,7 @@ class BatchPlant(Plant):
         self._kernel = kernel or _of_plants_alone(variant)
         self.features, self.columns = self._kernel.features, variant.columns
         # the machine code with c/loop, if it is there; then call `begin` and, at last, `came_to`
-        self.loop_library = self._kernel.library if hasattr(self._kernel.library, "loop_run") else None
+        self.loop_library: Any = self._kernel.library if hasattr(self._kernel.library, "loop_run") else None
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
