@@ -22,7 +22,6 @@ from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.component import CUT, FROZEN, Drive, ForceLimits, Sensor, Takeover
 from gough_stewart.harness.control.laws_of_members import Law, LinearLaw, SeparateLaws, rests_of
 from gough_stewart.harness.control.state_space import stacked_blocks
-from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of, loop_kernel
 from gough_stewart.harness.loop.loop import (
@@ -384,8 +383,6 @@ class LoopHost:
         """Step the plant row by row, and call functions."""
         plant, loop, c, rows, going = self._plant, self._loop, self.structure, monitor.rows, monitor.going
         law = self._law if isinstance(self._law, SeparateLaws) else None
-        if law is not None and any(change.settings is not None for change in loop.changes):
-            raise ControllerError("settings of the loop change during the run; expected a linear controller")
         (n,), timing, sampled, every = plant.shape, loop.timing, loop.timing.rows_of_samples, c.every
         signals_now, measured, acting = (self.memory[name][:, :n] for name in ("signals", "measured", "acting"))
         command, excess, following = (self.memory[name][:, :n] for name in ("command", "excess", "next"))

@@ -1,7 +1,7 @@
 """The machine code of loops: c/loop with the components' equations, and the laws that users wrote.
 
-The first is built once from the equations that the host in Python executes, and kept; a loop made of these components
-is data. A user's law is compiled when it runs for the first time.
+The first is built once from the components' equations, and kept; a loop made of these components is data. A user's
+law is compiled when it runs for the first time.
 """
 
 import ctypes

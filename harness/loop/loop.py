@@ -196,8 +196,7 @@ class Change:
 
     Faults are flags (N_FAULTS,), see `FaultChoice.flags`; `manual` is (12,), see `ChangeChoice.manual`, and holds from
     the next sample on. With many members, all of these may have a leading axis (N,), and `members` (N,) selects those
-    that change. Settings are those of one member, in machine code; `time` is then that of a sample, and the feedforward
-    knows them.
+    that change. Settings are those of one member; `time` is then that of a sample, and the feedforward knows them.
     """
 
     time: float

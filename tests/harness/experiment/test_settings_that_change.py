@@ -79,11 +79,15 @@ def test_changes_of_settings_that_cannot_be_are_refused(change: dict[str, Any], 
         gs.run("heave_step", {**AT_REST, "change": [change]})
 
 
-def test_only_machine_code_changes_settings() -> None:
-    """Expected: another plant, and members of an ensemble, say so."""
-    changes = {**AT_REST, "change": [{"at": 0.1, "delay": 2}]}
-    with pytest.raises(gs.GoughStewartError, match="which only machine code can"):
-        gs.run("heave_step", {**changes, "plant.kind": "scipy"})
+def test_settings_change_beside_any_plant_but_not_in_an_ensemble() -> None:
+    """Expected: beside SciPy's plant the commands of the compiled one, to its tolerance; members say so."""
+    changes = {**AT_REST, "change": [{"at": 0.1, "delay": 2, "controller": {**PD, "bandwidth": 2.0}}]}
+    here, there, unchanged = (
+        gs.run("heave_step", settings)["controller.force"]
+        for settings in (changes, {**changes, "plant.kind": "scipy"}, AT_REST)
+    )
+    assert np.abs(here - unchanged).max() > 1e-3 * np.abs(here).max()
+    assert there == pytest.approx(here, abs=1e-7 * np.abs(here).max())
     members = {"members": 2, "seed": 1, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
     with pytest.raises(gs.GoughStewartError, match="which members of an ensemble cannot"):
         gs.ensemble("heave_step", {**changes, "ensemble": members})
