@@ -2,8 +2,9 @@
 
 A component is one class: the keys of its table with units and bounds, what comes in and goes out, its states, and its
 equations. From these follow the keys of experiment files, of `--set`, `--vary` and `tune`, the machine code of loops,
-small signals for margins, the parameters and the traced equations of exported code, and the documentation's tables. A host only moves time and values: it calls a component at the controller's samples, at the steps of the plant,
-or at the sensors' readings, with the inputs of then.
+small signals for margins, the parameters and the traced equations of exported code, and the documentation's tables. A
+host only moves time and values: it calls a component at the controller's samples, at the steps of the plant, or at the
+sensors' readings, with the inputs of then.
 
 In the order of the loop: links filter what a controller gives, the takeover makes of it the command, limits clip it,
 and a drive follows it with the force that acts; a sensor reads a true signal; faults cut forces and freeze readings.
