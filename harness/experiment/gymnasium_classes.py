@@ -233,7 +233,7 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         used |= set(() if self._law is None else self._law.used)
         self._host.sense(sorted(used))
         seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
-        self._host.memory["streams"][:, : self.num_envs] = streams_of(seeds)
+        self._host.memory["streams"].view(np.int64)[:, : self.num_envs] = streams_of(seeds)
         self._reading, self._readings = (1, c.size, c.used), 0
 
     def _observe(self) -> FloatArray:

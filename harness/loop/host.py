@@ -124,7 +124,9 @@ class LoopHost:
     are functions, between the readings and the rest of a row.
     """
 
-    def __init__(self, plant: Plant, loop: Loop) -> None:  # `loop` of c/loop/loop.h, part by part
+    def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
+        self, plant: Plant, loop: Loop
+    ) -> None:
         self._plant, self._loop = plant, loop
         self._law: Law | CompiledLaw | None = None
         self._used: Sequence[str] = ()
@@ -135,6 +137,7 @@ class LoopHost:
         self._library: Any = loop_kernel(IDEAL).library if self._lanes is None else self._lanes.loop_library
         if self._lanes is None:
             self.batch.running[:n] = -1
+        self.memory: dict[str, NDArray[Any]] = {}  # (size, M) by name, see `MEMORY`
         # there is room for all settings of the loop
         self._turned = [change.settings for change in loop.changes if change.settings is not None]
         self.arrays: dict[int, NDArray[Any]] = {}  # that the structure points to, by address
@@ -168,7 +171,7 @@ class LoopHost:
             c.drives = self._table(tables["drives"])
         c.takeover = self._table(coefficients_of(Takeover, {}, timing.sample_time))
         c.delay = self._table(tables["delay"])
-        c.most_delay = most_delay = max(int(np.max(path.delay)) for path in every_path)
+        c.most_delay = max(int(np.max(path.delay)) for path in every_path)
         forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
 
         # ends of runs; without a limit, what is not a number is too far from the reference
@@ -179,49 +182,45 @@ class LoopHost:
             c.farthest = self._table(np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))[None])
 
         # the first readings, of all signals; a sensor that is frozen from the start has its first one
-        self.memory: dict[str, NDArray[Any]] = {
-            "signals": self._rows(signals.SIZE, seen(plant, sensors.side).T),
-            "measured": self._rows(signals.SIZE),
-            "streams": self._rows(4).view(np.int64),
-            **{name: self._rows(N_LEGS) for name in ("pose", "lengths", "excess", "limited")},
-            **{name: self._rows(N_LEGS, forces) for name in ("command", "planned", "target", "acting")},
-            "delayed": self._rows((most_delay + 1) * N_LEGS, np.tile(forces, (most_delay + 1, 1))),
-            "driven": self._rows(2 * N_LEGS, np.tile(forces, (2, 1))),
-            "at_row": np.zeros(self.batch.blocks, np.int64),
-            "ended": np.full(self.batch.blocks * WIDTH, -1, np.int64),
-        }
+        blocks, slots = self.batch.blocks, c.most_delay + 1
+        for name, size in (("signals", signals.SIZE), ("measured", signals.SIZE), ("streams", 4), ("memory", 1)):
+            self._remember(name, size)
+        for name in ("pose", "lengths", "excess", "limited"):
+            self._remember(name, N_LEGS)
+        for name in ("command", "planned", "target", "acting"):
+            self._remember(name, N_LEGS, forces)
+        self._remember("driven", 2 * N_LEGS, np.tile(forces, (2, 1)))
+        self._remember("delayed", slots * N_LEGS, np.tile(forces, (slots, 1)))
+        self.memory["at_row"], self.memory["ended"] = np.zeros(blocks, np.int64), np.full(blocks * WIDTH, -1, np.int64)
+        c.at_row, c.ended = self._address(self.memory["at_row"]), self._address(self.memory["ended"])
+        self.memory["signals"][:, :n] = seen(plant, sensors.side).T
+        self.reading = self.memory["measured"][:, :n].T  # the latest one (N, 24)
         self.sense(signals.NAMES)
-        self._remember()
         if loop.reference is not None:
             c.kinds = 1
             self.read(0)
             c.kinds = 0
         self.memory["signals"][:, :n] = plant.signals().T
         if loop.has_faults:
-            held = self._rows(signals.SIZE, self.memory["measured"][:, :n])
-            self.memory |= {"cut": self._rows(N_LEGS), "frozen": self._rows(signals.SIZE), "held": held}
-        if loop.has_switch:
-            self.memory |= {name: self._rows(N_LEGS) for name in ("off", "manual_force", "transfer")}
-
-    @property
-    def reading(self) -> FloatArray:
-        """What the sensors have read at last (N, 24)."""
-        return self.memory["measured"][:, : self._plant.shape[0]].T
+            for name, size in (("cut", N_LEGS), ("frozen", signals.SIZE)):
+                self._remember(name, size)
+            self._remember("held", signals.SIZE, self.reading.T)
+        for name in ("off", "manual_force", "transfer") if loop.has_switch else ():
+            self._remember(name, N_LEGS)
 
     def control(self, law: Law | CompiledLaw | None) -> None:
         """Give it the controllers, which have not been sampled yet; without them, None, there is feedforward alone."""
-        c, n, memory = self.structure, self._plant.shape[0], self._rows(1)
+        c, n = self.structure, self._plant.shape[0]
         self._law, c.kinds = law, 0 if law is None else _ASKED
         if isinstance(law, CompiledLaw):
             traced = law.law
-            memory = self._rows(traced.function.numel_in(0))
+            memory = self._remember("memory", traced.function.numel_in(0))
             memory[len(memory) - len(traced.coefficients) :, :n] = traced.coefficients
             address = ctypes.cast(law.library.law_step, ctypes.c_void_p).value or 0  # see c/law/law.c
             c.law, c.kinds, c.n_states = address, 2, traced.n_states
         elif isinstance(law, LinearLaw):
             c.kinds, c.n_states = law.kinds, len(law.state)
-            memory = self._rows(law.matrices.shape[2])
-            memory[: c.n_states, :n] = law.state
+            self._remember("memory", law.matrices.shape[2])[: c.n_states, :n] = law.state
             # the elements of [C D; A B]
             laws = [*law.matrices, *(stacked_blocks(s.system) for s in self._turned if s.system is not None)]
             entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
@@ -240,8 +239,7 @@ class LoopHost:
                 c.jacobian = self._table(law.jacobians.reshape(m, 36, -1))
                 c.inverse = self._table(law.inverses.reshape(m, 36, -1))
         self.sense(() if law is None else law.used)
-        self.memory |= {"memory": memory, "next": self._rows(N_LEGS + c.n_states)}
-        self._remember()
+        self._remember("next", N_LEGS + c.n_states)
 
     def sense(self, used: Sequence[str]) -> None:
         """Read these signals."""
@@ -260,20 +258,17 @@ class LoopHost:
         if sensors.side == "motor" and self.batch.variant.springs:
             senses[signals.LEGS] |= _AT_MOTOR
         if noisy:
-            self.memory["streams"][:, :n] = streams_of(sensors.seed)
+            self.memory["streams"].view(np.int64)[:, :n] = streams_of(sensors.seed)
             c.noisy = self._address(np.array([(at.start, at.stop - at.start) for at in noisy.values()]), np.int64)
             c.deviations = self._table(tables["deviations"])
         c.senses, c.n_noisy = self._address(senses, np.int64), len(noisy)
 
-    def _rows(self, size: int, start: FloatArray | float = 0.0) -> FloatArray:
+    def _remember(self, name: str, size: int, start: FloatArray | float = 0.0) -> FloatArray:
         """Memory (size, M) that begins with these values (size, N)."""
-        memory = lane_rows(size, self.batch.blocks)
+        memory = self.memory[name] = lane_rows(size, self.batch.blocks)
         memory[:, : self._plant.shape[0]] = start
+        setattr(self.structure, name, self._address(memory))
         return memory
-
-    def _remember(self) -> None:
-        for name, array in self.memory.items():
-            setattr(self.structure, name, self._address(array))
 
     def _address(self, values: NDArray[Any], kind: type | None = None) -> int:
         """The address of an array as it is, or of its numbers as those of a kind; 0 if there are none."""
