@@ -69,7 +69,7 @@ def ensemble_charts(ensemble: MemberTable, by: str, known: Sensitivity | None) -
     ]
     bars = []
     if known is not None:
-        order, is_sobol = known.order[:_MOST_BARS], known.total is not None
+        order, is_sobol = known.order[:_MOST_BARS], known.method == "sobol"
         roles: tuple[tuple[str, Role], ...] = (("alone" if is_sobol else "β", "actual"), ("in total", "neutral"))
         effects = tuple(
             Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
@@ -77,7 +77,7 @@ def ensemble_charts(ensemble: MemberTable, by: str, known: Sensitivity | None) -
         )
         measure = "share of the variance" if is_sobol else "standardised regression coefficient β"
         labels = Axis("input", labels=tuple(known.inputs[k] for k in order))
-        title = f"what makes the {metric_of(known.metric).text} vary"
+        title = f"what makes the {metric.text} vary"
         bars = [Chart(title, labels, effects, "bars", y=Axis(measure), note=known.remark, group="sensitivity")]
     charts = {
         "Distribution": [_histogram(ensemble, name) for name in names if len(ensemble.counted(name)) > 1],

@@ -7,17 +7,21 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
+from functools import partial
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
+from zlib import crc32
 
+import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, results_of_nobody
+from gough_stewart.harness.ensemble.chunk import SIZE, results_of_nobody
 from gough_stewart.harness.ensemble.ensemble_report import Ensemble, read_ensemble
 from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES, SHORT
 from gough_stewart.harness.ensemble.workers import (
-    Range,
     Workers,
     chunks_here,
     chunks_there,
@@ -40,7 +44,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
 
-PLAN = "plan.json"
+PLAN, CHUNKS = "plan.json", "chunks"
 _ROWS_A_GROUP = 65_536
 _MOST_CAUSES = 50
 # Called with the number of finished members, and the total.
@@ -126,8 +130,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
             folder = Path(out)
             stack.enter_context(reserved(folder))
             check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
-            remove_leftovers(folder / FOLDER)
-        files = ChunkFiles(folder)
+            remove_leftovers(folder / CHUNKS)
 
         # plan, while processes import; only their number where it may turn out that none is needed
         say("planning")
@@ -136,12 +139,14 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
         alone = resume or scheduler is not None or useful < 2
         processes: Workers | int = number if alone else stack.enter_context(closing(Workers(useful)))
-        varying = _planned(chosen, controller, folder, files, resume)
+        varying = _planned(chosen, controller, folder, resume)
         if varying is None:
             return read_ensemble(folder)
+        # a chunk from member k on has k.parquet, and k.npz, which is written last
         ranges = [(k, min(k + SIZE, varying.count)) for k in range(0, varying.count, SIZE)]
+        files = {part: folder / CHUNKS / f"{part[0]:08d}.parquet" for part in ranges}
         say("checking finished chunks" if resume else "running")
-        features = {part: files.features(part[0]) for part in ranges} if resume else {}
+        features = {part: _features(files[part]) for part in ranges} if resume else {}
         missing = [part for part in ranges if features.get(part) is None]
         finished = varying.count - sum(last - first for first, last in missing)
 
@@ -158,16 +163,18 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
                     else chunks_there(varying, missing, scheduler)
                 )
                 with closing(source):
-                    for (first, last), content in source:
-                        files.write(first, content)
-                        features[first, last] = content.features
-                        finished += last - first
+                    for part, content in source:
+                        files[part].parent.mkdir(exist_ok=True)
+                        write_whole(files[part], content.rows)
+                        write_whole(files[part].with_suffix(".npz"), content.bands)
+                        features[part] = content.features
+                        finished += part[1] - part[0]
                         if progress is not None:
                             progress(finished, varying.count)
             say("tables")
-            result = _assembled(varying, files, ranges, sorted(set(filter(None, features.values()))), folder)
+            result = _assembled(varying, [*files.values()], sorted(set(filter(None, features.values()))), folder)
         except BaseException as error:
-            n = len(list(files.folder.glob("*.npz")))
+            n = len(list((folder / CHUNKS).glob("*.npz")))
             are_kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
             if n:
                 error.add_note(f"{are_kept}; continue with --resume")
@@ -177,12 +184,12 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
                     "continue with --resume"
                 ) from error
             raise
-        shutil.rmtree(files.folder, ignore_errors=True)
+        shutil.rmtree(folder / CHUNKS, ignore_errors=True)
         (folder / PLAN).unlink(missing_ok=True)
         return result
 
 
-def _planned(experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool) -> Members | None:
+def _planned(experiment: Experiment, controller: Any, folder: Path, resume: bool) -> Members | None:
     """The members of this run, which may go on with those in the folder; None if these are complete.
 
     `EnsembleError` if the folder has another experiment, or an unfinished one that would be lost.
@@ -197,10 +204,10 @@ def _planned(experiment: Experiment, controller: Any, folder: Path, files: Chunk
             continue
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
-    if not resume and begun is not None and any(files.folder.glob("*.npz")):
+    if not resume and begun is not None and any((folder / CHUNKS).glob("*.npz")):
         raise EnsembleError(
             f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
-            f"{folder / FOLDER}, or choose another --out"
+            f"{folder / CHUNKS}, or choose another --out"
         )
     members = varying_members(experiment, controller)
     if not resume or begun is None:
@@ -240,33 +247,42 @@ def _different(here: Any, there: Any, at: str) -> Iterator[str]:
         yield f"{at} is {here!r} here and {there!r} there"
 
 
-def _assembled(
-    varying: Members, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path
-) -> Ensemble:
-    """Write the tables and ensemble.json from the chunks; the last one marks completion."""
-    rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
+def _bands(rows: Path) -> dict[str, Any]:
+    """What is beside the rows of a chunk: samples over time, features of its machine code, a checksum of the rows."""
+    with np.load(BytesIO(rows.with_suffix(".npz").read_bytes())) as arrays:
+        return {**arrays, "columns": tuple(arrays["columns"].tolist())}
+
+
+def _features(rows: Path) -> str | None:
+    """The processor features of a chunk's machine code; None if the chunk is missing or incomplete."""
+    try:
+        arrays = _bands(rows)  # of which numpy checks the checksums
+        return str(arrays["features"]) if crc32(rows.read_bytes()) == int(arrays["checksum"]) else None
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+        return None
+
+
+def _assembled(varying: Members, files: Sequence[Path], features: Sequence[str], folder: Path) -> Ensemble:
+    """Write the tables and ensemble.json from the rows of the chunks; the last one marks completion."""
+    rows = polars.concat(map(scan_parquet, files), how="diagonal")
     options: dict[str, Any] = {"row_group_size": _ROWS_A_GROUP, "maintain_order": True, "statistics": False}
     write_whole(folder / MEMBERS, lambda path: write_to(path, lambda place: rows.sink_parquet(place, **options)))
     members = scan_parquet(folder / MEMBERS)
-    samples = (files.bands(first) for first, _ in ranges)
-    joined = joined_samples(BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in samples)
+    joined = joined_samples(
+        BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in map(_bands, files)
+    )
     ran = members.filter(polars.col("outcome") != "impossible").select("member").head(MOST_KEPT).collect()
-    for name, frame in (
-        (BANDS, bands_frame(joined)),
-        (SAMPLES, samples_frame(joined, ran["member"].to_list())),
-    ):
+    bands, samples = bands_frame(joined), samples_frame(joined, ran["member"].to_list())
+    for name, frame in ((BANDS, bands), (SAMPLES, samples)):
+        write_whole(folder / name, partial(write_to, write=partial(frame.write_parquet, statistics=False)))
 
-        def write(path: Path, frame: polars.DataFrame = frame) -> None:
-            write_to(path, lambda place: frame.write_parquet(place, statistics=False))
-
-        write_whole(folder / name, write)
-
-    def counts(column: str, *by: str, most: int | None = None) -> dict[str, int]:
-        """How often each text of a column is there, in the order of columns, the largest number first."""
-        order = by or (column,)
-        groups = members.group_by(column).len().drop_nulls()
-        frame = groups.sort(order, descending=[key == "len" for key in order]).head(most or 2**31).collect()
-        return dict(zip(frame[column], frame["len"], strict=True))
+    # how often each outcome and cause is there: outcomes in alphabetical order, the most frequent causes first
+    counts = {}
+    for name in ("outcome", "oscillation", "cause"):
+        groups = members.group_by(name).len().drop_nulls().sort(name)
+        if name == "cause":
+            groups = groups.sort("len", descending=True, maintain_order=True).head(_MOST_CAUSES)
+        counts[name] = dict(groups.collect().iter_rows())
 
     # metadata depend only on the results: no times, and no names of workers
     metadata = {
@@ -280,9 +296,9 @@ def _assembled(
         "combinations": varying.combinations,
         "groups": [[name for k in group for name in varying.inputs[k].columns] for group in varying.groups],
         "outside": [varied.outside for varied in varying.inputs if varied.outside],
-        "outcomes": counts("outcome"),
-        "oscillations": counts("oscillation"),
-        "causes": counts("cause", "len", "cause", most=_MOST_CAUSES),
+        "outcomes": counts["outcome"],
+        "oscillations": counts["oscillation"],
+        "causes": counts["cause"],
         **varying.stepping._asdict(),
         "integration_error": members.select(polars.col("integration_error").max()).collect().item(),
         # one text means the same bits from all workers; several mean agreement to 1e-9

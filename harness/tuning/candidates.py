@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, margins_of, metrics_of, reduced
+from gough_stewart.harness.ensemble.chunk import SIZE, margins_of, metrics_of, reduced
 from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.members import Members
@@ -67,9 +67,6 @@ class Candidates:
         reasons: dict[int, str] = {}
         settings = [{axis.place.path: value for axis, value in zip(axes, point, strict=True)} for point in points]
 
-        def run(batch: Batch) -> Reduced:
-            return reduced(batch, self.members.stepping, cores(), names=names)
-
         # runs, in batches of candidates with their members
         pairs = [(c, k) for c in range(len(points)) for k in self._kept]
         for first in range(0, len(pairs), SIZE):
@@ -79,9 +76,8 @@ class Candidates:
                 reasons.setdefault(part[at][0], str(batch.errors[at]))
             if not len(batch):
                 continue
-            outcomes, columns, _ = of_batch = run(batch)
+            outcomes, columns, _ = reduced(batch, self.members.stepping, cores(), names=names)
             self.integration_error = max(self.integration_error, float(np.max(columns["integration_error"])))
-            check_memory(batch, of_batch, run)
             unknown = np.full(len(outcomes), np.nan)  # margins are not part of runs
             rows = np.stack([columns.get(name, unknown) for name in names], axis=1)
             for at, row, outcome in zip(batch.numbers.tolist(), rows, outcomes, strict=True):
