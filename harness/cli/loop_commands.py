@@ -11,7 +11,7 @@ import typer
 
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.console import Terminal, errors, warn
+from gough_stewart.harness.cli.command import Terminal, errors, warn
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import MissedError, UsageError

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
-from gough_stewart.harness.cli.command import wrong_use_if
-from gough_stewart.harness.cli.console import errors, warn
+from gough_stewart.harness.cli.command import errors, warn, wrong_use_if
 from gough_stewart.harness.errors import ExperimentError, UsageError
 from gough_stewart.model.errors import PlatformFileError
 

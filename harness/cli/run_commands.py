@@ -11,8 +11,7 @@ import typer
 
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
-from gough_stewart.harness.cli.console import Terminal, errors, progress_bar, warn
+from gough_stewart.harness.cli.command import Terminal, clear_errors, errors, progress_bar, warn, wrong_use_if
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError

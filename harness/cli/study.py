@@ -30,8 +30,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from gough_stewart.harness.cli import ExitCode
-from gough_stewart.harness.cli.command import Command, clear_errors
-from gough_stewart.harness.cli.console import Terminal, diverted, errors, progress_bar, warn
+from gough_stewart.harness.cli.command import Command, Terminal, clear_errors, errors, progress_bar, warn
 from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
 
 if TYPE_CHECKING:
@@ -71,6 +70,8 @@ class Running:
     options: ReportOptions
     progress: "Progress"
     until_end: ExitStack
+    page: bool  # whether a page is written
+    draws: bool  # whether charts are shown anywhere
     groups: Sequence[str] = ()  # of charts, each a figure
     required: "list[Required]" = field(default_factory=list)
     known: "dict[str, Known]" = field(default_factory=dict)  # numbers that it will have, as far as they are known
@@ -80,16 +81,6 @@ class Running:
     folder: Path = Path()
     names: tuple[str, ...] = ()  # of all files that the study may write there
     keeps_data: bool = True
-
-    @property
-    def page(self) -> bool:
-        """Whether a page is written."""
-        return self.options.report or self.options.open_it
-
-    @property
-    def draws(self) -> bool:
-        """Whether charts are shown anywhere."""
-        return self.page or self.options.figures or self.options.as_json
 
     def step(self, description: str | None = None, **values: Any) -> None:
         """Show what is done now; `total` and `completed` as in rich."""
@@ -122,14 +113,7 @@ class Running:
                 f"output folder {folder}: it holds the results of `gough-stewart {holders[0]}`; choose another "
                 "folder, or delete that one"
             )
-        new = [place for place in (folder, *folder.parents) if not place.exists()]
-
-        def remove_empty() -> None:
-            for place in new:
-                with suppress(OSError):  # something is in it
-                    place.rmdir()
-
-        self.until_end.callback(remove_empty)
+        self.command.made += [place for place in (folder, *folder.parents) if not place.exists()]
         self.until_end.enter_context(reserved(folder))
         return folder
 
@@ -295,15 +279,15 @@ def study(
         @wraps(function)
         def command(**values: Any) -> None:
             options = ReportOptions(**{option_name: values.pop(option_name) for option_name in shared})
-            # also errors go there with --json
+            page = options.report or options.open_it
+            draws = page or options.figures or options.as_json
             with (
-                diverted(options.as_json),
-                clear_errors() as command,
+                clear_errors(is_piped=options.as_json) as command,
                 progress_bar(many) as progress,
                 ExitStack() as until_end,
             ):
                 progress.add_task("preparing", total=None)
-                running = Running(name, command, options, progress, until_end, figures)
+                running = Running(name, command, options, progress, until_end, page, draws, figures)
                 if options.require:
                     from gough_stewart.harness.report.requirements import required
 
