@@ -98,6 +98,9 @@ def main() -> None:  # noqa: PLR0912, PLR0915 - one road, in sections
             if is_ascii and os.environ.get("PYTHONUTF8") != "1":
                 os.environ["PYTHONUTF8"] = "1"
                 os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+            # a terminal without Greek shows question marks instead of a traceback
+            if isinstance(sys.stdout, io.TextIOWrapper):
+                sys.stdout.reconfigure(errors="replace")
             if isinstance(sys.stderr, io.TextIOWrapper):
                 encoding = sys.stderr.encoding
                 sys.stderr = _ErrorStream(sys.stderr.detach(), encoding, "replace", line_buffering=True)
@@ -106,7 +109,9 @@ def main() -> None:  # noqa: PLR0912, PLR0915 - one road, in sections
             _interrupts.begun = True
             from gough_stewart.harness.cli import app
 
-            app.main()
+            # imports and figures create many objects that live to the end; collection would scan them often
+            gc.set_threshold(200_000, 30, 30)
+            app.app()
         finally:
             _interrupts.ended = True
     except SystemExit as ended:

@@ -51,7 +51,7 @@ _MOST_CAUSES = 50
 MembersProgress = Callable[[int, int], None]
 
 
-def ensemble(  # noqa: PLR0915 - one road, in sections
+def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
@@ -132,16 +132,57 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
             check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
             remove_leftovers(folder / CHUNKS)
 
-        # plan, while processes import; only their number where it may turn out that none is needed
+        # processes import while this one plans; only their number where it may turn out that none is needed
         say("planning")
         number, asked = workers or cores(), chosen.ensemble.members if chosen.ensemble else None
         chunks = ceil((asked or 0) / SIZE)
         useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
         alone = resume or scheduler is not None or useful < 2
         processes: Workers | int = number if alone else stack.enter_context(closing(Workers(useful)))
-        varying = _planned(chosen, controller, folder, resume)
-        if varying is None:
-            return read_ensemble(folder)
+
+        # the folder may have members already, to go on with or to be kept: their plan, versions, whether all are there
+        begun: tuple[dict[str, Any], dict[str, str], bool] | None = None
+        for name in (PLAN, METADATA):
+            try:
+                content = json.loads((folder / name).read_bytes())
+                begun = decisive(json.loads(content["plan"])), dict(content["made_with"]), name == METADATA
+                break
+            except FileNotFoundError:
+                continue
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
+        if not resume and begun is not None and any((folder / CHUNKS).glob("*.npz")):
+            raise EnsembleError(
+                f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
+                f"{folder / CHUNKS}, or choose another --out"
+            )
+        varying = varying_members(chosen, controller)
+        if not resume or begun is None:
+            varying.possible()
+            # unknown names are refused before anything runs
+            by = varying.choice.worst_by
+            try:
+                columns, _ = results_of_nobody(varying)
+            except RecordError as error:
+                raise ExperimentError(chosen.where, "ensemble.signals", str(error)) from None
+            if by is not None and SHORT.get(by, by) not in columns:
+                raise ExperimentError(chosen.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
+        else:
+            plan_there, made_with, is_finished = begun
+            plan_here = json.loads(json.dumps(decisive(varying.plan)))
+            if plan_here != plan_there:
+                differences = list(_different(plan_here, plan_there, ""))
+                # without values that also appear in the experiment
+                differs = [text for text in differences if not any(other.endswith(f".{text}") for other in differences)]
+                raise EnsembleError(
+                    f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or "
+                    "omit --resume"
+                )
+            if differing := difference(exact_versions(), made_with):
+                raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
+            if is_finished:
+                return read_ensemble(folder)
+
         # a chunk from member k on has k.parquet, and k.npz, which is written last
         ranges = [(k, min(k + SIZE, varying.count)) for k in range(0, varying.count, SIZE)]
         files = {part: folder / CHUNKS / f"{part[0]:08d}.parquet" for part in ranges}
@@ -154,8 +195,8 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         say("running")
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            begun = {"plan": varying.text, "made_with": exact_versions()}
-            write_whole(folder / PLAN, json.dumps(begun, indent=1).encode())
+            plan = {"plan": varying.text, "made_with": exact_versions()}
+            write_whole(folder / PLAN, json.dumps(plan, indent=1).encode())
             if missing:
                 source = (
                     chunks_here(varying, missing, processes)
@@ -187,53 +228,6 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         shutil.rmtree(folder / CHUNKS, ignore_errors=True)
         (folder / PLAN).unlink(missing_ok=True)
         return result
-
-
-def _planned(experiment: Experiment, controller: Any, folder: Path, resume: bool) -> Members | None:
-    """The members of this run, which may go on with those in the folder; None if these are complete.
-
-    `EnsembleError` if the folder has another experiment, or an unfinished one that would be lost.
-    """
-    begun = None
-    for name in (PLAN, METADATA):
-        try:
-            content = json.loads((folder / name).read_bytes())
-            begun = decisive(json.loads(content["plan"])), dict(content["made_with"]), name == METADATA
-            break
-        except FileNotFoundError:
-            continue
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
-    if not resume and begun is not None and any((folder / CHUNKS).glob("*.npz")):
-        raise EnsembleError(
-            f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
-            f"{folder / CHUNKS}, or choose another --out"
-        )
-    members = varying_members(experiment, controller)
-    if not resume or begun is None:
-        members.possible()
-        # unknown names are refused before anything runs
-        by = members.choice.worst_by
-        try:
-            columns, _ = results_of_nobody(members)
-        except RecordError as error:
-            raise ExperimentError(experiment.where, "ensemble.signals", str(error)) from None
-        if by is not None and SHORT.get(by, by) not in columns:
-            raise ExperimentError(experiment.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
-        return members
-    there, made_with, is_finished = begun
-    here = json.loads(json.dumps(decisive(members.plan)))
-    if here != there:
-        differences = list(_different(here, there, ""))
-        # without values that also appear in the experiment
-        differs = [text for text in differences if not any(longer.endswith(f".{text}") for longer in differences)]
-        raise EnsembleError(
-            f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or omit "
-            "--resume"
-        )
-    if differing := difference(exact_versions(), made_with):
-        raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
-    return None if is_finished else members
 
 
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
