@@ -33,7 +33,8 @@ class Command:
     is_piped: bool = False  # standard output is data for another program: texts go to the error stream
     started: float = field(default_factory=time.perf_counter)
     written: list[Path] = field(default_factory=list)
-    made: list[Path] = field(default_factory=list)  # folders that are removed at the end if they are empty, inner first
+    # folders that are removed at the end if nothing is in them, inner ones first
+    new_folders: list[Path] = field(default_factory=list)
     latest: ClassVar["Command"]  # that runs, or has just ended
 
     def whereabouts(self) -> str:
@@ -176,7 +177,7 @@ def clear_errors(is_piped: bool = False) -> Iterator[Command]:
         errors.say((f"interrupted; {'; '.join(notes) or command.whereabouts()}", "bold red"))
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     finally:
-        for folder in command.made:
+        for folder in command.new_folders:
             with suppress(OSError):  # something is in it
                 folder.rmdir()
 

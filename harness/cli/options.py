@@ -40,6 +40,11 @@ def option(explanation: str, metavar: str | None = None, *names: str, default: A
     return typer.Option(default, *names, help=explanation, metavar=metavar, **more)
 
 
+def flag(explanation: str, name: str) -> Any:
+    """An option without a value, which is off by default."""
+    return typer.Option(False, name, help=explanation)
+
+
 def argument(explanation: str, metavar: str, *, default: Any = ..., **more: Any) -> Any:
     """An argument by its help and the word for its value."""
     return typer.Argument(default, help=explanation, metavar=metavar, **more)

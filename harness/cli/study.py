@@ -31,7 +31,7 @@ import typer
 
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli.command import Command, Terminal, clear_errors, errors, progress_bar, warn
-from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
+from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, flag, numbers_of_loops, option
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -48,12 +48,10 @@ RECORDS = ("record.parquet", "record.csv")
 class ReportOptions:
     """The options that every study has."""
 
-    report: bool = option("Also write report.html, a page for the browser.", None, "--report", default=False)
-    figures: bool = option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures", default=False)
-    open_it: bool = option("Open the page in the browser; implies --report.", None, "--open", default=False)
-    as_json: bool = option(
-        "Write the report as data to the standard output, and nothing else there.", None, "--json", default=False
-    )
+    report: bool = flag("Also write report.html, a page for the browser.", "--report")
+    figures: bool = flag("Also draw the charts, each as PDF, PNG and SVG.", "--figures")
+    open_it: bool = flag("Open the page in the browser; implies --report.", "--open")
+    as_json: bool = flag("Write the report as data to the standard output, and nothing else there.", "--json")
     require: list[str] | None = option(
         "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be repeated. Exit code 3 if it "
         "is not met, 4 if that is inconclusive.",
@@ -113,7 +111,7 @@ class Running:
                 f"output folder {folder}: it holds the results of `gough-stewart {holders[0]}`; choose another "
                 "folder, or delete that one"
             )
-        self.command.made += [place for place in (folder, *folder.parents) if not place.exists()]
+        self.command.new_folders += [place for place in (folder, *folder.parents) if not place.exists()]
         self.until_end.enter_context(reserved(folder))
         return folder
 

@@ -118,8 +118,8 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
     >>> results.members["outcome"].value_counts(), results.values("tracking.position.norm_peak").max()
     """
     numbers = {"ensemble.members": members, "ensemble.seed": seed}
-    chosen = experiment_of(experiment, settings)
-    chosen = experiment_of(chosen, {key: value for key, value in numbers.items() if value is not None})
+    nominal = experiment_of(experiment, settings)
+    nominal = experiment_of(nominal, {key: value for key, value in numbers.items() if value is not None})
     if workers is not None and workers < 1:
         raise EnsembleError(f"workers is {workers}; expected at least 1")
     say = status or (lambda _: None)
@@ -134,9 +134,9 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
 
         # processes import while this one plans; only their number where it may turn out that none is needed
         say("planning")
-        number, asked = workers or cores(), chosen.ensemble.members if chosen.ensemble else None
+        number, asked = workers or cores(), nominal.ensemble.members if nominal.ensemble else None
         chunks = ceil((asked or 0) / SIZE)
-        useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
+        useful = min(workers, chunks) if workers else processes_for(chunks, number, nominal, controller)
         alone = resume or scheduler is not None or useful < 2
         processes: Workers | int = number if alone else stack.enter_context(closing(Workers(useful)))
 
@@ -156,7 +156,7 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
                 f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
                 f"{folder / CHUNKS}, or choose another --out"
             )
-        varying = varying_members(chosen, controller)
+        varying = varying_members(nominal, controller)
         if not resume or begun is None:
             varying.possible()
             # unknown names are refused before anything runs
@@ -164,9 +164,9 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
             try:
                 columns, _ = results_of_nobody(varying)
             except RecordError as error:
-                raise ExperimentError(chosen.where, "ensemble.signals", str(error)) from None
+                raise ExperimentError(nominal.where, "ensemble.signals", str(error)) from None
             if by is not None and SHORT.get(by, by) not in columns:
-                raise ExperimentError(chosen.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
+                raise ExperimentError(nominal.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
         else:
             plan_there, made_with, is_finished = begun
             plan_here = json.loads(json.dumps(decisive(varying.plan)))

@@ -75,7 +75,7 @@ class Ensemble(MemberTable):
             distributions.
         """
         by, metadata, pages = self.worst_by, self.metadata, worst if isinstance(worst, Mapping) else {}
-        known = sensitivity_of(self, by)
+        sensitivity = sensitivity_of(self, by)
         tables = [_quantile_table(self, self.usual_metrics)]
 
         # members that did not complete: causes that differ only in numbers count as one, which its first member tells
@@ -95,23 +95,25 @@ class Ensemble(MemberTable):
                                 note=note, links=links))  # fmt: skip
 
         # effects of the inputs on the metric, the most influential first
-        if known is not None:
+        if sensitivity is not None:
             half = Column("±", _TWO, "half of the 95 % confidence interval")
             columns = (Column("input"), Column("β", _TWO, "standardised regression coefficient"), half)
-            if known.method == "sobol":
+            if sensitivity.method == "sobol":
                 alone = Column("alone", _TWO, "share of the variance, first order")
                 total = Column("in total", _TWO, "share of the variance with all interactions")
                 columns = (Column("input"), alone, half, total, replace(half, name="± "))
             rows: list[tuple[Cell, ...]] = [
-                (known.inputs[k], *(float(values[k]) for effect in known.effects for values in effect))
-                for k in known.order
+                (sensitivity.inputs[k], *(float(values[k]) for effect in sensitivity.effects for values in effect))
+                for k in sensitivity.order
             ]
-            title, note = f"What makes the {metric_of(by).text} vary", f"{sentence([known.remark])}."
+            title, note = f"What makes the {metric_of(by).text} vary", f"{sentence([sensitivity.remark])}."
             tables.append(Table(title, columns, tuple(rows), first_shown=_MOST_INPUTS, note=note, beside=True))
 
         # the worst members with their outcome, the metric, and what was drawn for the first inputs
         if worst:
-            metric, inputs = metric_of(by), self.varied if known is None else [known.inputs[k] for k in known.order]
+            metric, inputs = metric_of(by), self.varied
+            if sensitivity is not None:
+                inputs = tuple(sensitivity.inputs[k] for k in sensitivity.order)
             numeric = [name for name in inputs if name in self.varied]
             shown, more = numeric[:_MOST_COLUMNS], len(numeric[_MOST_COLUMNS:])
             drawn = (Column(name, quantity_of_input(name)) for name in shown)
@@ -128,13 +130,13 @@ class Ensemble(MemberTable):
                                 links=links, note=note))  # fmt: skip
         sections = [Section("Members", tuple(tables))]
         if charts:
-            sections += ensemble_charts(self, by, known)
+            sections += ensemble_charts(self, by, sensitivity)
             all_metrics = [name for name in self.metrics if len(self.counted(name))]
             sections.append(Section("All metrics", (_quantile_table(self, all_metrics),), detail=True))
         seed = f", seed {metadata['seed']}" if "seed" in metadata else ""
         report = Report(
             self.title,
-            _verdict(self, by, known),
+            _verdict(self, by, sensitivity),
             tuple(sections),
             study="ensemble",
             lead=f"{count(self.members.height, 'member')} {_DRAWN[metadata.get('sampling', 'random')]}{seed}",
@@ -191,7 +193,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
-def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdict:
+def _verdict(ensemble: MemberTable, by: str, sensitivity: Sensitivity | None) -> Verdict:
     """How many machines complete their runs, how well most of them do, and what makes them differ."""
     n, sound = ensemble.members.height, int(np.count_nonzero(ensemble.works))
     low, high = share_interval(sound / ensemble.block, n / ensemble.block)
@@ -231,13 +233,13 @@ def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdi
         method = "interval of the quantile between order statistics, 95 % confidence"
         carried.append(Number("", name, value, metric.quantity, *ends, explanation=method))
     # the input with the largest effect, or those that may have it, as far as they have one beyond doubt
-    if known is not None and known.explains:
-        effect, half = known.effects[-1]
-        sure = [k for k in (known.order[0], *known.alike) if abs(effect[k]) > half[k]]
-        names = [known.inputs[k] for k in sure[:_MOST_NAMED]]
-        if sure == known.order[:1] and not known.alike:
+    if sensitivity is not None and sensitivity.explains:
+        effect, half = sensitivity.effects[-1]
+        sure = [k for k in (sensitivity.order[0], *sensitivity.alike) if abs(effect[k]) > half[k]]
+        names = [sensitivity.inputs[k] for k in sure[:_MOST_NAMED]]
+        if sure == sensitivity.order[:1] and not sensitivity.alike:
             parts.append(f"{names[0]} matters most")
-        elif len(sure) > 1 and sure[0] == known.order[0]:
+        elif len(sure) > 1 and sure[0] == sensitivity.order[0]:
             unnamed = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
             told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure]
             parts.append(f"{listed([*names, *unnamed])} matter alike ({listed(told[:_MOST_NAMED])})")
