@@ -1,9 +1,6 @@
 """The command line: `gough-stewart`."""
 
-import gc
-import io
 import re
-import sys
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -113,13 +110,3 @@ for _panel, _functions in _COMMANDS.items():
     for _function in _functions:
         _name = _function.__name__.removesuffix("_command")
         app.command(_name, cls=PlainCommand, rich_help_panel=_panel)(_function)
-
-
-def main() -> None:
-    """Run the command line in a process of its own; the console script calls it through `entry`."""
-    # imports and figures create many objects that live to the end; without this, collection would scan them often
-    gc.set_threshold(200_000, 30, 30)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without Greek shows question marks instead of a traceback
-    app()

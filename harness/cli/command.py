@@ -1,28 +1,40 @@
-"""Runs a command to its closing lines, or to one line that states the error."""
+"""Runs a command to its closing lines, or to one line that states the error; texts, warnings and progress of all."""
 
 import logging
+import re
 import time
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import typer
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+from rich.text import Text
 
 from gough_stewart.harness.cli import ExitCode
-from gough_stewart.harness.cli.console import Terminal, errors, warn
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, Task
+
+# Control characters except newline and tab, and marks that change the writing direction.
+_UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 @dataclass
 class Command:
     """A running command: its start time, and the folders it has written to, which an interrupt then names."""
 
+    is_piped: bool = False  # standard output is data for another program: texts go to the error stream
     started: float = field(default_factory=time.perf_counter)
     written: list[Path] = field(default_factory=list)
+    # folders that are removed at the end if nothing is in them, inner ones first
+    new_folders: list[Path] = field(default_factory=list)
     latest: ClassVar["Command"]  # that runs, or has just ended
 
     def whereabouts(self) -> str:
@@ -44,7 +56,6 @@ class Command:
         import webbrowser
 
         from rich.padding import Padding
-        from rich.text import Text
 
         seconds = time.perf_counter() - self.started
         minutes, rest = divmod(round(seconds), 60)
@@ -73,6 +84,60 @@ class Command:
 Command.latest = Command()
 
 
+class Terminal(Console):
+    """A console that prints all texts as they are: neither rich's markup nor control characters have an effect."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr or Command.latest.is_piped, markup=False, emoji=False, highlight=False)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """As in rich, with control characters made visible."""
+        for segment in super().render(renderable, options):
+            text = segment.text if segment.control else _UNSAFE.sub("\N{REPLACEMENT CHARACTER}", segment.text)
+            yield Segment(text, segment.style, segment.control)
+
+    def say(self, *parts: str | tuple[str, str]) -> None:
+        """Print one line of any length; a part may be a pair of text and style."""
+        self.print(Text.assemble(*parts), soft_wrap=True)
+
+
+errors = Terminal(stderr=True)
+
+
+def warn(message: str) -> None:
+    """Print a warning: the command succeeded, but something needs attention."""
+    errors.say(("warning: ", "bold yellow"), message)
+
+
+def progress_bar(of_members: bool = False) -> "Progress":
+    """Shows the task, its progress and its duration on the error stream, if it is a terminal; removed at the end.
+
+    Of many members also their number, members per second, and the remaining time.
+    """
+    from rich import progress
+
+    columns = [progress.TextColumn("{task.description}", markup=False), progress.BarColumn()]
+    if of_members:
+
+        class Rate(progress.ProgressColumn):
+            def render(self, task: "Task") -> Text:
+                return Text(f"{task.speed:.0f} members/s" if task.speed else "", style="dim")
+
+        columns += [progress.MofNCompleteColumn(), Rate()]
+    columns.append(progress.TimeElapsedColumn())
+    columns += [progress.TextColumn("left"), progress.TimeRemainingColumn()] if of_members else []
+    return progress.Progress(
+        *columns,
+        console=errors,
+        transient=True,
+        # each refresh takes as long as a hundred steps of a run
+        refresh_per_second=10 if of_members else 4,
+        # chunks end only every few seconds, so their speed is averaged over a minute
+        speed_estimate_period=60 if of_members else 30,
+        disable=not errors.is_terminal,
+    )
+
+
 class _Remarks(logging.Handler):
     """Shows what functions remark, such as leftovers that they have removed."""
 
@@ -86,11 +151,11 @@ _remarks.setLevel(logging.INFO)
 
 
 @contextmanager
-def clear_errors() -> Iterator[Command]:
+def clear_errors(is_piped: bool = False) -> Iterator[Command]:
     """Turn an error into one clear line and an exit code instead of a traceback."""
     from gough_stewart.model.process.installed import check_environment, tracer_is_named
 
-    Command.latest = command = Command()
+    Command.latest = command = Command(is_piped)
     try:
         check_environment()
         with tracer_is_named(), warnings.catch_warnings():
@@ -111,6 +176,10 @@ def clear_errors() -> Iterator[Command]:
         notes = getattr(error, "__notes__", [])  # such as which files were written nonetheless
         errors.say((f"interrupted; {'; '.join(notes) or command.whereabouts()}", "bold red"))
         raise typer.Exit(ExitCode.INTERRUPTED) from None
+    finally:
+        for folder in command.new_folders:
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
 
 
 @contextmanager

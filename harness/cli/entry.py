@@ -77,7 +77,7 @@ _interrupts = _Interrupts()
 _interrupts.watch("SIGINT")
 
 
-def main() -> None:
+def main() -> None:  # noqa: PLR0912, PLR0915 - one road, in sections
     """Run the command line; Ctrl-C, SIGTERM, SIGHUP and a full output stream give one line each."""
     code: str | int | None = 0
     is_interrupted = False
@@ -98,14 +98,20 @@ def main() -> None:
             if is_ascii and os.environ.get("PYTHONUTF8") != "1":
                 os.environ["PYTHONUTF8"] = "1"
                 os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+            # a terminal without Greek shows question marks instead of a traceback
+            if isinstance(sys.stdout, io.TextIOWrapper):
+                sys.stdout.reconfigure(errors="replace")
             if isinstance(sys.stderr, io.TextIOWrapper):
-                sys.stderr = _ErrorStream(sys.stderr)
+                encoding = sys.stderr.encoding
+                sys.stderr = _ErrorStream(sys.stderr.detach(), encoding, "replace", line_buffering=True)
             # these end the process like Ctrl-C: keep rows, remove temporary files, end compilers
             _interrupts.watch("SIGTERM", "SIGHUP")
             _interrupts.begun = True
             from gough_stewart.harness.cli import app
 
-            app.main()
+            # imports and figures create many objects that live to the end; collection would scan them often
+            gc.set_threshold(200_000, 30, 30)
+            app.app()
         finally:
             _interrupts.ended = True
     except SystemExit as ended:
@@ -125,24 +131,19 @@ def main() -> None:
         command = sys.modules.get("gough_stewart.harness.cli.command")
         place = "nothing written" if command is None else command.Command.latest.whereabouts()
         print(f"interrupted; {place}", file=sys.stderr, flush=True)
-    sys.exit(_flushed(code))
 
-
-def _flushed(code: str | int | None) -> str | int | None:
-    """The exit code, or 1 if the results could not be printed, where Python would end with a traceback."""
-    # no signal disturbs the end of the process
+    # the end of the process, which no signal disturbs, nor a last garbage collection of up to half a second
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    # a last garbage collection would take up to half a second
     gc.freeze()
     try:
         sys.stdout.flush()
-    except OSError as error:
+    except OSError as error:  # results that could not be printed; Python would end with a traceback
         print(f"error: standard output: {error.strerror or error}", file=sys.stderr, flush=True)
         _lead_nowhere(sys.stdout.fileno())
-        return code or ExitCode.FAILED
-    return code
+        code = code or ExitCode.FAILED
+    sys.exit(code)
 
 
 def _lead_nowhere(descriptor: int) -> None:
@@ -152,10 +153,6 @@ def _lead_nowhere(descriptor: int) -> None:
 
 class _ErrorStream(io.TextIOWrapper):
     """Standard error that never fails: if its disk is full, messages are lost, but the run goes on."""
-
-    def __init__(self, stream: io.TextIOWrapper) -> None:
-        encoding = stream.encoding
-        super().__init__(stream.detach(), encoding, "replace", line_buffering=True)
 
     def write(self, text: str) -> int:
         try:

@@ -10,7 +10,7 @@ import typer
 
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.options import choice, option
+from gough_stewart.harness.cli.options import choice, flag, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import IdentificationWarning, UsageError
 
@@ -155,12 +155,10 @@ def identify_command(
     force_per_current: float | None = option(
         "Force per current of each motor [N/A], for logs with motor_current[1..6].", "FACTOR"
     ),
-    holds_force: bool = option(
+    holds_force: bool = flag(
         "Forces are commands of a sampled controller: each acts from its row to the next. Without it, forces "
         "are readings at the times of their rows. Records of `run` say so themselves.",
-        None,
         "--holds-force",
-        default=False,
     ),
     side: Side | None = choice(
         "Of elastic legs, where leg_length was measured. Records of `run` say so themselves; columns "

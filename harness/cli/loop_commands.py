@@ -11,8 +11,8 @@ import typer
 
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.console import Terminal, errors, warn
-from gough_stewart.harness.cli.options import choice, option
+from gough_stewart.harness.cli.command import Terminal, errors, warn
+from gough_stewart.harness.cli.options import choice, flag, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import MissedError, UsageError
 
@@ -177,9 +177,7 @@ def ensemble_command(
     members: int | None = option("Number of members. Default: from the experiment.", "N", min=1),
     seed: int | None = option("Seed of samples and noise. Default: from the experiment.", "N", min=0),
     out: Path | None = opt.out_option("results/ensemble_NAME, after the experiment"),
-    resume: bool = option(
-        "Continue an interrupted run in the folder from its finished chunks.", None, "--resume", default=False
-    ),
+    resume: bool = flag("Continue an interrupted run in the folder from its finished chunks.", "--resume"),
     workers: int | None = option(
         "Number of processes on this machine. Default: one thread or process per core.", "N", min=1
     ),
@@ -241,12 +239,12 @@ def ensemble_command(
     metrics = [metric for metric in METRICS if has_margins or not metric.path.startswith("margins.")]
     # of a comparison those of the second, of the first, or their difference
     prefixes = ("",) if second is None else ("", "first.", "difference.")
-    known = [Number(f"{prefix}{m.path}", m.text, None, m.quantity) for prefix in prefixes for m in metrics]
-    paths = [number.path for number in known]
+    numbers = [Number(f"{prefix}{m.path}", m.text, None, m.quantity) for prefix in prefixes for m in metrics]
+    paths = [number.path for number in numbers]
     folder = out or opt.results_folder("ensemble", experiment, "" if second is None else "_compared")
     running.hold(folder, study="ensemble" if second is None else "ensemble --compare")
     running.expect(paths, paths)
-    running.require((second or loaded).requirements, known)
+    running.require((second or loaded).requirements, numbers)
 
     options: dict[str, Any] = {
         "members": members,
@@ -261,8 +259,8 @@ def ensemble_command(
         running.command.written.append(folder)
         running.step("worst members and report", total=None)
         report = write_worst(result, folder, pages=running.page, charts=running.draws)
-        numbers = {"ensemble.members": members, "ensemble.seed": seed}
-        changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
+        replaced = {"ensemble.members": members, "ensemble.seed": seed}
+        changed = [*(settings or ()), *(f"{key}={value}" for key, value in replaced.items() if value is not None)]
         repeat = "".join(f"--set {quote(setting)} " for setting in changed)
         report = replace(report, repeat=f"gough-stewart run {quote(experiment)} {repeat}--open --member")
         worst = [WORST] if (folder / WORST).is_dir() else []

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
-from gough_stewart.harness.cli.command import wrong_use_if
-from gough_stewart.harness.cli.console import errors, warn
+from gough_stewart.harness.cli.command import errors, warn, wrong_use_if
 from gough_stewart.harness.errors import ExperimentError, UsageError
 from gough_stewart.model.errors import PlatformFileError
 
@@ -39,6 +38,11 @@ class FmiVersion(StrEnum):
 def option(explanation: str, metavar: str | None = None, *names: str, default: Any = None, **more: Any) -> Any:
     """An option by its help and the word for its value; `names` where they differ from the parameter's."""
     return typer.Option(default, *names, help=explanation, metavar=metavar, **more)
+
+
+def flag(explanation: str, name: str) -> Any:
+    """An option without a value, which is off by default."""
+    return typer.Option(False, name, help=explanation)
 
 
 def argument(explanation: str, metavar: str, *, default: Any = ..., **more: Any) -> Any:

@@ -7,8 +7,7 @@ from typing import Literal
 import typer
 
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
-from gough_stewart.harness.cli.console import Terminal, errors
+from gough_stewart.harness.cli.command import Terminal, clear_errors, errors, wrong_use_if
 from gough_stewart.harness.cli.options import choice, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import ExperimentError, MissedError, UsageError

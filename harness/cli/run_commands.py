@@ -11,9 +11,8 @@ import typer
 
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
-from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
-from gough_stewart.harness.cli.console import Terminal, errors, progress_bar, warn
-from gough_stewart.harness.cli.options import choice, option
+from gough_stewart.harness.cli.command import Terminal, clear_errors, errors, progress_bar, warn, wrong_use_if
+from gough_stewart.harness.cli.options import choice, flag, option
 from gough_stewart.harness.cli.study import DATA, PAGE, RECORDS, Running, study
 from gough_stewart.harness.errors import ExportError, MissedError, RecordError, UsageError
 from gough_stewart.harness.plants import FMI_VERSIONS, PlantKind
@@ -37,11 +36,8 @@ def run_command(
         " its own. Needs a loop.delay of at least 1.",
         "fmu2|fmu3|FILE.fmu",
     ),
-    allow_unstable: bool = option(
-        "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.",
-        None,
-        "--allow-unstable",
-        default=False,
+    allow_unstable: bool = flag(
+        "Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", "--allow-unstable"
     ),
     anyway: opt.FormerNameOption = False,
     member: int | None = option(
@@ -92,9 +88,9 @@ def run_command(
     running.hold(folder, names_of_files())
     # of margins a run has the disk margin of its own experiment alone
     margins = {"margins.disk"} if controller is None and member is None else set()
-    known = [metric for metric in METRICS if not metric.path.startswith("margins.") or metric.path in margins]
-    running.expect([metric.path for metric in known])
-    requirements = running.require(loaded.requirements, known)
+    metrics = [metric for metric in METRICS if not metric.path.startswith("margins.") or metric.path in margins]
+    running.expect([metric.path for metric in metrics])
+    requirements = running.require(loaded.requirements, metrics)
     running.step(total=loaded.loop.duration)
     replacement: AbstractContextManager[Any] = nullcontext()  # of the experiment's own controller
     if controller is not None and controller in FMI_VERSIONS:
@@ -156,7 +152,7 @@ def live_command(
     experiment: opt.PlainExperimentArgument,
     settings: opt.SetOption = None,
     out: Path | None = option("The page to write. Default: NAME_live.html.", "FILE.html", parser=opt.path),
-    no_open: bool = option("Do not open it in the browser.", None, "--no-open", default=False),
+    no_open: bool = flag("Do not open it in the browser.", "--no-open"),
 ) -> None:
     """Play with the loop of an experiment in the browser: it runs there, from the same compiled code as everywhere.
 
@@ -191,9 +187,9 @@ def serve_command(
     settings: opt.SetOption = None,
     host: str = option("The address to listen on; 0.0.0.0 opens it to the network.", "HOST", default="127.0.0.1"),
     rate: float = option("Rows a second, at most 250.", "HZ", default=100.0),
-    binary: bool = option("Fixed binary rows instead of JSON.", None, "--binary", default=False),
+    binary: bool = flag("Fixed binary rows instead of JSON.", "--binary"),
     silence: float = option("A sender that is silent for this long is lost.", "SECONDS", default=1.0),
-    stop: bool = option("End when the sender is lost; else its pose holds.", None, "--stop", default=False),
+    stop: bool = flag("End when the sender is lost; else its pose holds.", "--stop"),
     duration: float = option("End after this time. Default: at Ctrl-C.", "SECONDS", default=math.inf, min=0),
 ) -> None:
     """Run the loop of an experiment in real time, for games, displays and motion software: poses out and in, over UDP.
@@ -237,7 +233,7 @@ def view_command(
         parser=opt.path,
     ),
     out: Path = option("The page to write.", "FILE.html", default=Path("report.html"), parser=opt.path),
-    open_it: bool = option("Open the page in the browser.", None, "--open", default=False),
+    open_it: bool = flag("Open the page in the browser.", "--open"),
 ) -> None:
     """Show in a browser what a command found: verdict, numbers, charts; of runs also the platform in 3-D motion.
 

@@ -30,9 +30,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from gough_stewart.harness.cli import ExitCode
-from gough_stewart.harness.cli.command import Command, clear_errors
-from gough_stewart.harness.cli.console import Terminal, diverted, errors, progress_bar, warn
-from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
+from gough_stewart.harness.cli.command import Command, Terminal, clear_errors, errors, progress_bar, warn
+from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, flag, numbers_of_loops, option
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -49,12 +48,10 @@ RECORDS = ("record.parquet", "record.csv")
 class ReportOptions:
     """The options that every study has."""
 
-    report: bool = option("Also write report.html, a page for the browser.", None, "--report", default=False)
-    figures: bool = option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures", default=False)
-    open_it: bool = option("Open the page in the browser; implies --report.", None, "--open", default=False)
-    as_json: bool = option(
-        "Write the report as data to the standard output, and nothing else there.", None, "--json", default=False
-    )
+    report: bool = flag("Also write report.html, a page for the browser.", "--report")
+    figures: bool = flag("Also draw the charts, each as PDF, PNG and SVG.", "--figures")
+    open_it: bool = flag("Open the page in the browser; implies --report.", "--open")
+    as_json: bool = flag("Write the report as data to the standard output, and nothing else there.", "--json")
     require: list[str] | None = option(
         "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be repeated. Exit code 3 if it "
         "is not met, 4 if that is inconclusive.",
@@ -71,6 +68,8 @@ class Running:
     options: ReportOptions
     progress: "Progress"
     until_end: ExitStack
+    page: bool  # whether a page is written
+    draws: bool  # whether charts are shown anywhere
     groups: Sequence[str] = ()  # of charts, each a figure
     required: "list[Required]" = field(default_factory=list)
     known: "dict[str, Known]" = field(default_factory=dict)  # numbers that it will have, as far as they are known
@@ -80,16 +79,6 @@ class Running:
     folder: Path = Path()
     names: tuple[str, ...] = ()  # of all files that the study may write there
     keeps_data: bool = True
-
-    @property
-    def page(self) -> bool:
-        """Whether a page is written."""
-        return self.options.report or self.options.open_it
-
-    @property
-    def draws(self) -> bool:
-        """Whether charts are shown anywhere."""
-        return self.page or self.options.figures or self.options.as_json
 
     def step(self, description: str | None = None, **values: Any) -> None:
         """Show what is done now; `total` and `completed` as in rich."""
@@ -122,14 +111,7 @@ class Running:
                 f"output folder {folder}: it holds the results of `gough-stewart {holders[0]}`; choose another "
                 "folder, or delete that one"
             )
-        new = [place for place in (folder, *folder.parents) if not place.exists()]
-
-        def remove_empty() -> None:
-            for place in new:
-                with suppress(OSError):  # something is in it
-                    place.rmdir()
-
-        self.until_end.callback(remove_empty)
+        self.command.new_folders += [place for place in (folder, *folder.parents) if not place.exists()]
         self.until_end.enter_context(reserved(folder))
         return folder
 
@@ -295,15 +277,15 @@ def study(
         @wraps(function)
         def command(**values: Any) -> None:
             options = ReportOptions(**{option_name: values.pop(option_name) for option_name in shared})
-            # also errors go there with --json
+            page = options.report or options.open_it
+            draws = page or options.figures or options.as_json
             with (
-                diverted(options.as_json),
-                clear_errors() as command,
+                clear_errors(is_piped=options.as_json) as command,
                 progress_bar(many) as progress,
                 ExitStack() as until_end,
             ):
                 progress.add_task("preparing", total=None)
-                running = Running(name, command, options, progress, until_end, figures)
+                running = Running(name, command, options, progress, until_end, page, draws, figures)
                 if options.require:
                     from gough_stewart.harness.report.requirements import required
 

@@ -9,7 +9,7 @@ import typer
 from gough_stewart.harness.cli import ExitCode
 from gough_stewart.harness.cli import options as opt
 from gough_stewart.harness.cli.command import wrong_use_if
-from gough_stewart.harness.cli.options import choice, option
+from gough_stewart.harness.cli.options import choice, flag, option
 from gough_stewart.harness.cli.study import Running, study
 from gough_stewart.harness.errors import ExportError
 
@@ -29,12 +29,10 @@ def build_command(
     forms: str = option(
         "What to write: fmu, mjcf (a model for MuJoCo), or both with a comma.", "FORMS", "--as", default="fmu"
     ),
-    check: bool = option(
+    check: bool = flag(
         "Also check the units here: FMPy's validation, and their reference results in Co-Simulation and Model"
         " Exchange.",
-        None,
         "--check",
-        default=False,
     ),
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
@@ -132,9 +130,7 @@ def export_command(
         "a length, such as `50,1 mm`.",
         "N,LENGTH",
     ),
-    allow_unstable: bool = option(
-        "Export a loop that is unstable in one of the forms; they say so.", None, "--allow-unstable", default=False
-    ),
+    allow_unstable: bool = flag("Export a loop that is unstable in one of the forms; they say so.", "--allow-unstable"),
     anyway: opt.FormerNameOption = False,
     parts: str | None = option(
         "What the controller includes: drives, sensors, manual, or several with commas between them.", "PARTS", "--with"

@@ -46,12 +46,12 @@ def quantity_of_input(key: str) -> Quantity:
     return of_unit(TABLE[name].unit) if name in TABLE and TABLE[name].unit else NUMBER
 
 
-def ensemble_charts(ensemble: MemberTable, by: str, known: Sensitivity | None) -> list[Section]:
+def ensemble_charts(ensemble: MemberTable, by: str, sensitivity: Sensitivity | None) -> list[Section]:
     """Distributions, bands over time, dependence on what varies, and sensitivity; those that have something to show."""
     names = [by, *(name for name in ensemble.usual_metrics if name != by)]
     signals = list(dict.fromkeys(ensemble.bands["signal"].to_list()))
     signals.sort(key=lambda name: not name.startswith("error."))
-    inputs = [known.inputs[k] for k in known.order] if known is not None else list(ensemble.varied)
+    inputs = [sensitivity.inputs[k] for k in sensitivity.order] if sensitivity is not None else list(ensemble.varied)
     shown = [name for name in inputs if name in ensemble.varied and np.isfinite(ensemble.values(name)).any()]
     metric, y = metric_of(by), np.where(ensemble.is_complete, ensemble.values(by), np.nan)
     series = Series("members", metric.quantity, y, "actual", members=ensemble.numbers("member"))
@@ -68,17 +68,17 @@ def ensemble_charts(ensemble: MemberTable, by: str, known: Sensitivity | None) -
         for k, name in enumerate(shown[:_MOST_BARS])
     ]
     bars = []
-    if known is not None:
-        order, is_sobol = known.order[:_MOST_BARS], known.total is not None
+    if sensitivity is not None:
+        order, is_sobol = sensitivity.order[:_MOST_BARS], sensitivity.method == "sobol"
         roles: tuple[tuple[str, Role], ...] = (("alone" if is_sobol else "β", "actual"), ("in total", "neutral"))
         effects = tuple(
             Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
-            for (name, role), (values, half) in zip(roles, known.effects, strict=False)
+            for (name, role), (values, half) in zip(roles, sensitivity.effects, strict=False)
         )
         measure = "share of the variance" if is_sobol else "standardised regression coefficient β"
-        labels = Axis("input", labels=tuple(known.inputs[k] for k in order))
-        title = f"what makes the {metric_of(known.metric).text} vary"
-        bars = [Chart(title, labels, effects, "bars", y=Axis(measure), note=known.remark, group="sensitivity")]
+        labels = Axis("input", labels=tuple(sensitivity.inputs[k] for k in order))
+        title = f"what makes the {metric.text} vary"
+        bars = [Chart(title, labels, effects, "bars", y=Axis(measure), note=sensitivity.remark, group="sensitivity")]
     charts = {
         "Distribution": [_histogram(ensemble, name) for name in names if len(ensemble.counted(name)) > 1],
         "Over time": [_band(ensemble, name) for name in signals],

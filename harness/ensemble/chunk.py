@@ -1,12 +1,10 @@
-"""A chunk of an ensemble: some members, prepared, run in parallel, and reduced; its files."""
+"""A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from math import ceil
-from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 from zlib import crc32
 
 import numpy as np
@@ -28,7 +26,6 @@ from gough_stewart.harness.results.metric_folds import columns_of, metric_folds,
 from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.parameters import LIMITS
-from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.vectors import FloatArray
 
 # Members per chunk: enough to make Python's overhead small, few enough that two workers share a thousand evenly.
@@ -37,7 +34,6 @@ SIZE = 512
 MOST_ROWS = 2048
 # Members that a thread looks at in one go.
 _TOGETHER = 64
-FOLDER = "chunks"
 _ENDINGS = {
     "outcome": polars.String,
     "ended": polars.Float64,
@@ -75,7 +71,7 @@ class LegErrors(KeptRows):
 def chunk(members: Members, first: int, last: int, threads: int = 1) -> Chunk:
     """Run members first to last − 1: a pure function, with the same result on any machine and any number of threads.
 
-    `GoughStewartError` if an error concerns all members, `SharedMemoryError` as of `check_memory`.
+    `GoughStewartError` if an error concerns all members, `SharedMemoryError` as of `reduced`.
     """
     draws = members.draws(first, last)
     batch = members.prepared_with(draws.values, range(first, last))
@@ -86,7 +82,6 @@ def chunk(members: Members, first: int, last: int, threads: int = 1) -> Chunk:
         signals = DEFAULT if members.choice.signals is None else members.choice.signals
         bands, errors = Bands(signals, batch.timing, len(batch), first), LegErrors(batch.timing)
         run = reduced(batch, members.stepping, threads, [bands, errors])
-        check_memory(batch, run, lambda first_one: reduced(first_one, members.stepping, threads))
         columns, outcomes, samples, features = run.columns, list(run.outcomes), bands.samples(), run.features
         if members.choice.margins:
             judged = margins_of([batch.member(k) for k in range(len(batch))])
@@ -124,9 +119,19 @@ class Reduced(NamedTuple):
 
 
 def reduced(
-    batch: Batch, stepping: Stepping, threads: int = 1, folds: Sequence[Fold] = (), names: Sequence[str] | None = None
+    batch: Batch,
+    stepping: Stepping,
+    threads: int = 1,
+    folds: Sequence[Fold] = (),
+    names: Sequence[str] | None = None,
+    *,
+    is_repeated: bool = False,
 ) -> Reduced:
-    """Run members in parallel; `folds` keep more of their rows, `names` are the only metrics, to save time."""
+    """Run members in parallel; `folds` keep more of their rows, `names` are the only metrics, to save time.
+
+    Unless this `is_repeated`, the first member runs again if members may share the memory of its controller: other bits
+    are a `SharedMemoryError`. What a function keeps from its first call on, and never changes, is not found.
+    """
     n, running = len(batch), batch.in_parallel(stepping)
     times, limits = running.loop.timing.times, limits_of_members(batch, running.size)
     metrics = metric_folds(times, running.loop.reference, limits, wanted=names)
@@ -138,30 +143,22 @@ def reduced(
         columns = {name: values[:n] for name, values in columns_of(rows.results()).items()}
         columns["integration_error"] = running.plant.integration_error[:n]
         columns["internal_steps"] = running.plant.internal_steps[:n]
-        return Reduced(outcomes[:n], columns, running.plant.features)
-
-
-def check_memory(batch: Batch, run: Reduced, again: Callable[[Batch], Reduced]) -> None:
-    """Run the first member again if members may share the memory of its controller: it must give the same bits.
-
-    `run` is of all members, `again` runs others; `SharedMemoryError` if the first one gives others. What a function
-    keeps from its first call on, and never changes, is not found.
-    """
-    controller = shared_by_members(batch.setups[0].controller)
-    if controller is None:
-        return
-    first = again(batch.take([0]))
-    differ = [
-        name
-        for name, values in first.columns.items()
-        if not np.array_equal(values[:1], run.columns[name][:1], equal_nan=True)
-    ]
-    if differ or first.outcomes[0] != run.outcomes[0]:
-        raise SharedMemoryError(
-            f"the first member gave other results when it ran again ({', '.join(differ[:3]) or 'outcome'}): "
-            f"{name_of(controller)} keeps memory, which all members share; use a factory: a class or function, called "
-            "as make(platform, sample_time), that makes a controller for each member"
-        )
+        run = Reduced(outcomes[:n], columns, running.plant.features)
+    controller = None if is_repeated else shared_by_members(batch.setups[0].controller)
+    if controller is not None:
+        again = reduced(batch.take([0]), stepping, threads, names=names, is_repeated=True)
+        differ = [
+            name
+            for name, values in again.columns.items()
+            if not np.array_equal(values[:1], columns[name][:1], equal_nan=True)
+        ]
+        if differ or again.outcomes[0] != outcomes[0]:
+            raise SharedMemoryError(
+                f"the first member gave other results when it ran again ({', '.join(differ[:3]) or 'outcome'}): "
+                f"{name_of(controller)} keeps memory, which all members share; use a factory: a class or function, "
+                "called as make(platform, sample_time), that makes a controller for each member"
+            )
+    return run
 
 
 def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
@@ -264,34 +261,3 @@ def oscillations(
             for judgement in [pool.submit(judge, part, reference, excitation) for part in parts]:
                 judgement.result()
     return motions
-
-
-class ChunkFiles:
-    """Chunks in a folder; a chunk that starts at member k has k.parquet, and, written last, k.npz."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder / FOLDER
-
-    def rows(self, first: int) -> Path:
-        """The table of its members."""
-        return self.folder / f"{first:08d}.parquet"
-
-    def write(self, first: int, content: Chunk) -> None:
-        """Write a chunk completely or not at all; after an `OSError`, partial files are ignored."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        write_whole(self.rows(first), content.rows)
-        write_whole(self.rows(first).with_suffix(".npz"), content.bands)
-
-    def bands(self, first: int) -> dict[str, Any]:
-        """The fields of its samples over time, the features of its machine code, and the checksum of its rows."""
-        with np.load(BytesIO(self.rows(first).with_suffix(".npz").read_bytes())) as arrays:
-            return {**arrays, "columns": tuple(arrays["columns"].tolist())}
-
-    def features(self, first: int) -> str | None:
-        """The processor features of the chunk's machine code; None if the chunk is missing or incomplete."""
-        try:
-            arrays = self.bands(first)  # of which numpy checks the checksums
-            is_complete = crc32(self.rows(first).read_bytes()) == int(arrays["checksum"])
-            return str(arrays["features"]) if is_complete else None
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile):
-            return None

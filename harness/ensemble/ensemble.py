@@ -7,17 +7,21 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
+from functools import partial
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
+from zlib import crc32
 
+import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, results_of_nobody
+from gough_stewart.harness.ensemble.chunk import SIZE, results_of_nobody
 from gough_stewart.harness.ensemble.ensemble_report import Ensemble, read_ensemble
 from gough_stewart.harness.ensemble.member_table import BANDS, MEMBERS, METADATA, SAMPLES, SHORT
 from gough_stewart.harness.ensemble.workers import (
-    Range,
     Workers,
     chunks_here,
     chunks_there,
@@ -40,14 +44,14 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
 
-PLAN = "plan.json"
+PLAN, CHUNKS = "plan.json", "chunks"
 _ROWS_A_GROUP = 65_536
 _MOST_CAUSES = 50
 # Called with the number of finished members, and the total.
 MembersProgress = Callable[[int, int], None]
 
 
-def ensemble(  # noqa: PLR0915 - one road, in sections
+def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
@@ -114,8 +118,8 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
     >>> results.members["outcome"].value_counts(), results.values("tracking.position.norm_peak").max()
     """
     numbers = {"ensemble.members": members, "ensemble.seed": seed}
-    chosen = experiment_of(experiment, settings)
-    chosen = experiment_of(chosen, {key: value for key, value in numbers.items() if value is not None})
+    nominal = experiment_of(experiment, settings)
+    nominal = experiment_of(nominal, {key: value for key, value in numbers.items() if value is not None})
     if workers is not None and workers < 1:
         raise EnsembleError(f"workers is {workers}; expected at least 1")
     say = status or (lambda _: None)
@@ -126,22 +130,64 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
             folder = Path(out)
             stack.enter_context(reserved(folder))
             check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
-            remove_leftovers(folder / FOLDER)
-        files = ChunkFiles(folder)
+            remove_leftovers(folder / CHUNKS)
 
-        # plan, while processes import; only their number where it may turn out that none is needed
+        # processes import while this one plans; only their number where it may turn out that none is needed
         say("planning")
-        number, asked = workers or cores(), chosen.ensemble.members if chosen.ensemble else None
+        number, asked = workers or cores(), nominal.ensemble.members if nominal.ensemble else None
         chunks = ceil((asked or 0) / SIZE)
-        useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
+        useful = min(workers, chunks) if workers else processes_for(chunks, number, nominal, controller)
         alone = resume or scheduler is not None or useful < 2
         processes: Workers | int = number if alone else stack.enter_context(closing(Workers(useful)))
-        varying = _planned(chosen, controller, folder, files, resume)
-        if varying is None:
-            return read_ensemble(folder)
+
+        # the folder may have members already, to go on with or to be kept: their plan, versions, whether all are there
+        begun: tuple[dict[str, Any], dict[str, str], bool] | None = None
+        for name in (PLAN, METADATA):
+            try:
+                content = json.loads((folder / name).read_bytes())
+                begun = decisive(json.loads(content["plan"])), dict(content["made_with"]), name == METADATA
+                break
+            except FileNotFoundError:
+                continue
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
+        if not resume and begun is not None and any((folder / CHUNKS).glob("*.npz")):
+            raise EnsembleError(
+                f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
+                f"{folder / CHUNKS}, or choose another --out"
+            )
+        varying = varying_members(nominal, controller)
+        if not resume or begun is None:
+            varying.possible()
+            # unknown names are refused before anything runs
+            by = varying.choice.worst_by
+            try:
+                columns, _ = results_of_nobody(varying)
+            except RecordError as error:
+                raise ExperimentError(nominal.where, "ensemble.signals", str(error)) from None
+            if by is not None and SHORT.get(by, by) not in columns:
+                raise ExperimentError(nominal.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
+        else:
+            plan_there, made_with, is_finished = begun
+            plan_here = json.loads(json.dumps(decisive(varying.plan)))
+            if plan_here != plan_there:
+                differences = list(_different(plan_here, plan_there, ""))
+                # without values that also appear in the experiment
+                differs = [text for text in differences if not any(other.endswith(f".{text}") for other in differences)]
+                raise EnsembleError(
+                    f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or "
+                    "omit --resume"
+                )
+            if differing := difference(exact_versions(), made_with):
+                raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
+            if is_finished:
+                return read_ensemble(folder)
+
+        # a chunk from member k on has k.parquet, and k.npz, which is written last
         ranges = [(k, min(k + SIZE, varying.count)) for k in range(0, varying.count, SIZE)]
+        files = {part: folder / CHUNKS / f"{part[0]:08d}.parquet" for part in ranges}
         say("checking finished chunks" if resume else "running")
-        features = {part: files.features(part[0]) for part in ranges} if resume else {}
+        features = {part: _features(files[part]) for part in ranges} if resume else {}
         missing = [part for part in ranges if features.get(part) is None]
         finished = varying.count - sum(last - first for first, last in missing)
 
@@ -149,8 +195,8 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         say("running")
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            begun = {"plan": varying.text, "made_with": exact_versions()}
-            write_whole(folder / PLAN, json.dumps(begun, indent=1).encode())
+            plan = {"plan": varying.text, "made_with": exact_versions()}
+            write_whole(folder / PLAN, json.dumps(plan, indent=1).encode())
             if missing:
                 source = (
                     chunks_here(varying, missing, processes)
@@ -158,16 +204,18 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
                     else chunks_there(varying, missing, scheduler)
                 )
                 with closing(source):
-                    for (first, last), content in source:
-                        files.write(first, content)
-                        features[first, last] = content.features
-                        finished += last - first
+                    for part, content in source:
+                        files[part].parent.mkdir(exist_ok=True)
+                        write_whole(files[part], content.rows)
+                        write_whole(files[part].with_suffix(".npz"), content.bands)
+                        features[part] = content.features
+                        finished += part[1] - part[0]
                         if progress is not None:
                             progress(finished, varying.count)
             say("tables")
-            result = _assembled(varying, files, ranges, sorted(set(filter(None, features.values()))), folder)
+            result = _assembled(varying, [*files.values()], sorted(set(filter(None, features.values()))), folder)
         except BaseException as error:
-            n = len(list(files.folder.glob("*.npz")))
+            n = len(list((folder / CHUNKS).glob("*.npz")))
             are_kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
             if n:
                 error.add_note(f"{are_kept}; continue with --resume")
@@ -177,56 +225,9 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
                     "continue with --resume"
                 ) from error
             raise
-        shutil.rmtree(files.folder, ignore_errors=True)
+        shutil.rmtree(folder / CHUNKS, ignore_errors=True)
         (folder / PLAN).unlink(missing_ok=True)
         return result
-
-
-def _planned(experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool) -> Members | None:
-    """The members of this run, which may go on with those in the folder; None if these are complete.
-
-    `EnsembleError` if the folder has another experiment, or an unfinished one that would be lost.
-    """
-    begun = None
-    for name in (PLAN, METADATA):
-        try:
-            content = json.loads((folder / name).read_bytes())
-            begun = decisive(json.loads(content["plan"])), dict(content["made_with"]), name == METADATA
-            break
-        except FileNotFoundError:
-            continue
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise EnsembleError(f"{folder / name} is not the plan of an ensemble: {error}; remove it") from error
-    if not resume and begun is not None and any(files.folder.glob("*.npz")):
-        raise EnsembleError(
-            f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
-            f"{folder / FOLDER}, or choose another --out"
-        )
-    members = varying_members(experiment, controller)
-    if not resume or begun is None:
-        members.possible()
-        # unknown names are refused before anything runs
-        by = members.choice.worst_by
-        try:
-            columns, _ = results_of_nobody(members)
-        except RecordError as error:
-            raise ExperimentError(experiment.where, "ensemble.signals", str(error)) from None
-        if by is not None and SHORT.get(by, by) not in columns:
-            raise ExperimentError(experiment.where, "ensemble.worst_by", f"no metric '{by}'{nearest(by, columns)}")
-        return members
-    there, made_with, is_finished = begun
-    here = json.loads(json.dumps(decisive(members.plan)))
-    if here != there:
-        differences = list(_different(here, there, ""))
-        # without values that also appear in the experiment
-        differs = [text for text in differences if not any(longer.endswith(f".{text}") for longer in differences)]
-        raise EnsembleError(
-            f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or omit "
-            "--resume"
-        )
-    if differing := difference(exact_versions(), made_with):
-        raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
-    return None if is_finished else members
 
 
 def _different(here: Any, there: Any, at: str) -> Iterator[str]:
@@ -240,33 +241,42 @@ def _different(here: Any, there: Any, at: str) -> Iterator[str]:
         yield f"{at} is {here!r} here and {there!r} there"
 
 
-def _assembled(
-    varying: Members, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path
-) -> Ensemble:
-    """Write the tables and ensemble.json from the chunks; the last one marks completion."""
-    rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
+def _bands(rows: Path) -> dict[str, Any]:
+    """What is beside the rows of a chunk: samples over time, features of its machine code, a checksum of the rows."""
+    with np.load(BytesIO(rows.with_suffix(".npz").read_bytes())) as arrays:
+        return {**arrays, "columns": tuple(arrays["columns"].tolist())}
+
+
+def _features(rows: Path) -> str | None:
+    """The processor features of a chunk's machine code; None if the chunk is missing or incomplete."""
+    try:
+        arrays = _bands(rows)  # of which numpy checks the checksums
+        return str(arrays["features"]) if crc32(rows.read_bytes()) == int(arrays["checksum"]) else None
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+        return None
+
+
+def _assembled(varying: Members, files: Sequence[Path], features: Sequence[str], folder: Path) -> Ensemble:
+    """Write the tables and ensemble.json from the rows of the chunks; the last one marks completion."""
+    rows = polars.concat(map(scan_parquet, files), how="diagonal")
     options: dict[str, Any] = {"row_group_size": _ROWS_A_GROUP, "maintain_order": True, "statistics": False}
     write_whole(folder / MEMBERS, lambda path: write_to(path, lambda place: rows.sink_parquet(place, **options)))
     members = scan_parquet(folder / MEMBERS)
-    samples = (files.bands(first) for first, _ in ranges)
-    joined = joined_samples(BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in samples)
+    joined = joined_samples(
+        BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in map(_bands, files)
+    )
     ran = members.filter(polars.col("outcome") != "impossible").select("member").head(MOST_KEPT).collect()
-    for name, frame in (
-        (BANDS, bands_frame(joined)),
-        (SAMPLES, samples_frame(joined, ran["member"].to_list())),
-    ):
+    bands, samples = bands_frame(joined), samples_frame(joined, ran["member"].to_list())
+    for name, frame in ((BANDS, bands), (SAMPLES, samples)):
+        write_whole(folder / name, partial(write_to, write=partial(frame.write_parquet, statistics=False)))
 
-        def write(path: Path, frame: polars.DataFrame = frame) -> None:
-            write_to(path, lambda place: frame.write_parquet(place, statistics=False))
-
-        write_whole(folder / name, write)
-
-    def counts(column: str, *by: str, most: int | None = None) -> dict[str, int]:
-        """How often each text of a column is there, in the order of columns, the largest number first."""
-        order = by or (column,)
-        groups = members.group_by(column).len().drop_nulls()
-        frame = groups.sort(order, descending=[key == "len" for key in order]).head(most or 2**31).collect()
-        return dict(zip(frame[column], frame["len"], strict=True))
+    # how often each outcome and cause is there: outcomes in alphabetical order, the most frequent causes first
+    counts = {}
+    for name in ("outcome", "oscillation", "cause"):
+        groups = members.group_by(name).len().drop_nulls().sort(name)
+        if name == "cause":
+            groups = groups.sort("len", descending=True, maintain_order=True).head(_MOST_CAUSES)
+        counts[name] = dict(groups.collect().iter_rows())
 
     # metadata depend only on the results: no times, and no names of workers
     metadata = {
@@ -280,9 +290,9 @@ def _assembled(
         "combinations": varying.combinations,
         "groups": [[name for k in group for name in varying.inputs[k].columns] for group in varying.groups],
         "outside": [varied.outside for varied in varying.inputs if varied.outside],
-        "outcomes": counts("outcome"),
-        "oscillations": counts("oscillation"),
-        "causes": counts("cause", "len", "cause", most=_MOST_CAUSES),
+        "outcomes": counts["outcome"],
+        "oscillations": counts["oscillation"],
+        "causes": counts["cause"],
         **varying.stepping._asdict(),
         "integration_error": members.select(polars.col("integration_error").max()).collect().item(),
         # one text means the same bits from all workers; several mean agreement to 1e-9

@@ -75,25 +75,68 @@ class Ensemble(MemberTable):
             distributions.
         """
         by, metadata, pages = self.worst_by, self.metadata, worst if isinstance(worst, Mapping) else {}
-        known = sensitivity_of(self, by)
+        sensitivity = sensitivity_of(self, by)
         tables = [_quantile_table(self, self.usual_metrics)]
-        if not self.is_complete.all():
-            tables.append(_failure_table(self, pages))
-        if known is not None:
-            tables.append(_sensitivity_table(known))
+
+        # members that did not complete: causes that differ only in numbers count as one, which its first member tells
+        failed = self.members.filter(polars.col("outcome") != "completed")
+        failures: dict[tuple[str, str], list[tuple[int, str]]] = {}
+        for member, outcome, cause in failed.select("member", "outcome", "cause").iter_rows():
+            failures.setdefault((outcome, _NUMBER.sub("#", cause or "")), []).append((member, cause or ""))
+        if failures:
+            first_ones = [(alike[0][0], outcome, alike[0][1], len(alike)) for (outcome, _), alike in failures.items()]
+            first_ones.sort(key=lambda row: -row[-1])
+            links = tuple(pages.get(member, "") for member, *_ in first_ones)
+            columns = tuple(map(Column, ("member", "outcome", "cause", "members with it")))
+            note = "The first member of each cause. "
+            note += "`gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
+            links = links if any(links) else ()
+            tables.append(Table("Not completed", columns, tuple(first_ones), sortable=True, first_shown=_MOST_CAUSES,
+                                note=note, links=links))  # fmt: skip
+
+        # effects of the inputs on the metric, the most influential first
+        if sensitivity is not None:
+            half = Column("±", _TWO, "half of the 95 % confidence interval")
+            columns = (Column("input"), Column("β", _TWO, "standardised regression coefficient"), half)
+            if sensitivity.method == "sobol":
+                alone = Column("alone", _TWO, "share of the variance, first order")
+                total = Column("in total", _TWO, "share of the variance with all interactions")
+                columns = (Column("input"), alone, half, total, replace(half, name="± "))
+            rows: list[tuple[Cell, ...]] = [
+                (sensitivity.inputs[k], *(float(values[k]) for effect in sensitivity.effects for values in effect))
+                for k in sensitivity.order
+            ]
+            title, note = f"What makes the {metric_of(by).text} vary", f"{sentence([sensitivity.remark])}."
+            tables.append(Table(title, columns, tuple(rows), first_shown=_MOST_INPUTS, note=note, beside=True))
+
+        # the worst members with their outcome, the metric, and what was drawn for the first inputs
         if worst:
-            inputs = self.varied if known is None else [known.inputs[k] for k in known.order]
+            metric, inputs = metric_of(by), self.varied
+            if sensitivity is not None:
+                inputs = tuple(sensitivity.inputs[k] for k in sensitivity.order)
             numeric = [name for name in inputs if name in self.varied]
-            tables.append(_worst_table(self, list(worst), by, pages, numeric))
+            shown, more = numeric[:_MOST_COLUMNS], len(numeric[_MOST_COLUMNS:])
+            drawn = (Column(name, quantity_of_input(name)) for name in shown)
+            columns = (Column("member"), Column("outcome"), Column(metric.text, metric.quantity), *drawn)
+            numbers = [self.values(by), *(self.numbers(f"varied.{name}") for name in shown)]
+            row_of = {member: k for k, member in enumerate(self.members["member"].to_list())}
+            rows = [
+                (m, str(self.members["outcome"][row_of[m]]), *(float(values[row_of[m]]) for values in numbers))
+                for m in worst
+            ]
+            note = f"{more} more inputs are in `members.parquet`." if more else ""
+            links = tuple(pages.get(member, "") for member in worst) if pages else ()
+            tables.append(Table(f"Worst members by {metric.text}", columns, tuple(rows), sortable=True, detail=True,
+                                links=links, note=note))  # fmt: skip
         sections = [Section("Members", tuple(tables))]
         if charts:
-            sections += ensemble_charts(self, by, known)
+            sections += ensemble_charts(self, by, sensitivity)
             all_metrics = [name for name in self.metrics if len(self.counted(name))]
             sections.append(Section("All metrics", (_quantile_table(self, all_metrics),), detail=True))
         seed = f", seed {metadata['seed']}" if "seed" in metadata else ""
         report = Report(
             self.title,
-            _verdict(self, by, known),
+            _verdict(self, by, sensitivity),
             tuple(sections),
             study="ensemble",
             lead=f"{count(self.members.height, 'member')} {_DRAWN[metadata.get('sampling', 'random')]}{seed}",
@@ -150,7 +193,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
-def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdict:
+def _verdict(ensemble: MemberTable, by: str, sensitivity: Sensitivity | None) -> Verdict:
     """How many machines complete their runs, how well most of them do, and what makes them differ."""
     n, sound = ensemble.members.height, int(np.count_nonzero(ensemble.works))
     low, high = share_interval(sound / ensemble.block, n / ensemble.block)
@@ -158,7 +201,7 @@ def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdi
     # digits so that neither end is rounded to what it is not
     first, last = (percent(end, 3) for end in (low, high))
     interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
-    parts: list[str | None] = [
+    parts = [
         *map(str, faults_of(ensemble.metadata)),
         f"{sound:,} of {count(n, 'machine')} {how} ({interval})",
     ]
@@ -175,40 +218,34 @@ def _verdict(ensemble: MemberTable, by: str, known: Sensitivity | None) -> Verdi
         words = f"have a {metric.text} of at {'least' if is_lower else 'most'} {bound}"
         if by in (PEAK, FINAL):
             words = f"{'stay' if by == PEAK else 'end'} within {bound} of their reference"
-        parts.append(f"{percent(SHARE_TOLD)} of them {words} ({_ends_text(quantity, *ends)})")
+        # how sure the quantile is, in one unit for both ends, unless a small machine's differ
+        least, most = ends
+        if least is not None and most is not None:
+            first, last = at_least(quantity, least), at_most(quantity, most)
+            first = first.removesuffix(f" {last.split()[-1]}") if quantity.unit else first
+            how_sure = f"{first} to {last}"
+        else:
+            side = f"at least {at_least(quantity, least)}; " if least is not None else ""
+            side = f"at most {at_most(quantity, most)}; " if most is not None else side
+            how_sure = f"{side}too few members for more"
+        parts.append(f"{percent(SHARE_TOLD)} of them {words} ({how_sure})")
         name = f"{metric.text}, {percent(level)} of members below"
         method = "interval of the quantile between order statistics, 95 % confidence"
         carried.append(Number("", name, value, metric.quantity, *ends, explanation=method))
-    if known is not None and known.order and known.explains:
-        parts.append(_cause(known))
+    # the input with the largest effect, or those that may have it, as far as they have one beyond doubt
+    if sensitivity is not None and sensitivity.explains:
+        effect, half = sensitivity.effects[-1]
+        sure = [k for k in (sensitivity.order[0], *sensitivity.alike) if abs(effect[k]) > half[k]]
+        names = [sensitivity.inputs[k] for k in sure[:_MOST_NAMED]]
+        if sure == sensitivity.order[:1] and not sensitivity.alike:
+            parts.append(f"{names[0]} matters most")
+        elif len(sure) > 1 and sure[0] == sensitivity.order[0]:
+            unnamed = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
+            told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure]
+            parts.append(f"{listed([*names, *unnamed])} matter alike ({listed(told[:_MOST_NAMED])})")
     outside = list(ensemble.metadata.get("outside", ()))
     status: Status = "bad" if not sound else "good" if sound == n and not outside else "marginal"
     return Verdict(sentence([*outside[:1], *parts]), status, tuple(carried))
-
-
-def _ends_text(quantity: Quantity, low: float | None, high: float | None) -> str:
-    """How sure a quantile is, with 95 % confidence."""
-    if low is None or high is None:
-        side = f"at least {at_least(quantity, low)}" if low is not None else ""
-        side = f"at most {at_most(quantity, high)}" if high is not None else side
-        return f"{side}; too few members for more".removeprefix("; ")
-    first, last = at_least(quantity, low), at_most(quantity, high)
-    # one unit for both, unless a small machine's differ
-    return f"{first.removesuffix(f' {last.split()[-1]}') if quantity.unit else first} to {last}"
-
-
-def _cause(known: Sensitivity) -> str | None:
-    """The input with the largest effect, or those that may have it, as far as they have one beyond doubt."""
-    (effect, half), first = known.effects[-1], known.order[0]
-    sure = [k for k in (first, *known.alike) if known.size[k] > half[k]]
-    if first not in sure or (known.alike and len(sure) == 1):
-        return None
-    names = [known.inputs[k] for k in sure[:_MOST_NAMED]]
-    if len(sure) == 1:
-        return f"{names[0]} matters most"
-    unnamed = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
-    told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure[:_MOST_NAMED]]
-    return f"{listed([*names, *unnamed])} matter alike ({listed(told)})"
 
 
 def ensemble_numbers(ensemble: MemberTable) -> tuple[Number, ...]:
@@ -267,76 +304,6 @@ def _quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:
     motions = [f"{len(which)} {kind}" for kind, which in ensemble.oscillating.items() if which]
     ended += f" ({' and '.join(motions)} without input)" if motions else ""
     return Table(f"{count(members.height, 'member')}: {ended}", columns, tuple(rows), note=" ".join(remarks))
-
-
-def _failure_table(ensemble: MemberTable, pages: Mapping[int, str]) -> Table:
-    """Members that did not complete, by outcome and cause, most frequent first.
-
-    Causes that differ only in numbers count as one; its first member stands for it, with its page if there is one.
-    """
-    failures: dict[tuple[str, str], list[tuple[int, str]]] = {}
-    failed = ensemble.members.filter(polars.col("outcome") != "completed")
-    for member, outcome, cause in failed.select("member", "outcome", "cause").iter_rows():
-        failures.setdefault((outcome, _NUMBER.sub("#", cause or "")), []).append((member, cause or ""))
-    rows = sorted(
-        ((*alike[0], outcome, len(alike)) for (outcome, _), alike in failures.items()), key=lambda row: -row[3]
-    )
-    links = tuple(pages.get(member, "") for member, *_ in rows)
-    return Table(
-        "Not completed",
-        tuple(map(Column, ("member", "outcome", "cause", "members with it"))),
-        tuple((member, outcome, cause, number) for member, cause, outcome, number in rows),
-        sortable=True,
-        first_shown=_MOST_CAUSES,
-        note="The first member of each cause. "
-        "`gough-stewart run EXPERIMENT --member N --open` shows member N as a run.",
-        links=links if any(links) else (),
-    )
-
-
-def _sensitivity_table(known: Sensitivity) -> Table:
-    """The inputs with their effect on a metric, the most influential first."""
-    half = Column("±", _TWO, "half of the 95 % confidence interval")
-    columns: tuple[Column, ...] = (Column("input"), Column("β", _TWO, "standardised regression coefficient"), half)
-    if known.total is not None:
-        alone = Column("alone", _TWO, "share of the variance, first order")
-        total = Column("in total", _TWO, "share of the variance with all interactions")
-        columns = (Column("input"), alone, half, total, replace(half, name="± "))
-    rows: list[tuple[Cell, ...]] = [
-        (known.inputs[k], *(float(values[k]) for effect in known.effects for values in effect)) for k in known.order
-    ]
-    title = f"What makes the {metric_of(known.metric).text} vary"
-    note = f"{sentence([known.remark])}."
-    return Table(title, columns, tuple(rows), first_shown=_MOST_INPUTS, note=note, beside=True)
-
-
-def _worst_table(
-    ensemble: MemberTable, worst: Sequence[int], by: str, pages: Mapping[int, str], inputs: Sequence[str]
-) -> Table:
-    """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
-    metric = metric_of(by)
-    shown = inputs[:_MOST_COLUMNS]
-    columns = (
-        Column("member"),
-        Column("outcome"),
-        Column(metric.text, metric.quantity),
-        *(Column(name, quantity_of_input(name)) for name in shown),
-    )
-    numbers = [ensemble.values(by), *(ensemble.numbers(f"varied.{name}") for name in shown)]
-    outcomes, row_of = ensemble.members["outcome"], {m: k for k, m in enumerate(ensemble.members["member"].to_list())}
-    rows: list[tuple[Cell, ...]] = [
-        (m, str(outcomes[row_of[m]]), *(float(values[row_of[m]]) for values in numbers)) for m in worst
-    ]
-    more = len(inputs) - len(shown)
-    return Table(
-        f"Worst members by {metric.text}",
-        columns,
-        tuple(rows),
-        sortable=True,
-        detail=True,
-        links=tuple(pages.get(member, "") for member in worst) if pages else (),
-        note=f"{more} more inputs are in `members.parquet`." if more else "",
-    )
 
 
 def _notes(ensemble: MemberTable) -> tuple[Note, ...]:

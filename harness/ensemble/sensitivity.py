@@ -31,71 +31,21 @@ _ROUNDING = 1e-7
 class Sensitivity:
     """The shares of the inputs in a metric's variance.
 
-    - `sobol`: the share `main` of each input alone (first order), and `total`, with all its interactions; each with
-      half the width of its confidence interval. Requires only independent inputs.
-    - `regression`: `main` is the standardised regression coefficient β, of y on all inputs, each divided by its
-      standard deviation; its square is the share, as far as y is linear in the inputs, which `r2` measures.
+    - `sobol`: the share of each input alone (first order), and in total, with all its interactions. Requires only
+      independent inputs.
+    - `regression`: the standardised regression coefficient β, of y on all inputs, each divided by its standard
+      deviation; its square is the share, as far as y is linear in the inputs, which R² measures.
     - `ranks`: the same of the rank of y on the ranks of |x − median|, where that explains more: it sees what grows on
       both sides of the middle, as an error does.
     """
 
-    metric: str
     method: Method
     inputs: tuple[str, ...]
-    main: FloatArray
-    main_confidence: FloatArray  # half the width at 95 %
-    total: FloatArray | None
-    total_confidence: FloatArray | None
-    r2: float | None
-    used: int  # number of members used
-    left_out: int  # number of members that did not complete or have no value, in Sobol' indices with their points
-    without: tuple[str, ...] = ()  # inputs that are not numbers, or the same for all members used
-    alike: tuple[int, ...] = ()  # inputs that may matter as much as the first, of those after it
-
-    @property
-    def size(self) -> FloatArray:
-        """By which inputs are ranked: the total share, or the coefficient's size (p,)."""
-        return np.abs(self.main) if self.total is None else self.total
-
-    @property
-    def effects(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """Effects (p,) and half the widths of their intervals: alone, and of Sobol' indices also in total."""
-        alone = (self.main, self.main_confidence)
-        if self.total is None or self.total_confidence is None:
-            return (alone,)
-        return alone, (self.total, self.total_confidence)
-
-    @property
-    def order(self) -> list[int]:
-        """Inputs, most influential first."""
-        return [int(k) for k in np.argsort(-self.size, kind="stable")]
-
-    @property
-    def explains(self) -> bool:
-        """Whether it explains enough of the metric to name an input for it: by the adjusted R²."""
-        if self.r2 is None:
-            return True
-        n, p = self.used, len(self.inputs)
-        return 1 - (1 - self.r2) * (n - 1) / (n - p - 1) >= _SMALLEST_R2
-
-    @property
-    def remark(self) -> str:
-        """A caption with method and caveats."""
-        kind = "Sobol' indices" if self.r2 is None else f"{_REGRESSIONS[self.method]}, R² = {self.r2:.2f},"
-        parts = [f"{kind} of {self.used} members"]
-        if self.left_out:
-            why = "not completed or without a value"
-            if self.method == "sobol":
-                why += ", or at a point of the design with such a member"
-            parts.append(f"left out: {self.left_out} {why}")
-        parts.append("± and whiskers are 95 % confidence")
-        if self.alike:
-            parts.append(f"which of the first {len(self.alike) + 1} matters more cannot be determined")
-        if self.without:
-            parts.append(f"not numbers, or the same for all of these members: {', '.join(self.without)}")
-        if not self.explains:
-            parts.append("the metric is far from linear in the inputs: use sampling = 'saltelli' for Sobol' indices")
-        return "; ".join(parts)
+    effects: tuple[tuple[FloatArray, FloatArray], ...]  # alone or β, and in total: (p,), half of the 95 % interval (p,)
+    order: list[int]  # inputs, most influential first: by the total share, or the size of the coefficient
+    alike: list[int]  # inputs that may matter as much as the first, of those after it
+    explains: bool  # whether it explains enough of the metric to name an input for it, by the adjusted R²
+    remark: str  # a caption with method and caveats
 
 
 def sensitivity_of(ensemble: MemberTable, metric: str) -> Sensitivity | None:
@@ -105,7 +55,7 @@ def sensitivity_of(ensemble: MemberTable, metric: str) -> Sensitivity | None:
     """
     merit = np.where(ensemble.is_complete, ensemble.values(metric), np.nan)
     if ensemble.block > 1:
-        return _sobol(metric, merit, ensemble.metadata["groups"])
+        return _sobol(merit, ensemble.metadata["groups"])
 
     # the coefficients of the inputs that are numbers and differ; strings and constants have none
     usable = np.isfinite(merit)
@@ -117,30 +67,27 @@ def sensitivity_of(ensemble: MemberTable, metric: str) -> Sensitivity | None:
 
     # a straight line through the values, or through ranks where that explains more
     X = np.stack(list(numeric.values()), axis=1)
-    pairs: dict[Method, tuple[FloatArray, FloatArray]] = {"regression": (_standard(X), _standard(y))}
-    fits = {"regression": _fitted(*pairs["regression"])}
+    method: Method = "regression"
+    beta, r2, z, w = _fitted(X, y)
     distance = np.abs(X - np.median(X, axis=0))
-    if fits["regression"][1] < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
+    if r2 < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
         from scipy.stats import rankdata  # slow to import, and seldom needed
 
-        pairs["ranks"] = _standard(rankdata(distance, axis=0)), _standard(rankdata(y))
-        fits["ranks"] = _fitted(*pairs["ranks"])
-    method: Method = max(pairs, key=lambda name: fits[name][1])
-    beta, r2 = fits[method]
+        of_ranks = _fitted(rankdata(distance, axis=0), rankdata(y))
+        if of_ranks[1] > r2:
+            method, (beta, r2, z, w) = "ranks", of_ranks
 
-    again = _resampled(*pairs[method])
+    again = _resampled(z, w)
     resamples = again[np.isfinite(again).all(axis=1)]
     half = np.full(p, np.nan)
     if len(resamples):
         low, high = np.quantile(resamples, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
         half = (high - low) / 2
-    alike = _alike(np.abs(beta), np.abs(resamples))
-    without = tuple(name for name in columns if name not in numeric)
-    left_out = len(merit) - n
-    return Sensitivity(metric, method, tuple(numeric), beta, half, None, None, r2, n, left_out, without, alike)
+    without = [name for name in columns if name not in numeric]
+    return _ranked(method, tuple(numeric), ((beta, half),), resamples, n, len(merit) - n, r2, without)
 
 
-def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity | None:
+def _sobol(merit: FloatArray, groups: Sequence[Sequence[str]]) -> Sensitivity | None:
     """Indices of a design of points, of which those count whose members have all completed.
 
     Saltelli, Annoni, Azzini, Campolongo, Ratto & Tarantola, Comput. Phys. Commun. 181 (2010) 259: first order by (b) of
@@ -162,10 +109,8 @@ def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> S
         columns[0] if len(columns) == 1 else " & ".join(dict.fromkeys(name.partition("[")[0] for name in columns))
         for columns in groups
     )
-    used, left_out = points.size, len(merit) - points.size
-    return Sensitivity(
-        metric, "sobol", names, S1, S1_conf, ST, ST_conf, None, used, left_out, alike=_alike(ST, again[:, 1])
-    )
+    effects = (S1, S1_conf), (ST, ST_conf)
+    return _ranked("sobol", names, effects, again[:, 1], points.size, len(merit) - points.size)
 
 
 def _indices(points: FloatArray) -> FloatArray:
@@ -181,28 +126,53 @@ def _indices(points: FloatArray) -> FloatArray:
     return np.asarray(np.stack([(B * (AB - A)).mean(axis=0), ((A - AB) ** 2).mean(axis=0) / 2]) / V)
 
 
-def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
-    """The inputs whose effect may be as large as the largest, by size (p,) and its resamples (r, p), largest first.
+def _ranked(
+    method: Method,
+    inputs: tuple[str, ...],
+    effects: tuple[tuple[FloatArray, FloatArray], ...],
+    again: FloatArray,
+    n: int,
+    left_out: int,
+    r2: float | None = None,
+    without: Sequence[str] = (),
+) -> Sensitivity:
+    """The inputs in order of their last effect, of which `again` has resamples (r, p), and what can be said of them.
 
     The difference to the largest is d; it is beyond doubt if d > z s, with s its standard deviation over the resamples,
-    in each of which both effects are of the same members, so that what they share cancels.
+    in each of which both effects are of the same members, so that what they share cancels. Of n members; those that are
+    left out did not complete or have no value. Inputs that it is `without` are no numbers, or the same for all members.
     """
-    first, *following = np.argsort(-size, kind="stable").tolist()
-    gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
-    return tuple(k for k in following if not gap[k] > _BEYOND_DOUBT * spread[k])
+    size, again = np.abs(effects[-1][0]), np.abs(again)
+    order: list[int] = np.argsort(-size, kind="stable").tolist()
+    gap, spread = size[order[0]] - size, np.std(again[:, [order[0]]] - again, axis=0, ddof=1)
+    alike = [k for k in order[1:] if not gap[k] > _BEYOND_DOUBT * spread[k]]
+    explains = r2 is None or 1 - (1 - r2) * (n - 1) / (n - len(inputs) - 1) >= _SMALLEST_R2
+
+    kind = "Sobol' indices" if r2 is None else f"{_REGRESSIONS[method]}, R² = {r2:.2f},"
+    parts = [f"{kind} of {n} members"]
+    if left_out:
+        point = ", or at a point of the design with such a member" if method == "sobol" else ""
+        parts.append(f"left out: {left_out} not completed or without a value{point}")
+    parts.append("± and whiskers are 95 % confidence")
+    if alike:
+        parts.append(f"which of the first {len(alike) + 1} matters more cannot be determined")
+    if without:
+        parts.append(f"not numbers, or the same for all of these members: {', '.join(without)}")
+    if not explains:
+        parts.append("the metric is far from linear in the inputs: use sampling = 'saltelli' for Sobol' indices")
+    return Sensitivity(method, inputs, effects, order, alike, explains, "; ".join(parts))
 
 
-def _fitted(z: FloatArray, w: FloatArray) -> tuple[FloatArray, float]:
-    """Coefficients β (p,) of a standardised metric (n,) on standardised inputs (n, p), and the share R²."""
-    beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
-    return beta, float(1 - np.mean((w - z @ beta) ** 2))
+def _fitted(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
+    """Coefficients β (p,) of a metric (n,) on inputs (n, p), the share R², and both standardised.
 
-
-def _standard(values: FloatArray) -> FloatArray:
-    """Columns (n, …) of mean 0 and standard deviation 1."""
+    That is with mean 0 and standard deviation 1.
+    """
     # by their range first, since squares of tiny numbers vanish
-    scaled = (values - values.mean(axis=0)) / np.ptp(values, axis=0)
-    return np.asarray(scaled / scaled.std(axis=0))
+    z, w = ((values - values.mean(axis=0)) / np.ptp(values, axis=0) for values in (X, y))
+    z, w = z / z.std(axis=0), w / w.std()
+    beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
+    return beta, float(1 - np.mean((w - z @ beta) ** 2)), z, w
 
 
 def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:

@@ -11,12 +11,13 @@ from gough_stewart.harness.experiment.members import members_from
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import File, Report, Section
+from gough_stewart.harness.report.page import PAGE
 from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
 from gough_stewart.harness.results.oscillation import outcome_text
-from gough_stewart.harness.view.view import difference
+from gough_stewart.harness.view.view import MOST_RECORDS, difference, view_page
 from gough_stewart.model.process.files import Content, write_files
 
 WORST = "worst"
@@ -46,12 +47,7 @@ def write_worst(ensemble: Ensemble, folder: Path, *, pages: bool = False, charts
     names = ["nominal machine", *(f"member {member}" for member in members)]
     folders = [f"{WORST}/nominal", *(f"{WORST}/member-{member}" for member in members)]
     records = records_of(members_from(ensemble.metadata["plan"]), [None, *members])
-    page = ""
-    if pages:
-        from gough_stewart.harness.report.page import PAGE
-        from gough_stewart.harness.view.view import MOST_RECORDS, view_page
-
-        page = f"{WORST}/{PAGE}"
+    page = f"{WORST}/{PAGE}" if pages else ""
     for name, place, record in zip(names, folders, records, strict=True):
         files: dict[str, Content] = {"record.parquet": record.to_parquet(), "metadata.json": record.to_metadata()}
         if pages:

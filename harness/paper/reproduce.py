@@ -16,9 +16,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness.paper import readings
-from gough_stewart.harness.paper.agreement import Agreement, agreement
 from gough_stewart.harness.paper.case_report import case_report
-from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper.open_loop import (
+    Agreement,
+    Trajectory,
+    agreement,
+    run_fmu,
+    run_kane,
+    run_kernel,
+    run_stepping,
+)
 from gough_stewart.harness.report.document import Report, versions
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, files_of

@@ -111,8 +111,8 @@ def view(
     return out
 
 
-def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> bytes:
-    """Create the page of one record, or of several over each other, with further tables before the others.
+def view_page(records: Sequence[Record], names: Sequence[str]) -> bytes:
+    """Create the page of one record, or of several over each other.
 
     The same records give the same bytes.
 
@@ -142,8 +142,7 @@ def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Ta
             named.append(replace(section, parts=tuple(parts)))
         title = str(records[0].metadata.get("title", names[0]))
         report = replace(report, title=title, sections=tuple(named))
-    first = (Section("Results", tuple(more)),) if more else ()
-    return page_of(replace(report, sections=(*first, *report.sections)))
+    return page_of(report)
 
 
 def comparison_report(records: Sequence[Record], runs: Sequence[DrawnRun], title: str) -> Report:

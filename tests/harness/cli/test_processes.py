@@ -189,7 +189,7 @@ import os, signal, sys, time
 from gough_stewart.harness.cli import app, command, entry
 def work():
     {lines}
-app.main = work
+app.app = work
 entry.main()
 """
 HELD = "type('Held', (), {{'__del__': lambda self: ({0})}})()"

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.paper.agreement import agreement
-from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper.open_loop import Trajectory, agreement, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.readings import other_readings
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
