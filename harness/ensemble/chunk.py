@@ -243,10 +243,10 @@ def oscillations(
         together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
         errors = kept.kept[LegErrors.needs[0]][..., together]
 
-        def least_of(k: int) -> Callable[[float], float]:
+        def least_of(k: int, frequency: float) -> float:
             sensors, platform = batch.sensors[members[k]], batch.setups[members[k]].platform
             length = float(np.mean(reference) - np.mean(errors[..., k]))
-            return least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
+            return least_amplitude(frequency, length, platform.platform_points, sensors.noise, sensors.quantisation)
 
         for member, motion in zip(members, excitation(errors, least_of), strict=True):
             motions[member] = motion if motion is None or kept.every == 1 else motion._replace(frequency=None)
