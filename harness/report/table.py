@@ -25,11 +25,6 @@ class Value(Data):
     value: Defined
     quantity: Quantity
 
-    @property
-    def text(self) -> str:
-        """As shown, with its unit."""
-        return self.quantity.text(self.value)
-
 
 def _cell(value: Any) -> Any:
     if isinstance(value, str) and value in ("Infinity", "-Infinity"):  # as JSON has them
@@ -103,17 +98,17 @@ class Table(Data):
 
     def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
         """The cells of a row as shown; units only where the column does not state it, or never."""
-
-        def text(cell: Cell, quantity: Quantity | None) -> str:
+        shown = list[str]()
+        for cell, column in zip(self.rows[row], self.columns, strict=True):
             if isinstance(cell, Value):
-                return cell.quantity.text(cell.value, unit=units)
-            if isinstance(cell, bool):
-                return "yes" if cell else "no"
-            if isinstance(cell, str) or (isinstance(cell, int) and quantity is None):
-                return str(cell)
-            return (quantity or NUMBER).number(cell)
-
-        return tuple(text(cell, column.quantity) for cell, column in zip(self.rows[row], self.columns, strict=True))
+                shown.append(cell.quantity.text(cell.value, unit=units))
+            elif isinstance(cell, bool):
+                shown.append("yes" if cell else "no")
+            elif isinstance(cell, str) or (isinstance(cell, int) and column.quantity is None):
+                shown.append(str(cell))
+            else:
+                shown.append((column.quantity or NUMBER).text(cell, unit=False))
+        return tuple(shown)
 
 
 def is_prose(cells: Sequence[str]) -> bool:

@@ -86,7 +86,7 @@ def with_minus(text: str) -> str:
 
 def number_text(value: float | None, digits: int = 4) -> str:
     """A number with at most this many significant digits."""
-    return Quantity("", "", digits=digits).number(value)
+    return Quantity("", "", digits=digits).text(value)
 
 
 def plain_text(value: Any) -> str:

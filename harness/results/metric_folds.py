@@ -5,6 +5,7 @@ The same folds, in machine code, give the metrics of a record, of a run, and of 
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, reduce
 from typing import Any, Literal, NamedTuple
 
@@ -72,21 +73,20 @@ class Metric(NamedTuple):
     needs: tuple[str, ...] = ()  # columns of the record
 
 
+@dataclass(frozen=True, eq=False)
 class CoveredRows(Fold):
     """How much of the run the metrics cover: rows count as long as what they need is finite."""
 
+    time: FloatArray
     needs = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
     metrics = (
         Metric("rows", "rows", NUMBER, "number of rows that the metrics cover", None, False),
         Metric("duration", "duration", TIME, "time that the metrics cover", None, False),
     )
 
-    def __init__(self, time: FloatArray) -> None:
-        self._time = time
-
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""
-        duration = np.where(rows > 0, self._time[rows - 1] - self._time[0], np.nan)
+        duration = np.where(rows > 0, self.time[rows - 1] - self.time[0], np.nan)
         return _named(self.metrics, (rows.astype(float), duration))
 
 

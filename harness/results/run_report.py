@@ -19,7 +19,6 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
     fine,
     fineness_of,
-    fineness_of_record,
 )
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
@@ -68,9 +67,12 @@ class _VerdictPart(NamedTuple):
 
 
 def run_verdict(  # noqa: PLR0912, PLR0915 - a section for each part of the sentence
-    record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None
+    record: RecordData, measured: Mapping[str, Any], fineness: float, robustness: Robustness | None = None
 ) -> Verdict:
-    """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is."""
+    """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is.
+
+    `fineness` is that of the machine, see `quantities.fineness_of`.
+    """
     outcome, metadata = measured["outcome"], record.metadata
     faults = [str(fault) for fault in faults_of(metadata) if fault.begin <= outcome["time"]]
     if outcome["status"] != "completed":
@@ -79,7 +81,7 @@ def run_verdict(  # noqa: PLR0912, PLR0915 - a section for each part of the sent
         cause = f": {outcome['cause']}" if outcome.get("cause") else ""
         ended = f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"
         return Verdict(sentence([ended, *faults]), "bad")
-    length, angle = (fine(quantity, fineness_of_record(metadata)) for quantity in (LENGTH, ANGLE))
+    length, angle = fine(LENGTH, fineness), fine(ANGLE, fineness)
     tracking, steps, parts = measured["tracking"] or {}, measured["step_response"] or (), list[_VerdictPart]()
 
     # how far the platform is from its reference; of a run without one, how far it goes
@@ -204,7 +206,7 @@ def report_of_run(
 
     `measured` has its metrics, if they are known; `charts` adds the signals over time and the platform in motion.
     """
-    measured = metrics(record) if measured is None else measured
+    measured, fineness = metrics(record) if measured is None else measured, fineness_of(machine)
     tables = tuple(metrics_tables(measured))
     sections = [Section("Metrics", tables)] if tables else []
     if charts:
@@ -227,7 +229,7 @@ def report_of_run(
     ]
     report = Report(
         str(metadata.get("title", "untitled")),
-        run_verdict(record, measured, robustness),
+        run_verdict(record, measured, fineness, robustness),
         tuple(sections),
         study="run",
         lead=", ".join(filter(None, lead)),
@@ -235,7 +237,7 @@ def report_of_run(
         settings=settings_of(metadata.get("settings") or {}),
         notes=tuple(Note(text, "warning") for text in metadata.get("warnings", ())),
     )
-    return fine(report, fineness_of(machine))
+    return fine(report, fineness)
 
 
 def run_table(record: RecordData, platform: Platform) -> Table:
