@@ -20,7 +20,7 @@ from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.sampling.variation import EnsembleChoice, VariedValue
-from gough_stewart.harness.section import TableSection, Vector, complaints, quantity_in
+from gough_stewart.harness.section import TableSection, Unit, Vector, annotation_in, complaints
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
@@ -212,7 +212,7 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
             kind = "controller" if isinstance(table, ControllerChoice) else name
             return Place(path, _named(column, kind, rest[0], value.get(rest[0])))
         if not rest:
-            quantity = quantity_in(field.annotation, *field.metadata)
+            quantity = annotation_in(Unit, field.annotation, *field.metadata)
             if quantity is None:
                 return Place(path, VariedValue(column, None, (), None))
             shape = (quantity.size,) if isinstance(quantity, Vector) else ()
@@ -271,7 +271,7 @@ def unit_of(key: str) -> str:
         if not fields:
             # a parameter of the platform or a signal; factors on them have no unit
             return "" if "factors" in names else _UNITS.get(names[-1], "")
-        quantities = [quantity_in(field.annotation, *field.metadata) for field in fields]
+        quantities = [annotation_in(Unit, field.annotation, *field.metadata) for field in fields]
         units = {"" if quantity is None else quantity.unit for quantity in quantities}
         sections = list(_sections(field.annotation for field in fields))
     return next(iter(units)) if len(units) == 1 else ""
