@@ -70,7 +70,6 @@ class Metric(NamedTuple):
     better: Literal["smaller", "larger"] | None = None
     is_compared: bool = True  # whether it is shown beside that of other runs
     is_least: bool = False  # of several legs or axes, the least stands for all; of other metrics, the largest
-    needs: tuple[str, ...] = ()  # columns of the record
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,7 +358,7 @@ class StepResponse(TermFold):
         path, pose = f"step_response.{name}", LENGTH if signal == "position" else ANGLE
         settled = "until it stays within 2 % of the step"
         overshoot = "overshoot in percent of the step; 0 if it did not rise"
-        metrics = (
+        self.metrics = (
             Metric(f"{path}.from", f"{name}: from", pose, "the reference before the step", None, False),
             Metric(f"{path}.to", f"{name}: to", pose, "the reference after the step", None, False),
             Metric(f"{path}.at", f"{name}: step at", TIME, "start of the response", None, False),
@@ -368,7 +367,6 @@ class StepResponse(TermFold):
             Metric(f"{path}.settling_time", f"{name}: settling time", TIME, settled, "smaller"),
             Metric(f"{path}.final_error", f"{name}: final error", pose, "reference − actual at the end", "smaller"),
         )
-        self.metrics = tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in metrics)
         self._time, self._reference, self._step = time, reference, step
         self.parameters = {
             "from": step.first,
@@ -459,10 +457,7 @@ _OF_ANY_RUN: list[Any] = metric_folds(
     np.arange(40.0), np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
 )
 METRICS = (
-    *sorted(
-        (metric._replace(needs=metric.needs or fold.needs) for fold in _OF_ANY_RUN for metric in fold.metrics),
-        key=lambda metric: metric.path.startswith("limits."),
-    ),
+    *sorted((m for fold in _OF_ANY_RUN for m in fold.metrics), key=lambda metric: metric.path.startswith("limits.")),
     # the linear loop has no rows: whoever computes its margins gives these
     Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
     Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
