@@ -87,7 +87,7 @@ def chunk(members: Members, first: int, last: int, threads: int = 1) -> Chunk:
         bands, errors = Bands(signals, batch.timing, len(batch), first), LegErrors(batch.timing)
         run = reduced(batch, members.stepping, threads, [bands, errors])
         check_memory(batch, run, lambda first_one: reduced(first_one, members.stepping, threads))
-        columns, outcomes, samples, features = run.columns, list(run.outcomes), bands.samples(), run.features
+        columns, outcomes, samples, features = run.columns, list(run.outcomes), bands.samples, run.features
         if members.choice.margins:
             judged = margins_of([batch.member(k) for k in range(len(batch))])
             for k, cause in enumerate(judged.pop("cause")):
@@ -216,7 +216,7 @@ def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, Float
     of_margins = ["margins.stable", "margins.disk"] if members.choice.margins else []
     names = [*metrics_of(batch), "integration_error", "internal_steps", *of_margins]
     signals = DEFAULT if members.choice.signals is None else members.choice.signals
-    return {name: np.zeros(0) for name in names}, Bands(signals, batch.member(0).loop.timing, 0, first).samples()
+    return {name: np.zeros(0) for name in names}, Bands(signals, batch.member(0).loop.timing, 0, first).samples
 
 
 def oscillations(

@@ -55,20 +55,19 @@ class Quantity:
     digits: Annotated[int, Field(ge=1)] = 4  # significant
     least: float | None = None  # the smallest size that is told [unit]; None for that of the unit
 
-    def __post_init__(self) -> None:
-        if self.si and self.si not in UNITS:
-            raise ValueError(f"the SI unit '{self.si}'; expected one of {', '.join(UNITS)}, or '' for a plain number")
-
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _by_key(cls, value: Any, info: ValidationInfo) -> Any:
-        """In JSON, a report lists its quantities once and names them elsewhere."""
-        if not isinstance(value, str):
-            return value
+    def _known(cls, value: Any, handler: Any, info: ValidationInfo) -> "Quantity":
+        """Refuse an unknown unit. In JSON, a report lists its quantities once and names them elsewhere."""
         known = info.context or {}
-        if value not in known:
+        if isinstance(value, str) and value not in known:
             raise ValueError(f"the quantity '{value}'; expected one of {', '.join(known)}")
-        return known[value]
+        quantity: Quantity = handler(known[value] if isinstance(value, str) else value)
+        if quantity.si and quantity.si not in UNITS:
+            raise ValueError(
+                f"the SI unit '{quantity.si}'; expected one of {', '.join(UNITS)}, or '' for a plain number"
+            )
+        return quantity
 
     @model_serializer(mode="plain")
     def _key(self, info: SerializationInfo) -> Any:

@@ -73,11 +73,6 @@ class Table(Data):
                 raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
 
     @property
-    def heads(self) -> tuple[str, ...]:
-        """The heads of the columns, with the unit of those whose numbers are all of one kind."""
-        return tuple(column.title for column in self.columns)
-
-    @property
     def shown(self) -> list[tuple[str, ...]]:
         """The cells of all rows as a terminal shows them; a unit that a row shares is beside its first cell."""
         rows = []

@@ -95,7 +95,7 @@ class TerminalTable:
         """The title, the rows that are shown at first, and what is left out."""
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
-        heads = table.heads
+        heads = [column.title for column in table.columns]
         columns = list(zip(heads, *table.shown[:shown], strict=True))
         if table.title:
             yield Text(table.title, "bold")

@@ -6,7 +6,7 @@ If something acts to the end, only frequencies far above the reference's own are
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -129,23 +129,17 @@ class SelfExcitation:
                 self._bases = tuple(_basis(len(rows), leg) for leg in zip(legs, velocity, acceleration, strict=True))
                 self._lowest = math.ceil(_ABOVE * max(int(np.searchsorted(power, _POWER * power[-1])), 1))
 
+    @np.errstate(all="ignore")  # errors may be no platform's
     def __call__(self, errors: FloatArray, least_of: Callable[[int, float], float]) -> list[Oscillation | None]:
         """The oscillation or growth of each of N loops by the errors of its leg lengths (n, 6, N) [m]; None if sound.
 
         `least_of` gives the amplitude [m] that sensors do not explain, of the k-th loop at a frequency [Hz].
         """
         motions: list[Oscillation | None] = [None] * errors.shape[2]
-        if self._bases:
-            judge = self._at_rest if self._is_at_rest else self._in_motion
-            with np.errstate(all="ignore"):  # of errors that are no platform's
-                for k, motion in judge(errors, least_of):
-                    # NaN is not below it either
-                    motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None
-        return motions
-
-    def _at_rest(
-        self, errors: FloatArray, least_of: Callable[[int, float], float]
-    ) -> Iterator[tuple[int, Oscillation | None]]:
+        if not self._bases:
+            return motions
+        if not self._is_at_rest:
+            return self._in_motion(errors, least_of)
         every, step = np.arange(errors.shape[2]), self._step
         windows = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
         half = len(windows) // 2
@@ -187,19 +181,20 @@ class SelfExcitation:
                     motion = Oscillation(True, int(far_leg[k]) + 1, amplitude, rate, before, since)
             if motion is None and rises[k] and abs(changes[:, k].sum()) >= least(1.0):
                 motion = Oscillation(True, int(rising_leg[k]) + 1, float(last[k]), None, float(first[k]), since)
-            yield k, motion
+            motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None  # NaN is not below it either
+        return motions
 
-    def _in_motion(
-        self, errors: FloatArray, least_of: Callable[[int, float], float]
-    ) -> Iterator[tuple[int, Oscillation | None]]:
-        time = self._time[self._window :]
+    def _in_motion(self, errors: FloatArray, least_of: Callable[[int, float], float]) -> list[Oscillation | None]:
+        """The same with a reference that moves to the end."""
+        motions, time = list[Oscillation | None](), self._time[self._window :]
         for k in range(errors.shape[2]):
             legs = np.ascontiguousarray(errors[self._window :, :, k].T)
             unexplained = np.stack([_without(leg, basis) for leg, basis in zip(legs, self._bases, strict=True)])
             line, ratio = _line(unexplained, time, partial(least_of, k), self._lowest)
             if line is not None and ratio >= _STEADY:
                 line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
-            yield k, line
+            motions.append(line if (np.abs(errors[..., k]) < _LARGEST).all() else None)
+        return motions
 
 
 def least_amplitude(

@@ -24,7 +24,7 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
 from gough_stewart.harness.results.metric_folds import AXES, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
-from gough_stewart.harness.results.oscillation import Oscillation, outcome_of, outcome_text
+from gough_stewart.harness.results.oscillation import Oscillation, outcome_text
 from gough_stewart.harness.results.record_data import DRIVE_LIMITS, RecordData, faults_of, nearness_to_limits
 from gough_stewart.harness.results.run_charts import FLAGS, run_charts, scenes, shown
 from gough_stewart.model.parameters import TABLE
@@ -210,7 +210,11 @@ def report_of_run(
     tables = tuple(metrics_tables(measured))
     sections = [Section("Metrics", tables)] if tables else []
     if charts:
-        about_run = [run_table(record, believed), parameters_table(machine, believed), versions_table(record)]
+        about_run = [
+            run_table(record, believed, measured["outcome"]),
+            parameters_table(machine, believed),
+            versions_table(record),
+        ]
         drawn = shown(record, machine, "run")
         if drawn is not None:
             first, rest = run_charts([drawn])
@@ -240,12 +244,12 @@ def report_of_run(
     return fine(report, fineness)
 
 
-def run_table(record: RecordData, platform: Platform) -> Table:
-    """How the run was made, and how it ended."""
+def run_table(record: RecordData, platform: Platform, outcome: dict[str, Any]) -> Table:
+    """How the run was made, and how it ended: the `outcome` of its metrics."""
     metadata = record.metadata
     rows: list[tuple[Cell, Cell]] = []
     if metadata.get("outcome"):
-        rows.append(("outcome", outcome_text(outcome_of(record))))
+        rows.append(("outcome", outcome_text(outcome)))
     rows += [("plant", str(metadata.get("plant", "–"))), ("platform", platform.name), ("rows", record.table.height)]
     for name, quantity in (("duration", TIME), ("sample_time", TIME), ("plant_step", TIME), ("force_limit", FORCE)):
         if metadata.get(name) is not None:

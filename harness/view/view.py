@@ -168,8 +168,9 @@ def comparison_report(records: Sequence[Record], runs: Sequence[DrawnRun], title
     ]
     for record, run, metrics_of_run in zip(records, runs, measured, strict=True):
         believed = platform_of(record)
-        tables = (*metrics_tables(metrics_of_run), run_table(record, believed), parameters_table(run.machine, believed))
-        sections.append(Section(f"{run.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
+        about_run = run_table(record, believed, metrics_of_run["outcome"]), parameters_table(run.machine, believed)
+        tables = (*metrics_tables(metrics_of_run), *about_run, versions_table(record))
+        sections.append(Section(f"{run.name}: all metrics, run, parameters", tables, True))
     outcomes = [(name, run["outcome"]) for name, run in zip(names, measured, strict=True)]
     report = Report(
         title,
