@@ -268,7 +268,7 @@ def complaints(error: ValidationError, section: type[TableSection], values: Mapp
             except (LookupError, TypeError):
                 inner = None
             kind = inner.get("type") if isinstance(inner, Mapping) else None
-            if step in table.model_fields and (sections := _sections_in(table.model_fields[str(step)].annotation)):
+            if step in table.model_fields and (sections := sections_in(table.model_fields[str(step)].annotation)):
                 table = kinds(sections[0]).get(str(kind), sections[0])
 
         # in the words of this project
@@ -287,7 +287,8 @@ def complaints(error: ValidationError, section: type[TableSection], values: Mapp
     return "; ".join(dict.fromkeys(lines))
 
 
-def _sections_in(annotation: Any) -> list[type[TableSection]]:
+def sections_in(annotation: Any) -> list[type[TableSection]]:
+    """The classes of tables that an annotation names."""
     if isinstance(annotation, type) and issubclass(annotation, TableSection):
         return [annotation]
-    return [section for part in getattr(annotation, "__args__", ()) for section in _sections_in(part)]
+    return [section for part in getattr(annotation, "__args__", ()) for section in sections_in(part)]

@@ -105,7 +105,7 @@ class Tracking(TermFold):
         self.parameters: Mapping[str, Any] = {}
         if has_norm:
             self.reductions["final"] = Reduction("largest", "end")
-            self.parameters = {"end": 0.0 if rows is None else float(rows - _rest_rows(rows))}
+            self.parameters = {"end": 0.0 if rows is None else float(rows - max(2, math.ceil(_REST * rows)))}
         path, element = f"tracking.{name}", "axis" if has_norm else "leg"
         of_one = " of an axis" if has_norm else ""
         declared = [
@@ -305,11 +305,6 @@ class StrokeUse(TermFold):
         return _named(self.metrics[: len(values)], values, rows > 0)
 
 
-def _rest_rows(rows: int) -> int:
-    """How many of the last rows are the end of a run."""
-    return max(2, math.ceil(_REST * rows))
-
-
 class ReferenceStep(NamedTuple):
     """The step of each reference (...)."""
 
@@ -327,7 +322,7 @@ def step_in(reference: FloatArray) -> ReferenceStep:
     n = len(reference)
     first, last = reference[0], reference[-1]
     rounding = _ROUNDING * np.maximum(1.0, np.abs(reference).max(axis=0))
-    rest = _rest_rows(n)
+    rest = max(2, math.ceil(_REST * n))
     exists = (np.abs(last - first) > rounding) & ~(np.abs(reference[-rest:] - last).max(axis=0) > rounding)
     start = n - 1 - (np.abs(reference - first) <= rounding)[::-1].argmax(axis=0)
     following = np.take_along_axis(reference, np.minimum(start + 1, n - 1)[None], axis=0)[0]
