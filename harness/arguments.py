@@ -16,6 +16,7 @@ from typing import Any
 from gough_stewart.model.errors import ArgumentError
 
 Take = Callable[[str, Any], Any]
+_PATH = (str, os.PathLike)
 
 
 def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -63,14 +64,6 @@ def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
     return ArgumentError(f"{name} is {text if len(text) <= 60 else text[:57] + '…'}; expected {expected}")
 
 
-def _is_path(value: Any) -> bool:
-    return isinstance(value, str | os.PathLike)
-
-
-def _has(value: Any, *attributes: str) -> bool:
-    return all(hasattr(value, attribute) for attribute in attributes)
-
-
 def _unchanged(is_one: Callable[[Any], bool], expected: str) -> Take:
     """What the function takes as it is, if it is of this kind."""
 
@@ -83,15 +76,15 @@ def _unchanged(is_one: Callable[[Any], bool], expected: str) -> Take:
 
 
 _text = _unchanged(lambda value: isinstance(value, str), "a text")
-_path = _unchanged(_is_path, "a path")
+_path = _unchanged(lambda value: isinstance(value, _PATH), "a path")
 _record_or_path = _unchanged(
-    lambda value: _is_path(value) or hasattr(value, "metadata"), "a Record, or the folder or file of one"
+    lambda value: isinstance(value, _PATH) or hasattr(value, "metadata"), "a Record, or the folder or file of one"
 )
 
 
 def _platform(name: str, value: Any) -> Any:
     """A platform or many of them, the name of a preset, or a file."""
-    if _is_path(value):
+    if isinstance(value, _PATH):
         from gough_stewart.model.platform import load_platform, load_preset, preset_names
 
         return load_preset(str(value)) if value in preset_names() else load_platform(Path(value))
@@ -101,7 +94,7 @@ def _platform(name: str, value: Any) -> Any:
 
 
 def _platforms(name: str, value: Any) -> Any:
-    if _is_path(value) or not isinstance(value, Iterable):
+    if isinstance(value, _PATH) or not isinstance(value, Iterable):
         raise _wrong(name, value, "a list of platforms, names of presets or platform files")
     platforms = [_platform(f"{name}[{k}]", item) for k, item in enumerate(value)]
     if not platforms:
@@ -117,15 +110,15 @@ def _settings(name: str, value: Any) -> Any:
 
 def _record(name: str, value: Any) -> Any:
     """A record, or its folder or file."""
-    if _is_path(value):
+    if isinstance(value, _PATH):
         from gough_stewart.harness.results.record import read_record
 
-        return read_record(value)
+        return read_record(Path(value))
     return _record_or_path(name, value)
 
 
 def _records(name: str, value: Any) -> Any:
-    if _is_path(value) or hasattr(value, "table"):
+    if isinstance(value, _PATH) or hasattr(value, "table"):
         return value
     if not isinstance(value, Iterable):
         raise _wrong(name, value, "a Record, the folder or file of one, or a list of them")
@@ -189,7 +182,7 @@ def _with_vectors(expected: str, **units: str) -> Take:
     """What the function takes as it is, if it has these vectors (..., 3)."""
 
     def take(name: str, value: Any) -> Any:
-        if not _has(value, *units):
+        if not all(hasattr(value, part) for part in units):
             raise _wrong(name, value, expected)
         for part, unit in units.items():
             _vectors(3, unit, "x, y, z", may_be_texts=False)(f"{name}.{part}", getattr(value, part))
@@ -200,17 +193,16 @@ def _with_vectors(expected: str, **units: str) -> Take:
 
 def _check_poses(arguments: Mapping[str, Any]) -> None:
     """Positions and orientations are as many, or one of them is for all."""
-    position, orientation = (getattr(arguments.get(name), "shape", ()) for name in ("position", "orientation"))
-    if len(position) > 1 and len(orientation) > 1:
-        import numpy as np
+    import numpy as np
 
-        try:
-            np.broadcast_shapes(position, orientation)
-        except ValueError:
-            raise ArgumentError(
-                f"position has the shape {position}, and orientation {orientation}; expected one orientation for each "
-                "position, or one for all"
-            ) from None
+    position, orientation = (getattr(arguments.get(name), "shape", ()) for name in ("position", "orientation"))
+    try:
+        np.broadcast_shapes(position, orientation)
+    except ValueError:
+        raise ArgumentError(
+            f"position has the shape {position}, and orientation {orientation}; expected one orientation for each "
+            "position, or one for all"
+        ) from None
 
 
 def _texts(name: str, value: Any) -> Any:
@@ -251,7 +243,7 @@ _TAKES: dict[str, Take] = {
     # a platform, or a case of the paper, which has one
     "case": lambda name, value: value if hasattr(value, "platform") else _platform(name, value),
     "experiment": _unchanged(
-        lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
+        lambda value: isinstance(value, _PATH) or hasattr(value, "model_dump") or callable(value),
         "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
     ),
     "settings": _settings,
@@ -259,7 +251,7 @@ _TAKES: dict[str, Take] = {
     "records": _records,
     "log": _unchanged(
         lambda value: (
-            _is_path(value)
+            isinstance(value, _PATH)
             or hasattr(value, "leg_length")
             or hasattr(value, "table")
             or (isinstance(value, Iterable) and not isinstance(value, Mapping))
@@ -271,9 +263,10 @@ _TAKES: dict[str, Take] = {
     ),
     "acceleration": _with_vectors("an Acceleration(linear, angular)", linear="m/s²", angular="rad/s²"),
     "gains": _unchanged(
-        lambda value: _has(value, "proportional", "derivative"), "Gains, or the result of gains_from_bandwidth"
+        lambda value: hasattr(value, "proportional") and hasattr(value, "derivative"),
+        "Gains, or the result of gains_from_bandwidth",
     ),
-    "system": _unchanged(lambda value: _has(value, "poles"), "a python-control system"),
+    "system": _unchanged(lambda value: hasattr(value, "poles"), "a python-control system"),
     "position": _vectors(3, "m", "x, y, z"),
     "orientation": _vectors(3, "rad", "roll, pitch, yaw"),
     "leg_length": _vectors(6, "m", "one for each leg"),

@@ -6,7 +6,6 @@ pivot c in the axes of the platform. SciPy composes R' and takes it apart.
 
 import re
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -131,12 +130,8 @@ class PoseConvention:
     @property
     def settings(self) -> str:
         """Its keys that are not the default."""
-        keys: Mapping[str, Any] = {
-            "rotation_order": self.rotation_order,
-            "rotation_about": self.rotation_about,
-            "frame": self.frame,
-        }
-        changed = [f'{key} = "{value}"' for key, value in keys.items() if value != getattr(OURS, key)]
+        values = {key: getattr(self, key) for key in ("rotation_order", "rotation_about", "frame")}
+        changed = [f'{key} = "{value}"' for key, value in values.items() if value != getattr(OURS, key)]
         if any(self.pivot):
             changed.append(f"pivot = {list(self.pivot)}")
         return ", ".join(changed) or 'rotation_order = "XYZ", rotation_about = "fixed", frame = "z_up"'

@@ -7,17 +7,13 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, Self, cast, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, BeforeValidator, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema
-from pydantic_core.core_schema import (
-    no_info_before_validator_function,
-    no_info_plain_validator_function,
-    tagged_union_schema,
-)
+from pydantic_core.core_schema import no_info_plain_validator_function, tagged_union_schema
 
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.model.errors import GoughStewartError
@@ -26,6 +22,7 @@ from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.units import PLAIN, number
 
 ZEROS = (0.0, 0.0, 0.0)
+_Annotation = TypeVar("_Annotation")
 
 
 def positive_or_word(value: object, unit: str, *words: str) -> float | str:
@@ -42,38 +39,24 @@ def positive_or_word(value: object, unit: str, *words: str) -> float | str:
     return size
 
 
-def vector(value: object, unit: str, size: int, *, one_for_all: bool = False) -> tuple[float, ...]:
-    """A list or array of `size` quantities, as numbers in SI units; a `ValueError` has the index in the list.
+@dataclass(frozen=True)
+class Unit:
+    """Annotates the unit of a field that has its own parser."""
 
-    Or, if it is said so, one quantity for all of them.
-    """
-    values = value.tolist() if isinstance(value, np.ndarray) else value
-    if one_for_all and not isinstance(values, list | tuple):
-        return (number(values, unit),) * size
-    if not isinstance(values, list | tuple) or len(values) != size:
-        expected = f"a number [{unit}] or a list of {size}" if one_for_all else f"a list of {size} [{unit}]"
-        number_of_values = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
-        raise ValueError(f"expected {expected}; found {number_of_values}")
-    numbers = []
-    for k, element in enumerate(values):
-        try:
-            numbers.append(number(element, unit))
-        except ValueError as error:
-            raise ValueError(f"value {k + 1} of {size}: {error}") from None
-    return tuple(numbers)
+    unit: str
 
 
 @dataclass(frozen=True)
-class ScalarQuantity:
+class ScalarQuantity(Unit):
     """Annotates a field that accepts a string with a unit; it stores a number in SI units."""
 
-    unit: str
     bound: Literal["> 0", ">= 0"] | None = None
 
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_before_validator_function(self._parsed, handler(source))
+    def __get_pydantic_core_schema__(self, _source: object, _handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_plain_validator_function(self.parsed)
 
-    def _parsed(self, value: object) -> float:
+    def parsed(self, value: object) -> float:
+        """The number, within its bound."""
         size = number(value, self.unit)
         if (self.bound == "> 0" and not size > 0) or (self.bound == ">= 0" and not size >= 0):
             unit = "" if self.unit == PLAIN else f" {self.unit}"
@@ -82,33 +65,41 @@ class ScalarQuantity:
 
 
 @dataclass(frozen=True)
-class Vector:
+class Vector(Unit):
     """Annotates a field that accepts a list or array; it stores a tuple of numbers in SI units."""
 
-    unit: str
     size: int
     one_for_all: bool = False  # whether one quantity stands for all of them
 
     def __get_pydantic_core_schema__(self, _source: object, _handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_plain_validator_function(
-            lambda value: vector(value, self.unit, self.size, one_for_all=self.one_for_all)
-        )
+        return no_info_plain_validator_function(self.parsed)
+
+    def parsed(self, value: object) -> tuple[float, ...]:
+        """The numbers; a ValueError has the index in the list."""
+        unit, size = self.unit, self.size
+        values = value.tolist() if isinstance(value, np.ndarray) else value
+        if self.one_for_all and not isinstance(values, list | tuple):
+            return (number(values, unit),) * size
+        if not isinstance(values, list | tuple) or len(values) != size:
+            expected = f"a number [{unit}] or a list of {size}" if self.one_for_all else f"a list of {size} [{unit}]"
+            number_of_values = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
+            raise ValueError(f"expected {expected}; found {number_of_values}")
+        numbers = []
+        for k, element in enumerate(values):
+            try:
+                numbers.append(number(element, unit))
+            except ValueError as error:
+                raise ValueError(f"value {k + 1} of {size}: {error}") from None
+        return tuple(numbers)
 
 
-@dataclass(frozen=True)
-class Unit:
-    """Annotates the unit of a field that has its own parser."""
-
-    unit: str
-
-
-def quantity_in(*annotations: object) -> ScalarQuantity | Vector | Unit | None:
-    """The annotation of a field as a quantity, or None if it has none."""
+def annotation_in(kind: type[_Annotation], *annotations: object) -> _Annotation | None:
+    """The first of this kind, or None, among the annotations of a field and in them."""
     for annotation in annotations:
-        if isinstance(annotation, ScalarQuantity | Vector | Unit):
+        if isinstance(annotation, kind):
             return annotation
-        if (quantity := quantity_in(*get_args(annotation))) is not None:
-            return quantity
+        if (inner := annotation_in(kind, *get_args(annotation))) is not None:
+            return inner
     return None
 
 
@@ -225,7 +216,8 @@ def file_names(table: TableSection) -> dict[tuple[str, ...], str]:
     files = dict[tuple[str, ...], str]()
     for name, field in type(table).model_fields.items():
         value = getattr(table, name)
-        if isinstance(value, str) and names_file(field.annotation, *field.metadata):
+        names_a_file = annotation_in(_NamesFile, field.annotation, *field.metadata) is not None
+        if isinstance(value, str) and names_a_file:
             files[name,] = value
         elements = enumerate(value, 1) if isinstance(value, list) else [(None, value)]
         for k, element in elements:
@@ -233,11 +225,6 @@ def file_names(table: TableSection) -> dict[tuple[str, ...], str]:
                 place = (name,) if k is None else (name, str(k))
                 files |= {(*place, *path): file for path, file in file_names(element).items()}
     return files
-
-
-def names_file(*annotations: object) -> bool:
-    """Whether the annotations of a field say that it names a file."""
-    return any(isinstance(part, _NamesFile) or names_file(*get_args(part)) for part in annotations)
 
 
 class ByType:
@@ -281,7 +268,7 @@ def complaints(error: ValidationError, section: type[TableSection], values: Mapp
             except (LookupError, TypeError):
                 inner = None
             kind = inner.get("type") if isinstance(inner, Mapping) else None
-            if step in table.model_fields and (sections := _sections_in(table.model_fields[str(step)].annotation)):
+            if step in table.model_fields and (sections := sections_in(table.model_fields[str(step)].annotation)):
                 table = kinds(sections[0]).get(str(kind), sections[0])
 
         # in the words of this project
@@ -300,7 +287,8 @@ def complaints(error: ValidationError, section: type[TableSection], values: Mapp
     return "; ".join(dict.fromkeys(lines))
 
 
-def _sections_in(annotation: Any) -> list[type[TableSection]]:
+def sections_in(annotation: Any) -> list[type[TableSection]]:
+    """The classes of tables that an annotation names."""
     if isinstance(annotation, type) and issubclass(annotation, TableSection):
         return [annotation]
-    return [section for part in getattr(annotation, "__args__", ()) for section in _sections_in(part)]
+    return [section for part in getattr(annotation, "__args__", ()) for section in sections_in(part)]

@@ -37,8 +37,8 @@ from gough_stewart.harness.section import (
     TableSection,
     Time,
     Unit,
+    annotation_in,
     positive_or_word,
-    quantity_in,
 )
 from gough_stewart.model.parameters import Bound, Variable
 from gough_stewart.model.units import number
@@ -75,7 +75,7 @@ class Component:
         parameters = []
         for key in cls.keys:
             field = cls.table.model_fields[key]
-            quantity: Any = quantity_in(field.annotation, *field.metadata)
+            quantity: Any = annotation_in(Unit, field.annotation, *field.metadata)
             none = cls.absent.get(key)
             bound: Bound = (getattr(quantity, "bound", None) if none is None else None) or ">= 0"
             name = key if key.startswith(cls.name) else f"{cls.name}_{key}"

@@ -82,7 +82,7 @@ def chunk(members: Members, first: int, last: int, threads: int = 1) -> Chunk:
         signals = DEFAULT if members.choice.signals is None else members.choice.signals
         bands, errors = Bands(signals, batch.timing, len(batch), first), LegErrors(batch.timing)
         run = reduced(batch, members.stepping, threads, [bands, errors])
-        columns, outcomes, samples, features = run.columns, list(run.outcomes), bands.samples(), run.features
+        columns, outcomes, samples, features = run.columns, list(run.outcomes), bands.samples, run.features
         if members.choice.margins:
             judged = margins_of([batch.member(k) for k in range(len(batch))])
             for k, cause in enumerate(judged.pop("cause")):
@@ -213,7 +213,7 @@ def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, Float
     of_margins = ["margins.stable", "margins.disk"] if members.choice.margins else []
     names = [*metrics_of(batch), "integration_error", "internal_steps", *of_margins]
     signals = DEFAULT if members.choice.signals is None else members.choice.signals
-    return {name: np.zeros(0) for name in names}, Bands(signals, batch.member(0).loop.timing, 0, first).samples()
+    return {name: np.zeros(0) for name in names}, Bands(signals, batch.member(0).loop.timing, 0, first).samples
 
 
 def oscillations(
@@ -240,10 +240,10 @@ def oscillations(
         together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
         errors = kept.kept[LegErrors.needs[0]][..., together]
 
-        def least_of(k: int) -> Callable[[float], float]:
+        def least_of(k: int, frequency: float) -> float:
             sensors, platform = batch.sensors[members[k]], batch.setups[members[k]].platform
             length = float(np.mean(reference) - np.mean(errors[..., k]))
-            return least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
+            return least_amplitude(frequency, length, platform.platform_points, sensors.noise, sensors.quantisation)
 
         for member, motion in zip(members, excitation(errors, least_of), strict=True):
             motions[member] = motion if motion is None or kept.every == 1 else motion._replace(frequency=None)

@@ -24,7 +24,7 @@ from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import about, percent, sentence
-from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
+from gough_stewart.harness.results.record import Record, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.vectors import FloatArray
@@ -315,7 +315,7 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
         if linear is None:
             raise ControllerError("the controller is not linear, or there is none")
         L = loop_transfer(
-            machine_of(record),
+            platform_of(record, "machine"),
             linear,
             sample_time,
             believed=platform,

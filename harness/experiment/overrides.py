@@ -5,9 +5,8 @@ tables, before they are validated as a whole; `table_with` sets paths in one val
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from inspect import isclass
 from typing import Any, get_args
 
 import numpy as np
@@ -20,7 +19,7 @@ from gough_stewart.harness.plants.signals import NAMES, VARIABLES
 from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.sampling.variation import EnsembleChoice, VariedValue
-from gough_stewart.harness.section import TableSection, Vector, complaints, quantity_in
+from gough_stewart.harness.section import TableSection, Unit, Vector, annotation_in, complaints, kinds, sections_in
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
@@ -212,7 +211,7 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
             kind = "controller" if isinstance(table, ControllerChoice) else name
             return Place(path, _named(column, kind, rest[0], value.get(rest[0])))
         if not rest:
-            quantity = quantity_in(field.annotation, *field.metadata)
+            quantity = annotation_in(Unit, field.annotation, *field.metadata)
             if quantity is None:
                 return Place(path, VariedValue(column, None, (), None))
             shape = (quantity.size,) if isinstance(quantity, Vector) else ()
@@ -271,20 +270,12 @@ def unit_of(key: str) -> str:
         if not fields:
             # a parameter of the platform or a signal; factors on them have no unit
             return "" if "factors" in names else _UNITS.get(names[-1], "")
-        quantities = [quantity_in(field.annotation, *field.metadata) for field in fields]
+        quantities = [annotation_in(Unit, field.annotation, *field.metadata) for field in fields]
         units = {"" if quantity is None else quantity.unit for quantity in quantities}
-        sections = list(_sections(field.annotation for field in fields))
+        # of a base, its keys are those of the kinds that `type` selects
+        bases = [base for field in fields for base in sections_in(field.annotation)]
+        sections = [section for base in bases for section in (base, *kinds(base).values())]
     return next(iter(units)) if len(units) == 1 else ""
-
-
-def _sections(annotations: Iterable[Any]) -> Iterator[type[TableSection]]:
-    for annotation in annotations:
-        if isclass(annotation) and issubclass(annotation, TableSection):
-            # of a base, its keys are those of the kinds that `type` selects
-            yield annotation
-            yield from _sections(annotation.__subclasses__())
-        else:
-            yield from _sections(get_args(annotation))
 
 
 def value_text(key: str, value: Any) -> str:

@@ -352,7 +352,8 @@ def _draw_lines(axes: Axes, panel: Panel) -> None:
 
 def _draw_bars(axes: Axes, panel: Panel) -> None:
     chart, number = panel.chart, len(panel.series)
-    labels = (chart.x.labels or tuple(map(chart.x.quantity.number, chart.x.values.tolist())))[:_MOST_BARS]
+    values = chart.x.values.tolist()
+    labels = (chart.x.labels or tuple(chart.x.quantity.text(value, unit=False) for value in values))[:_MOST_BARS]
     at, thickness = np.arange(len(labels), dtype=float), 0.75 / number
     for k, (series, style) in enumerate(zip(panel.series, _styles(panel), strict=True)):
         factor, error = series.quantity.factor, None

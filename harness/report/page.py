@@ -177,7 +177,7 @@ def colours() -> str:
 # --- charts and scenes as data for the scripts -----------------------------------------------------------------------
 
 
-def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[str, Any]:
+def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool) -> dict[str, Any]:
     """A chart as data; it shares the time of the page if that `has_time`."""
     quantity, over = chart.series[0].quantity, chart.map
     sizes = [np.abs(series.values[np.isfinite(series.values)]).max(initial=0.0) for series in chart.series]

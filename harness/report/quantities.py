@@ -5,7 +5,6 @@ shown. Angles are shown in degrees.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, fields, is_dataclass, replace
 from typing import Annotated, Any, TypeVar, cast
 
@@ -15,7 +14,6 @@ from pydantic.dataclasses import dataclass
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import PlatformFields
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.units import UNITS, unit_typed
 
 _DEGREES = 180 / math.pi
@@ -57,20 +55,19 @@ class Quantity:
     digits: Annotated[int, Field(ge=1)] = 4  # significant
     least: float | None = None  # the smallest size that is told [unit]; None for that of the unit
 
-    def __post_init__(self) -> None:
-        if self.si and self.si not in UNITS:
-            raise ValueError(f"the SI unit '{self.si}'; expected one of {', '.join(UNITS)}, or '' for a plain number")
-
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _by_key(cls, value: Any, info: ValidationInfo) -> Any:
-        """In JSON, a report lists its quantities once and names them elsewhere."""
-        if not isinstance(value, str):
-            return value
+    def _known(cls, value: Any, handler: Any, info: ValidationInfo) -> "Quantity":
+        """Refuse an unknown unit. In JSON, a report lists its quantities once and names them elsewhere."""
         known = info.context or {}
-        if value not in known:
+        if isinstance(value, str) and value not in known:
             raise ValueError(f"the quantity '{value}'; expected one of {', '.join(known)}")
-        return known[value]
+        quantity: Quantity = handler(known[value] if isinstance(value, str) else value)
+        if quantity.si and quantity.si not in UNITS:
+            raise ValueError(
+                f"the SI unit '{quantity.si}'; expected one of {', '.join(UNITS)}, or '' for a plain number"
+            )
+        return quantity
 
     @model_serializer(mode="plain")
     def _key(self, info: SerializationInfo) -> Any:
@@ -98,24 +95,18 @@ class Quantity:
         """A stored number as shown, with its unit; "< 0.001 mm" below the resolution of display."""
         if value is None or math.isnan(value):
             return NOTHING
-        if unit and self.least is not None and self.unit in _FINER and 0 < abs(self.factor * value) < 1:
+        shown, least = self.factor * value + 0.0, self.told  # no negative zero
+        if unit and self.least is not None and self.unit in _FINER and 0 < abs(shown) < 1:
             return self.fine(1.0).text(value)
-        digits = self.number(value)
-        return f"{digits} {self.unit_text}" if unit and self.unit_text else digits
-
-    def number(self, value: float | None) -> str:
-        """The same without unit."""
-        if value is None or math.isnan(value):
-            return NOTHING
         if math.isinf(value):
-            return "∞" if value > 0 else "-∞"
-        # no negative zero
-        shown, least = self.factor * value + 0.0, self.told
-        if shown and abs(shown) < least:
-            return f"< {least:.3g}"
-        text = f"{shown:.{self.digits}g}"
-        # large numbers in full: 18610 is shorter than 1.861e+04
-        return f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
+            text = "∞" if value > 0 else "-∞"
+        elif shown and abs(shown) < least:
+            text = f"< {least:.3g}"
+        else:
+            text = f"{shown:.{self.digits}g}"
+            # large numbers in full: 18610 is shorter than 1.861e+04
+            text = f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
+        return f"{text} {self.unit_text}" if unit and self.unit_text else text
 
     @property
     def told(self) -> float:
@@ -142,7 +133,7 @@ class Quantity:
             return NOTHING
         if low is None or high is None:
             return f"at least {self.text(low)}" if high is None else f"at most {self.text(high)}"
-        return f"{self.number(low)} to {self.number(high)} {self.unit_text}".rstrip()
+        return f"{self.text(low, unit=False)} to {self.text(high, unit=False)} {self.unit_text}".rstrip()
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""
@@ -175,12 +166,6 @@ def fineness_of(platform: PlatformFields) -> float:
         legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
         stroke = _SHARE_OF_LEGS * float(legs.mean())
     return stroke if stroke < _SMALL else 1.0
-
-
-def fineness_of_record(metadata: Mapping[str, Any]) -> float:
-    """The same by the metadata of a record; 1 if they have no whole platform."""
-    machine = metadata.get("machine") or metadata.get("platform") or {}
-    return fineness_of(Platform(**machine)) if "base_points" in machine else 1.0
 
 
 def fine(part: _Part, fineness: float) -> _Part:

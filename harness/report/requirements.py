@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -48,13 +48,6 @@ _MOST = 10_000_000
 # --- confidence ------------------------------------------------------------------------------------------------------
 
 
-class Interval(NamedTuple):
-    """Ends of a confidence interval; None for one that so few members cannot give."""
-
-    low: float | None
-    high: float | None
-
-
 def share_interval(successes: float, members: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """The interval of a share by Clopper & Pearson (1934): quantiles of beta distributions.
 
@@ -73,9 +66,10 @@ def share_interval(successes: float, members: float, confidence: float = CONFIDE
 
 def quantile_interval(
     values: FloatArray, level: float, confidence: float = CONFIDENCE, independent: float | None = None
-) -> Interval:
+) -> tuple[float | None, float | None]:
     """The interval of a quantile between two order statistics (N,), without an assumption on the distribution.
 
+    An end that so few members cannot give is None.
     The number B of members below the quantile is binomial: the r-th smallest is a lower end with
     P(B ≤ r − 1) = I(1 − p; n − r + 1, r) ≤ α/2, the s-th an upper one with P(B ≥ s) = I(p; s, n − s + 1) ≤ α/2. Of N
     members that are worth n `independent` ones, all by default, k count as x = k n/N, as in `share_interval`.
@@ -89,7 +83,7 @@ def quantile_interval(
     below = betainc(n - counts + worth, counts - worth + 1, 1 - level)
     above = betainc(counts, n - counts + 1, level)
     r, s = int(np.count_nonzero(below <= tail)), int(np.count_nonzero(above > tail))
-    return Interval(float(ordered[r - 1]) if r > 0 else None, float(ordered[s]) if s < len(values) else None)
+    return float(ordered[r - 1]) if r > 0 else None, float(ordered[s]) if s < len(values) else None
 
 
 # --- requirements ----------------------------------------------------------------------------------------------------

@@ -25,11 +25,6 @@ class Value(Data):
     value: Defined
     quantity: Quantity
 
-    @property
-    def text(self) -> str:
-        """As shown, with its unit."""
-        return self.quantity.text(self.value)
-
 
 def _cell(value: Any) -> Any:
     if isinstance(value, str) and value in ("Infinity", "-Infinity"):  # as JSON has them
@@ -78,11 +73,6 @@ class Table(Data):
                 raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
 
     @property
-    def heads(self) -> tuple[str, ...]:
-        """The heads of the columns, with the unit of those whose numbers are all of one kind."""
-        return tuple(column.title for column in self.columns)
-
-    @property
     def shown(self) -> list[tuple[str, ...]]:
         """The cells of all rows as a terminal shows them; a unit that a row shares is beside its first cell."""
         rows = []
@@ -103,17 +93,17 @@ class Table(Data):
 
     def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
         """The cells of a row as shown; units only where the column does not state it, or never."""
-
-        def text(cell: Cell, quantity: Quantity | None) -> str:
+        shown = list[str]()
+        for cell, column in zip(self.rows[row], self.columns, strict=True):
             if isinstance(cell, Value):
-                return cell.quantity.text(cell.value, unit=units)
-            if isinstance(cell, bool):
-                return "yes" if cell else "no"
-            if isinstance(cell, str) or (isinstance(cell, int) and quantity is None):
-                return str(cell)
-            return (quantity or NUMBER).number(cell)
-
-        return tuple(text(cell, column.quantity) for cell, column in zip(self.rows[row], self.columns, strict=True))
+                shown.append(cell.quantity.text(cell.value, unit=units))
+            elif isinstance(cell, bool):
+                shown.append("yes" if cell else "no")
+            elif isinstance(cell, str) or (isinstance(cell, int) and column.quantity is None):
+                shown.append(str(cell))
+            else:
+                shown.append((column.quantity or NUMBER).text(cell, unit=False))
+        return tuple(shown)
 
 
 def is_prose(cells: Sequence[str]) -> bool:

@@ -3,7 +3,8 @@
 Charts, scenes and details are for the page. Without a terminal there are no colours, and the verdict is one line.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.table import PROSE, Table, is_at_right, is_prose
 
 if TYPE_CHECKING:
-    from rich.console import ConsoleOptions, RenderableType, RenderResult
+    from rich.console import ConsoleOptions, RenderResult
 
 _STYLES = {"good": "bold green", "marginal": "bold yellow", "bad": "bold red", "told": "bold"}
 _OUTCOMES = {"met": "green", "missed": "bold red", "open": "bold yellow"}
@@ -26,12 +27,48 @@ _OUTCOMES = {"met": "green", "missed": "bold red", "open": "bold yellow"}
 _LONGEST_WORD = 26
 
 
-def show(report: Report, console: Console) -> None:
+def show(report: Report, console: Console) -> None:  # noqa: PLR0912 - a section for each part of a report
     """Print a whole report, without markup in texts; warnings among its notes are left to the error stream."""
     # words wrap for a reader; for another program the verdict is one line
     verdict = Text(report.verdict.text, _STYLES[report.verdict.status])
     console.print(verdict, soft_wrap=not console.is_terminal)
-    console.print(Group(*_parts(report)))
+    if about := ": ".join(filter(None, (report.title, report.lead))):
+        console.print(Text(about, "dim"))
+    if report.changed:
+        console.print(Text(f"set: {report.changed}", "dim"))
+    numbers = report.verdict.numbers
+    if numbers:
+        # words, value, then interval and margin to the limit; an empty column would take room from the words
+        rows, has_remarks = Rows.grid(padding=(0, 2, 0, 0)), any(number.remark for number in numbers)
+        rows.add_column(overflow="fold")
+        rows.add_column(justify="right", no_wrap=True)
+        if has_remarks:
+            rows.add_column(overflow="fold")
+        for number in numbers:
+            remark = [Text(number.remark, "dim")] if has_remarks else []
+            rows.add_row(Text(number.name), Text(number.text, "bold"), *remark)
+        console.print(Padding(rows, (0, 0, 0, 2), expand=False))
+    if report.requirements:
+        console.print(Text(""))
+        # how each came out, the value found, the margin, and how sure that is
+        rows = Rows.grid(padding=(0, 2, 0, 0))
+        rows.add_column(no_wrap=True)
+        rows.add_column(overflow="fold")
+        rows.add_column(overflow="fold")
+        for required in report.requirements:
+            outcome = Text(OUTCOMES[required.status], _OUTCOMES[required.status])
+            rows.add_row(outcome, Text(required.text), Text(required.found))
+        console.print(rows)
+    for section in report.sections:
+        for part in () if section.detail else section.parts:
+            if isinstance(part, Table) and not part.detail and part.rows:
+                console.print(Text(""))
+                console.print(TerminalTable(part))
+            elif isinstance(part, Note):
+                console.print(Text(part.text))
+    for note in report.notes:
+        if note.kind == "note":
+            console.print(Text(note.text, "dim"))
 
 
 def text_of(shown: Report | Sequence[Table], width: int = 100) -> str:
@@ -45,58 +82,20 @@ def text_of(shown: Report | Sequence[Table], width: int = 100) -> str:
     return "\n".join(line.rstrip() for line in printed.get().splitlines())
 
 
-def _parts(report: Report) -> Iterable["RenderableType"]:
-    if about := ": ".join(filter(None, (report.title, report.lead))):
-        yield Text(about, "dim")
-    if report.changed:
-        yield Text(f"set: {report.changed}", "dim")
-    numbers = report.verdict.numbers
-    if numbers:
-        # words, value, then interval and margin to the limit; an empty column would take room from the words
-        rows, has_remarks = Rows.grid(padding=(0, 2, 0, 0)), any(number.remark for number in numbers)
-        rows.add_column(overflow="fold")
-        rows.add_column(justify="right", no_wrap=True)
-        if has_remarks:
-            rows.add_column(overflow="fold")
-        for number in numbers:
-            remark = [Text(number.remark, "dim")] if has_remarks else []
-            rows.add_row(Text(number.name), Text(number.text, "bold"), *remark)
-        yield Padding(rows, (0, 0, 0, 2), expand=False)
-    if report.requirements:
-        yield Text("")
-        # how each came out, the value found, the margin, and how sure that is
-        rows = Rows.grid(padding=(0, 2, 0, 0))
-        rows.add_column(no_wrap=True)
-        rows.add_column(overflow="fold")
-        rows.add_column(overflow="fold")
-        for required in report.requirements:
-            outcome = Text(OUTCOMES[required.status], _OUTCOMES[required.status])
-            rows.add_row(outcome, Text(required.text), Text(required.found))
-        yield rows
-    for section in report.sections:
-        for part in () if section.detail else section.parts:
-            if isinstance(part, Table) and not part.detail and part.rows:
-                yield Text("")
-                yield TerminalTable(part)
-            elif isinstance(part, Note):
-                yield Text(part.text)
-    yield from (Text(note.text, "dim") for note in report.notes if note.kind == "note")
-
-
+@dataclass(frozen=True)
 class TerminalTable:
     """A table as wide as the terminal; columns that do not fit continue in a table below.
 
     A row whose numbers have one unit has it once, beside its name.
     """
 
-    def __init__(self, table: Table) -> None:
-        self.table = table
+    table: Table
 
     def __rich_console__(self, _console: Console, options: "ConsoleOptions") -> "RenderResult":
         """The title, the rows that are shown at first, and what is left out."""
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
-        heads = table.heads
+        heads = [column.title for column in table.columns]
         columns = list(zip(heads, *table.shown[:shown], strict=True))
         if table.title:
             yield Text(table.title, "bold")
@@ -133,27 +132,23 @@ def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[t
             least.append(min(natural[k], max(PROSE, min(word, _LONGEST_WORD))))
         else:
             least.append(max(map(cell_len, (*head.split(), *cells)), default=0))
-
-    def framed(widths: Iterable[int]) -> int:
-        # a space on both sides of each column, and lines between and around them
-        return sum(width + 3 for width in widths) + 1
-
-    others = len(columns) - 1
+    # each column has a space on both sides and a line, and the table one line more
+    room, others = width - 1, len(columns) - 1
     for number in range(1, max(others, 1) + 1):
         # the last tables take one more
         share, more = divmod(others, number)
         ends = [share * k + max(0, k - number + more) for k in range(number + 1)]
         tables = [[0, *range(ends[k] + 1, ends[k + 1] + 1)] for k in range(number)]
-        if all(framed(least[k] for k in table) <= width for table in tables):
+        if all(sum(least[k] + 3 for k in table) <= room for table in tables):
             break
     else:
         # even one column beside the names is too wide: narrow the names
-        least[0] = max(1, min(least[0], width - framed([max(least[1:], default=0), 0])))
+        least[0] = max(1, min(least[0], room - 6 - max(least[1:], default=0)))
     widths = []
     for table in tables:
         # what is left goes to the columns that wrap, first to the one that lacks most
         of_table = {k: least[k] for k in table}
-        for _ in range(width - framed(of_table.values())):
+        for _ in range(room - sum(of_table.values()) - 3 * len(of_table)):
             k = max(table, key=lambda k: natural[k] - of_table[k])
             if of_table[k] == natural[k]:
                 break

@@ -18,8 +18,15 @@ METRES = Quantity("m", "m")
 _NEGATIVE = re.compile(r"(?<![^\s(±\[])-(?=\.?\d|∞)")
 
 
-def about(quantity: Quantity, value: float | None, digits: int = DIGITS) -> str:
-    """A number with its unit and few digits."""
+def about(
+    quantity: Quantity, value: float | None, digits: int = DIGITS, side: Callable[[float], int] | None = None
+) -> str:
+    """A number with its unit and few digits; with `math.ceil` or `math.floor` rounded to that side."""
+    shown = 0.0 if value is None else value * quantity.factor
+    if side is not None and math.isfinite(shown) and shown != 0:
+        step = 10.0 ** (math.floor(math.log10(abs(shown))) + 1 - digits)
+        # what is 0.8 up to rounding errors stays 0.8
+        value = side(round(shown / step, 9)) * step / quantity.factor
     return replace(quantity, digits=digits).text(value)
 
 
@@ -34,21 +41,12 @@ def at_most(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
     Lengths from a metre on are in metres; what is below the resolution of display is within that.
     """
     kind = METRES if quantity == LENGTH and abs(value) >= 1 else quantity
-    return about(kind, _rounded(kind, value, digits, math.ceil), digits).removeprefix("< ")
+    return about(kind, value, digits, math.ceil).removeprefix("< ")
 
 
 def at_least(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
     """The same as a lower bound, rounded down."""
-    return about(quantity, _rounded(quantity, value, digits, math.floor), digits)
-
-
-def _rounded(quantity: Quantity, value: float, digits: int, side: Callable[[float], int]) -> float:
-    shown = value * quantity.factor
-    if not math.isfinite(shown) or shown == 0:
-        return value
-    step = 10.0 ** (math.floor(math.log10(abs(shown))) + 1 - digits)
-    # what is 0.8 up to rounding errors stays 0.8
-    return side(round(shown / step, 9)) * step / quantity.factor
+    return about(quantity, value, digits, math.floor)
 
 
 def percent(share: float, digits: int = DIGITS) -> str:
@@ -86,7 +84,7 @@ def with_minus(text: str) -> str:
 
 def number_text(value: float | None, digits: int = 4) -> str:
     """A number with at most this many significant digits."""
-    return Quantity("", "", digits=digits).number(value)
+    return Quantity("", "", digits=digits).text(value)
 
 
 def plain_text(value: Any) -> str:

@@ -84,18 +84,13 @@ class Bands(KeptRows):
         # one time after the other: few numbers fit into the processor's cache
         for sampled, is_running in zip(values, runs, strict=True):
             np.copyto(sampled, np.nan, where=~(np.isfinite(sampled) & is_running))
-        size = self._values.shape[:2]
-        self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
+        lowest, highest = (np.full(self._values.shape[:2], np.nan) for _ in range(2))
         if values.size:
-            np.fmin.reduce(values, axis=2, out=self._lowest)
-            np.fmax.reduce(values, axis=2, out=self._highest)
-        self._running = np.count_nonzero(runs, axis=1)
+            np.fmin.reduce(values, axis=2, out=lowest)
+            np.fmax.reduce(values, axis=2, out=highest)
+        counted, running = self._values[..., : self._counted], np.count_nonzero(runs, axis=1)
+        self.samples = BandSamples(self._time, self.columns, counted, lowest, highest, running)
         return {}
-
-    def samples(self) -> BandSamples:
-        """The samples of the run, after `result`."""
-        values = self._values[..., : self._counted]
-        return BandSamples(self._time, self.columns, values, self._lowest, self._highest, self._running)
 
 
 def joined_samples(parts: Iterable[BandSamples]) -> BandSamples:

@@ -5,6 +5,7 @@ The same folds, in machine code, give the metrics of a record, of a run, and of 
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, reduce
 from typing import Any, Literal, NamedTuple
 
@@ -69,24 +70,22 @@ class Metric(NamedTuple):
     better: Literal["smaller", "larger"] | None = None
     is_compared: bool = True  # whether it is shown beside that of other runs
     is_least: bool = False  # of several legs or axes, the least stands for all; of other metrics, the largest
-    needs: tuple[str, ...] = ()  # columns of the record
 
 
+@dataclass(frozen=True, eq=False)
 class CoveredRows(Fold):
     """How much of the run the metrics cover: rows count as long as what they need is finite."""
 
+    time: FloatArray
     needs = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
     metrics = (
         Metric("rows", "rows", NUMBER, "number of rows that the metrics cover", None, False),
         Metric("duration", "duration", TIME, "time that the metrics cover", None, False),
     )
 
-    def __init__(self, time: FloatArray) -> None:
-        self._time = time
-
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""
-        duration = np.where(rows > 0, self._time[rows - 1] - self._time[0], np.nan)
+        duration = np.where(rows > 0, self.time[rows - 1] - self.time[0], np.nan)
         return _named(self.metrics, (rows.astype(float), duration))
 
 
@@ -106,7 +105,7 @@ class Tracking(TermFold):
         self.parameters: Mapping[str, Any] = {}
         if has_norm:
             self.reductions["final"] = Reduction("largest", "end")
-            self.parameters = {"end": 0.0 if rows is None else float(rows - _rest_rows(rows))}
+            self.parameters = {"end": 0.0 if rows is None else float(rows - max(2, math.ceil(_REST * rows)))}
         path, element = f"tracking.{name}", "axis" if has_norm else "leg"
         of_one = " of an axis" if has_norm else ""
         declared = [
@@ -306,11 +305,6 @@ class StrokeUse(TermFold):
         return _named(self.metrics[: len(values)], values, rows > 0)
 
 
-def _rest_rows(rows: int) -> int:
-    """How many of the last rows are the end of a run."""
-    return max(2, math.ceil(_REST * rows))
-
-
 class ReferenceStep(NamedTuple):
     """The step of each reference (...)."""
 
@@ -328,7 +322,7 @@ def step_in(reference: FloatArray) -> ReferenceStep:
     n = len(reference)
     first, last = reference[0], reference[-1]
     rounding = _ROUNDING * np.maximum(1.0, np.abs(reference).max(axis=0))
-    rest = _rest_rows(n)
+    rest = max(2, math.ceil(_REST * n))
     exists = (np.abs(last - first) > rounding) & ~(np.abs(reference[-rest:] - last).max(axis=0) > rounding)
     start = n - 1 - (np.abs(reference - first) <= rounding)[::-1].argmax(axis=0)
     following = np.take_along_axis(reference, np.minimum(start + 1, n - 1)[None], axis=0)[0]
@@ -359,7 +353,7 @@ class StepResponse(TermFold):
         path, pose = f"step_response.{name}", LENGTH if signal == "position" else ANGLE
         settled = "until it stays within 2 % of the step"
         overshoot = "overshoot in percent of the step; 0 if it did not rise"
-        metrics = (
+        self.metrics = (
             Metric(f"{path}.from", f"{name}: from", pose, "the reference before the step", None, False),
             Metric(f"{path}.to", f"{name}: to", pose, "the reference after the step", None, False),
             Metric(f"{path}.at", f"{name}: step at", TIME, "start of the response", None, False),
@@ -368,7 +362,6 @@ class StepResponse(TermFold):
             Metric(f"{path}.settling_time", f"{name}: settling time", TIME, settled, "smaller"),
             Metric(f"{path}.final_error", f"{name}: final error", pose, "reference − actual at the end", "smaller"),
         )
-        self.metrics = tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in metrics)
         self._time, self._reference, self._step = time, reference, step
         self.parameters = {
             "from": step.first,
@@ -459,10 +452,7 @@ _OF_ANY_RUN: list[Any] = metric_folds(
     np.arange(40.0), np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
 )
 METRICS = (
-    *sorted(
-        (metric._replace(needs=metric.needs or fold.needs) for fold in _OF_ANY_RUN for metric in fold.metrics),
-        key=lambda metric: metric.path.startswith("limits."),
-    ),
+    *sorted((m for fold in _OF_ANY_RUN for m in fold.metrics), key=lambda metric: metric.path.startswith("limits.")),
     # the linear loop has no rows: whoever computes its margins gives these
     Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
     Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),

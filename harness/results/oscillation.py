@@ -6,8 +6,9 @@ If something acts to the end, only frequencies far above the reference's own are
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,15 +79,17 @@ def oscillation(record: RecordData) -> Oscillation | None:
     sensors = choice.get("sensors") or {}
     # a record from elsewhere may have no platform
     points = record.metadata["platform"].get("platform_points", [[0.0, 0.0, 1.0]])
-    least = least_amplitude(
-        float(record["leg_length"].mean()), points, sensors.get("noise") or {}, sensors.get("quantisation") or {}
-    )
     # what acts on the loop, by the names of `acting_columns`
     names = (*_INPUTS, *FAULTS, MANUAL, *record.metadata.get("machine", {}))
     acting = [record[name].reshape(record.table.height, -1) for name in names if name in record]
     legs = np.ascontiguousarray(record["reference.leg_length"].T)
     judge = SelfExcitation(record["time"], legs, rest_begins(acting))
-    (motion,) = judge(record["error.leg_length"][:, :, None], lambda _: least)
+
+    def least_of(_: int, frequency: float) -> float:
+        length, noise, quantisation = record["leg_length"].mean(), sensors.get("noise"), sensors.get("quantisation")
+        return least_amplitude(frequency, float(length), points, noise or {}, quantisation or {})
+
+    (motion,) = judge(record["error.leg_length"][:, :, None], least_of)
     return motion
 
 
@@ -126,25 +129,17 @@ class SelfExcitation:
                 self._bases = tuple(_basis(len(rows), leg) for leg in zip(legs, velocity, acceleration, strict=True))
                 self._lowest = math.ceil(_ABOVE * max(int(np.searchsorted(power, _POWER * power[-1])), 1))
 
-    def __call__(
-        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
-    ) -> list[Oscillation | None]:
+    @np.errstate(all="ignore")  # errors may be no platform's
+    def __call__(self, errors: FloatArray, least_of: Callable[[int, float], float]) -> list[Oscillation | None]:
         """The oscillation or growth of each of N loops by the errors of its leg lengths (n, 6, N) [m]; None if sound.
 
-        `least_of` gives for the k-th loop the amplitude [m] that sensors do not explain, by frequency [Hz].
+        `least_of` gives the amplitude [m] that sensors do not explain, of the k-th loop at a frequency [Hz].
         """
         motions: list[Oscillation | None] = [None] * errors.shape[2]
-        if self._bases:
-            judge = self._at_rest if self._is_at_rest else self._in_motion
-            with np.errstate(all="ignore"):  # of errors that are no platform's
-                for k, motion in judge(errors, least_of):
-                    # NaN is not below it either
-                    motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None
-        return motions
-
-    def _at_rest(
-        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
-    ) -> Iterator[tuple[int, Oscillation | None]]:
+        if not self._bases:
+            return motions
+        if not self._is_at_rest:
+            return self._in_motion(errors, least_of)
         every, step = np.arange(errors.shape[2]), self._step
         windows = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
         half = len(windows) // 2
@@ -170,7 +165,7 @@ class SelfExcitation:
         rises = is_faster.all(axis=0) & (last > first)
         # most loops are sound
         for k in np.flatnonzero(may_last | comes_far | rises).tolist():
-            window, least = np.ascontiguousarray(errors[self._window :, :, k].T), least_of(k)
+            window, least = np.ascontiguousarray(errors[self._window :, :, k].T), partial(least_of, k)
             line, ratio = _line(_without(window, self._bases[0]), self._time[self._window :], least, 0)
             motion = steady = line and line._replace(since=since)
             if comes_far[k] and not (steady is not None and ratio < _STEADY):
@@ -186,41 +181,37 @@ class SelfExcitation:
                     motion = Oscillation(True, int(far_leg[k]) + 1, amplitude, rate, before, since)
             if motion is None and rises[k] and abs(changes[:, k].sum()) >= least(1.0):
                 motion = Oscillation(True, int(rising_leg[k]) + 1, float(last[k]), None, float(first[k]), since)
-            yield k, motion
+            motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None  # NaN is not below it either
+        return motions
 
-    def _in_motion(
-        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
-    ) -> Iterator[tuple[int, Oscillation | None]]:
-        time = self._time[self._window :]
+    def _in_motion(self, errors: FloatArray, least_of: Callable[[int, float], float]) -> list[Oscillation | None]:
+        """The same with a reference that moves to the end."""
+        motions, time = list[Oscillation | None](), self._time[self._window :]
         for k in range(errors.shape[2]):
             legs = np.ascontiguousarray(errors[self._window :, :, k].T)
             unexplained = np.stack([_without(leg, basis) for leg, basis in zip(legs, self._bases, strict=True)])
-            line, ratio = _line(unexplained, time, least_of(k), self._lowest)
+            line, ratio = _line(unexplained, time, partial(least_of, k), self._lowest)
             if line is not None and ratio >= _STEADY:
                 line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
-            yield k, line
+            motions.append(line if (np.abs(errors[..., k]) < _LARGEST).all() else None)
+        return motions
 
 
 def least_amplitude(
-    length: float, platform_points: Any, noise: Mapping[str, float], quantisation: Mapping[str, float]
-) -> Callable[[float], float]:
+    frequency: float, length: float, platform_points: Any, noise: Mapping[str, float], quantisation: Mapping[str, float]
+) -> float:
     """The amplitude of a leg's error [m] at a frequency [Hz] that noise and quantisation of the sensors do not explain.
 
     These are standard deviations and steps by signal; the largest distance of the joints (6, 3) from Op turns angles
     into lengths, and a share of the mean leg length is never told.
     """
-    radius = float(np.linalg.norm(np.asarray(platform_points), axis=1).max())
-
-    def least(frequency: float) -> float:
-        turns = 2 * math.pi * frequency
-        lengths = {"leg_length": 1.0, "position": 1.0, "orientation": radius}
-        lengths |= {"leg_velocity": 1 / turns, "velocity": 1 / turns, "angular_velocity": radius / turns}
-        largest = _RELATIVE * length
-        for factor, kind in ((_NOISES, noise), (_STEPS, quantisation)):
-            largest = max(largest, *(factor * size * lengths.get(name, 0.0) for name, size in kind.items()), 0.0)
-        return float(largest)
-
-    return least
+    radius, turns = float(np.linalg.norm(np.asarray(platform_points), axis=1).max()), 2 * math.pi * frequency
+    lengths = {"leg_length": 1.0, "position": 1.0, "orientation": radius}
+    lengths |= {"leg_velocity": 1 / turns, "velocity": 1 / turns, "angular_velocity": radius / turns}
+    largest = _RELATIVE * length
+    for factor, kind in ((_NOISES, noise), (_STEPS, quantisation)):
+        largest = max(largest, *(factor * size * lengths.get(name, 0.0) for name, size in kind.items()), 0.0)
+    return float(largest)
 
 
 def rest_begins(acting: Iterable[NDArray[Any]]) -> int:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import polars
 from pydantic import BaseModel, ConfigDict, ValidationError, WrapValidator
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME, fine, fineness_of_record
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME, fine, fineness_of
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.oscillation import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
@@ -165,9 +165,8 @@ class Record(RecordData):
         """
         from gough_stewart.harness.results.run_report import report_of_run
 
-        return report_of_run(
-            self, machine_of(self), platform_of(self), measured=measured, robustness=robustness, charts=charts
-        )
+        machine, believed = platform_of(self, "machine"), platform_of(self)
+        return report_of_run(self, machine, believed, measured=measured, robustness=robustness, charts=charts)
 
     def to_csv(self) -> bytes:
         """CSV; numbers have the fewest digits that read back to the same value."""
@@ -260,15 +259,10 @@ def columns(prefix: str, size: int) -> list[str]:
     return [f"{prefix}[{k + 1}]" for k in range(size)]
 
 
-def machine_of(record: Record) -> Platform:
-    """The platform that was simulated; the nominal one if the metadata have only that."""
-    return platform_of(record, "machine" if "machine" in record.metadata else "platform")
-
-
-def platform_of(record: Record, key: str = "platform") -> Platform:
-    """The nominal platform of a run, which its controller was designed for, or another one of the metadata."""
+def platform_of(record: RecordData, key: Literal["platform", "machine"] = "platform") -> Platform:
+    """The nominal platform of a run, which its controller was designed for; or the machine, if it is another one."""
     try:
-        return Platform(**record.metadata[key])
+        return Platform(**record.metadata[key if key in record.metadata else "platform"])
     except (KeyError, TypeError) as error:
         missing = f"the metadata have no platform ({error})"
         raise RecordError(f"{missing}; expected what `gough-stewart run` writes") from error
@@ -334,7 +328,10 @@ def _check(record: Record) -> None:
 
 def _circumstances(record: Record) -> Table:
     """How the run was made, and its peak errors."""
-    metadata, fineness = record.metadata, fineness_of_record(record.metadata)
+    metadata = record.metadata
+    # of a whole platform; a record from elsewhere may have a part of one
+    machine = metadata.get("machine") or metadata.get("platform") or {}
+    fineness = fineness_of(Platform(**machine)) if "base_points" in machine else 1.0
     rows: list[tuple[Cell, ...]] = []
     if "platform" in metadata:
         rows.append(("platform", str(metadata["platform"].get("name", "unnamed"))))

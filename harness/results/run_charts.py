@@ -106,13 +106,13 @@ def shown(record: RecordData, machine: Platform, name: str) -> DrawnRun | None:
 # --- the scene -------------------------------------------------------------------------------------------------------
 
 
-def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
+def scenes(runs: Sequence[DrawnRun]) -> list[Scene]:
     """The platforms in motion; they share the frames.
 
     Frames have the values of their rows: time, pose, leg lengths, forces, reference, neither interpolated nor rounded.
     Flags cover the time from each frame to the next, and are set if they are set in any row of it.
     """
-    of_runs, most = list[Scene](), max(frames // len(runs), 101)
+    of_runs, most = list[Scene](), max(FRAMES // len(runs), 101)
     for k, run in enumerate(runs):
         record, platform = run.record, run.machine
         # every s-th row and the last, with the smallest s that keeps to this number of frames

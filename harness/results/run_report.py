@@ -19,13 +19,12 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
     fine,
     fineness_of,
-    fineness_of_record,
 )
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
 from gough_stewart.harness.results.metric_folds import AXES, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
-from gough_stewart.harness.results.oscillation import Oscillation, outcome_of, outcome_text
+from gough_stewart.harness.results.oscillation import Oscillation, outcome_text
 from gough_stewart.harness.results.record_data import DRIVE_LIMITS, RecordData, faults_of, nearness_to_limits
 from gough_stewart.harness.results.run_charts import FLAGS, run_charts, scenes, shown
 from gough_stewart.model.parameters import TABLE
@@ -68,9 +67,12 @@ class _VerdictPart(NamedTuple):
 
 
 def run_verdict(  # noqa: PLR0912, PLR0915 - a section for each part of the sentence
-    record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None
+    record: RecordData, measured: Mapping[str, Any], fineness: float, robustness: Robustness | None = None
 ) -> Verdict:
-    """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is."""
+    """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is.
+
+    `fineness` is that of the machine, see `quantities.fineness_of`.
+    """
     outcome, metadata = measured["outcome"], record.metadata
     faults = [str(fault) for fault in faults_of(metadata) if fault.begin <= outcome["time"]]
     if outcome["status"] != "completed":
@@ -79,7 +81,7 @@ def run_verdict(  # noqa: PLR0912, PLR0915 - a section for each part of the sent
         cause = f": {outcome['cause']}" if outcome.get("cause") else ""
         ended = f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"
         return Verdict(sentence([ended, *faults]), "bad")
-    length, angle = (fine(quantity, fineness_of_record(metadata)) for quantity in (LENGTH, ANGLE))
+    length, angle = fine(LENGTH, fineness), fine(ANGLE, fineness)
     tracking, steps, parts = measured["tracking"] or {}, measured["step_response"] or (), list[_VerdictPart]()
 
     # how far the platform is from its reference; of a run without one, how far it goes
@@ -204,11 +206,15 @@ def report_of_run(
 
     `measured` has its metrics, if they are known; `charts` adds the signals over time and the platform in motion.
     """
-    measured = metrics(record) if measured is None else measured
+    measured, fineness = metrics(record) if measured is None else measured, fineness_of(machine)
     tables = tuple(metrics_tables(measured))
     sections = [Section("Metrics", tables)] if tables else []
     if charts:
-        about_run = [run_table(record, believed), parameters_table(machine, believed), versions_table(record)]
+        about_run = [
+            run_table(record, believed, measured["outcome"]),
+            parameters_table(machine, believed),
+            versions_table(record),
+        ]
         drawn = shown(record, machine, "run")
         if drawn is not None:
             first, rest = run_charts([drawn])
@@ -227,7 +233,7 @@ def report_of_run(
     ]
     report = Report(
         str(metadata.get("title", "untitled")),
-        run_verdict(record, measured, robustness),
+        run_verdict(record, measured, fineness, robustness),
         tuple(sections),
         study="run",
         lead=", ".join(filter(None, lead)),
@@ -235,15 +241,15 @@ def report_of_run(
         settings=settings_of(metadata.get("settings") or {}),
         notes=tuple(Note(text, "warning") for text in metadata.get("warnings", ())),
     )
-    return fine(report, fineness_of(machine))
+    return fine(report, fineness)
 
 
-def run_table(record: RecordData, platform: Platform) -> Table:
-    """How the run was made, and how it ended."""
+def run_table(record: RecordData, platform: Platform, outcome: dict[str, Any]) -> Table:
+    """How the run was made, and how it ended: the `outcome` of its metrics."""
     metadata = record.metadata
     rows: list[tuple[Cell, Cell]] = []
     if metadata.get("outcome"):
-        rows.append(("outcome", outcome_text(outcome_of(record))))
+        rows.append(("outcome", outcome_text(outcome)))
     rows += [("plant", str(metadata.get("plant", "–"))), ("platform", platform.name), ("rows", record.table.height)]
     for name, quantity in (("duration", TIME), ("sample_time", TIME), ("plant_step", TIME), ("force_limit", FORCE)):
         if metadata.get(name) is not None:

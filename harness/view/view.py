@@ -19,7 +19,7 @@ from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
 from gough_stewart.harness.results.oscillation import is_sound, outcome_text
-from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
+from gough_stewart.harness.results.record import Record, platform_of, read_record
 from gough_stewart.harness.results.run_charts import DrawnRun, run_charts, scenes, shown
 from gough_stewart.harness.results.run_report import parameters_table, run_table, versions_table
 from gough_stewart.model.errors import GoughStewartError, OutputError
@@ -126,7 +126,7 @@ def view_page(records: Sequence[Record], names: Sequence[str]) -> bytes:
         if not record.metadata.get("outcome"):
             raise RecordError(f"{name}: the metadata have no outcome; expected what `gough-stewart run` writes")
         try:
-            run = shown(record, machine_of(record), name)
+            run = shown(record, platform_of(record, "machine"), name)
         except GoughStewartError as error:
             raise RecordError(f"{name}: {error}") from error
         if run is None:
@@ -167,8 +167,9 @@ def comparison_report(records: Sequence[Record], runs: Sequence[DrawnRun], title
     ]
     for record, run, metrics_of_run in zip(records, runs, measured, strict=True):
         believed = platform_of(record)
-        tables = (*metrics_tables(metrics_of_run), run_table(record, believed), parameters_table(run.machine, believed))
-        sections.append(Section(f"{run.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
+        about_run = run_table(record, believed, metrics_of_run["outcome"]), parameters_table(run.machine, believed)
+        tables = (*metrics_tables(metrics_of_run), *about_run, versions_table(record))
+        sections.append(Section(f"{run.name}: all metrics, run, parameters", tables, True))
     outcomes = [(name, run["outcome"]) for name, run in zip(names, measured, strict=True)]
     report = Report(
         title,
@@ -252,7 +253,9 @@ def side_by_side(
             quantity = replace(fine(metric.quantity, fineness), digits=4)
             values = [run.get(metric.path) for run in flat]
             tops = best(metric.path, values, quantity) if marks else set()
-            cells = (f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values))
+            cells = (
+                f"{_BEST if k in tops else ''}{quantity.text(value, unit=False)}" for k, value in enumerate(values)
+            )
             rows.append((quantity.headed(metric.text), *cells))
     note = f"{_BEST.strip()} is the best of its row." if marks else ""
     return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
@@ -264,7 +267,7 @@ def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[i
     sizes = {k: -value if better == "larger" else abs(value) for k, value in enumerate(values) if value is not None}
     if better is None or len(sizes) < 2:
         return set()
-    texts = {k: quantity.number(size) for k, size in sizes.items()}
+    texts = {k: quantity.text(size, unit=False) for k, size in sizes.items()}
     least = min(sizes.values())
     top = {texts[k] for k, size in sizes.items() if size == least}
     leaders = {k for k, text in texts.items() if text in top}

@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from gough_stewart.harness import section
-from gough_stewart.harness.section import Vector, quantity_in
+from gough_stewart.harness.section import Unit, Vector, annotation_in
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.units import PLAIN, UNITS, number, unit_typed
 
@@ -113,7 +113,7 @@ FIELDS: dict[str, tuple[str, int, str]] = {
 def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
     """Expected: the table above; a text in the last unit of its row, from both sides of the bound."""
     unit, size, bound = FIELDS[name]
-    field, annotation = TypeAdapter(getattr(section, name)), quantity_in(getattr(section, name))
+    field, annotation = TypeAdapter(getattr(section, name)), annotation_in(Unit, getattr(section, name))
     last, factor = MEANT[unit][-1] if unit != PLAIN else ("", 1.0)
 
     def written(value: float) -> Any:

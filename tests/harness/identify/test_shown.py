@@ -93,7 +93,7 @@ HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 def test_tables_have_every_number_in_its_place() -> None:
     parameters, identifiability, residuals, tests, findings, unseen = estimate_tables(ESTIMATE)
     assert parameters.title == "Parameters, with 95 % intervals"
-    assert parameters.heads == ("", "before", "estimate", "±", "± %")
+    assert tuple(column.title for column in parameters.columns) == ("", "before", "estimate", "±", "± %")
     assert parameters.shown == [
         ("platform_mass kg", "1200", "1516.9", "3.9", "0.26"),
         ("leg_viscous_friction[2] N·s/m", "500", "431.7", "5.9", "1.4"),
@@ -102,7 +102,7 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force_gain[4]", "1", "1.021", "0.02", "1.9"),
     ]
     assert identifiability.title == "Identifiability; condition number 1.6e+03"
-    assert identifiability.heads == ("combination, relative to scale", "± %")
+    assert tuple(column.title for column in identifiability.columns) == ("combination, relative to scale", "± %")
     assert identifiability.shown == [
         ("0.90 platform_mass + 0.31 force_gain[4] − 0.30 leg_viscous_friction[2]", "0.12"),
         ("0.80 leg_viscous_friction[2] − 0.60 platform_com[3]", "2"),
@@ -110,7 +110,9 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("0.95 force_gain[4] − 0.30 platform_com[3]", "unobservable"),
     ]
     assert residuals.title == "Residuals"
-    assert residuals.heads == (*("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),)
+    assert tuple(column.title for column in residuals.columns) == (
+        *("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),
+    )
     assert residuals.shown == [
         ("force of leg 1", "10.01", "20.1", "1", "0.91"),
         ("force of leg 2", "11.02", "21.2", "2.2", "0.82"),
@@ -120,13 +122,13 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force of leg 6", "15.06", "25.6", "–", "0.46"),
     ]
     assert tests.title == "What the residuals contain; all tests p = 0.0042"
-    assert tests.heads == ("tested", "p value")
+    assert tuple(column.title for column in tests.columns) == ("tested", "p value")
     assert tests.shown == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
     assert findings.title == "Diagnosis: force sensor of leg 4"
-    assert findings.heads == ("", "misfit explained [%]")
+    assert tuple(column.title for column in findings.columns) == ("", "misfit explained [%]")
     assert findings.shown == [("gain of leg 4 +5.0 ± 0.4 %; calibrate", "88")]
     assert unseen.title == "What no residual shows, since estimates absorb it"
-    assert unseen.heads == ("", "estimates would be off by", "standard errors")
+    assert tuple(column.title for column in unseen.columns) == ("", "estimates would be off by", "standard errors")
     assert unseen.shown == [
         ("if gravity were 1 % higher", "leg_viscous_friction[2] -2.5 N.s/m, platform_mass +1 kg", "0.83"),
         (

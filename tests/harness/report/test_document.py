@@ -46,7 +46,7 @@ def classes() -> dict[str, Any]:
 def test_a_number_that_is_not_defined_is_none_and_arrays_are_read_only_copies() -> None:
     undefined: Any = math.nan
     assert Number("a", "a", undefined).value is None
-    assert Value(undefined, LENGTH).text == "–"
+    assert Value(undefined, LENGTH).value is None
     assert Table("", (Column("a", LENGTH),), ((undefined,),)).rows == ((None,),)
     values = np.zeros(3)
     series = Series("a", LENGTH, values)

@@ -179,7 +179,7 @@ def test_a_notebook_shows_verdict_and_tables_with_heads_that_say_what_they_head(
         rows = [tuple(words_of(cell) for cell in row) for row in element.xpath("./tbody/tr")]
         assert rows == [tuple(" ".join(cell.split()) for cell in row) for row in made.shown]
         heads = element.xpath("./thead/tr/*")
-        assert [head.text_content() for head in heads] == list(made.heads)
+        assert [head.text_content() for head in heads] == [column.title for column in made.columns]
         for head in (*heads, *element.xpath("./tbody/tr/*[1]")):
             scope = "col" if head in heads else "row"
             assert (head.tag, head.get("scope")) == (("th", scope) if head.text_content() else ("td", None))

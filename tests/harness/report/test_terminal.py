@@ -118,7 +118,9 @@ def test_no_width_cuts_or_breaks_a_number(made: Table, width: int) -> None:
     """Expected: every cell, read back from between the lines that were printed; every part begins with the names."""
     text = printed(made, width)
     assert max((Text(line).cell_len for line in text.splitlines()), default=0) <= width, text
-    names, *others = ([head, *(row[k] for row in made.shown)] for k, head in enumerate(made.heads))
+    names, *others = (
+        [head, *(row[k] for row in made.shown)] for k, head in enumerate(column.title for column in made.columns)
+    )
     parts: list[list[list[str]]] = []  # of each table below the other, by column, what stands in its lines
     for line in text.splitlines():
         if line.startswith("┏"):
