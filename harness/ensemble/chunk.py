@@ -1,6 +1,6 @@
 """A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from math import ceil
