@@ -108,7 +108,7 @@ def _check(controllers: Sequence[Controller], sample_time: float) -> None:
         if isinstance(controller, LinearController):
             controller.check_sample_time(sample_time)
             system = controller.system
-            structure = controller.space, system.nstates, system.ninputs, controller.signals
+            structure = controller.space, len(system.A), system.D.shape[1], controller.signals
         structures.add(structure)
     if len(structures) > 1:
         words = [
@@ -291,7 +291,7 @@ class LinearLaw:
         reference: FloatArray,  # at the first sample (30,) or (N, 30)
         measured: FloatArray,  # at the first sample (N, 24)
     ) -> None:
-        first, n_members, n = controllers[0], len(controllers), controllers[0].system.nstates
+        first, n_members, n = controllers[0], len(controllers), len(controllers[0].system.A)
         self.failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
         self.kinds, self.used = first.kinds, first.signals
         self.positions = signals.positions(first.signals)  # of its signals among all
@@ -315,7 +315,7 @@ class LinearLaw:
         self._angles = np.flatnonzero(np.isin(self.positions, signals.positions(["orientation"])))
         self.lengths = measured.T[self._at].copy()
         self._pose = np.zeros_like(self.lengths)
-        self._xu: FloatArray = np.zeros((n + first.system.ninputs, n_members))
+        self._xu: FloatArray = np.zeros((n + first.system.D.shape[1], n_members))
         self._x = self._xu[:n]
         self._u = np.split(self._xu[n:], [size, 2 * size])[: first.kinds]
         # the steady state under constant inputs

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.loop_margins import disk_margin, frequency_range, is_stable, response
-from gough_stewart.harness.control.state_space import StateSpace, discretised, matrices_of, series
+from gough_stewart.harness.control.state_space import StateSpace, discretised, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
@@ -150,9 +150,20 @@ def trim(
     >>> point = gs.trim(gs.load_preset("motion_base"), position=[0.2, 0.1, 2.1])
     >>> point.state, point.inputs[:6]
     """
-    p, o = pose_of(platform, position, orientation)
-    wrench = np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench
-    wrench = _checked("external_wrench", wrench, (6,))
+    wanted: dict[str, Any] = {
+        "position": platform.home_position if position is None else position,
+        "orientation": platform.home_orientation if orientation is None else orientation,
+        "external_wrench": np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench,
+    }
+    arrays = []
+    for name, value in wanted.items():
+        try:
+            arrays.append(real_array(value, (6,) if name == "external_wrench" else (3,)))
+        except ValueError as error:
+            raise InterfaceError(name, str(error)) from None
+    p, o, wrench = arrays
+    if not abs(o[1]) < LARGEST_PITCH:
+        raise InterfaceError("orientation", f"has a pitch of {o[1]:.6g} rad; expected less than {LARGEST_PITCH:.6g}")
     force = static_leg_forces(platform, p, o, wrench)
     return OperatingPoint(np.concatenate([p, o, np.zeros(6)]), np.concatenate([force, wrench]))
 
@@ -277,22 +288,6 @@ def modes(system: Any) -> list[Mode]:
     )
 
 
-def pose_of(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:
-    """Position and orientation, by default at home; refused as `trim` does."""
-    p = _checked("position", platform.home_position if position is None else position, (3,))
-    o = _checked("orientation", platform.home_orientation if orientation is None else orientation, (3,))
-    if not abs(o[1]) < LARGEST_PITCH:
-        raise InterfaceError("orientation", f"has a pitch of {o[1]:.6g} rad; expected less than {LARGEST_PITCH:.6g}")
-    return p, o
-
-
-def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
-    try:
-        return real_array(value, shape)
-    except ValueError as error:
-        raise InterfaceError(name, str(error)) from None
-
-
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
     chosen_names = [outputs] if isinstance(outputs, str) else list(outputs)
@@ -337,7 +332,7 @@ def loop_transfer(
     # those of elastic legs, or of an ideal platform; sliding legs have no bristles
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
     under_way = delay + (1 if rest else 0)
-    states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + controller.system.nstates
+    states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + len(controller.system.A)
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {under_way} samples of {sample_time:g} s gives a linear loop of {states} states; expected at "
@@ -377,7 +372,7 @@ def held_plant(
         return discretised(plant, sample_time, "zoh")
     # within a sample the last force acts for θ, and the new one for the rest
     last, new = (discretised(plant, time, "zoh") for time in (late, sample_time - late))
-    none = np.zeros((6, plant.nstates))
+    none = np.zeros((6, len(plant.A)))
     return StateSpace(
         np.block([[new.A @ last.A, new.A @ last.B], [none, np.zeros((6, 6))]]),
         np.concatenate([new.B, np.eye(6)]),
@@ -391,11 +386,11 @@ def feedback_part(
     platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
 ) -> StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
-    K, n = matrices_of(controller.system), len(signals.positions(controller.signals))
+    K, n = controller.system, len(signals.positions(controller.signals))
     (r, y), to_force = space_of(platform, controller, position, orientation)
     # what a measurement of each signal puts into u, for F = −C y
     u = -np.concatenate(inputs_of(controller.kinds, r, y, np.zeros((6, n))))
-    return StateSpace(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, K.dt)
+    return StateSpace(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, controller.sample_time or 0.0)
 
 
 def space_of(
@@ -406,7 +401,9 @@ def space_of(
     identity, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
         return (none, identity), np.eye(6)
-    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose_of(platform, position, orientation)))
+    p = platform.home_position if position is None else position
+    o = platform.home_orientation if orientation is None else orientation
+    J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
     # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
     return displacements(lambda change: J_inverse @ change, none, none, none, identity), J_inverse.T
 

@@ -35,21 +35,6 @@ class StateSpace:
         """A, B, C and D."""
         return self.A, self.B, self.C, self.D
 
-    @property
-    def nstates(self) -> int:
-        """Number of states."""
-        return len(self.A)
-
-    @property
-    def ninputs(self) -> int:
-        """Number of inputs."""
-        return int(self.D.shape[1])
-
-    @property
-    def noutputs(self) -> int:
-        """Number of outputs."""
-        return int(self.D.shape[0])
-
     def poles(self) -> NDArray[np.complex128]:
         """The eigenvalues of A (n,)."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
@@ -104,16 +89,6 @@ def state_space_of(system: Any, role: str = "controller") -> Any:
         "or a function of a Sample"
         + ("; settings take it: {'controller': …}" if hasattr(system, "feedforward") else "")
     )
-
-
-def matrices_of(system: Any) -> StateSpace:
-    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain."""
-    if isinstance(system, StateSpace):
-        return system
-    import control
-
-    named = state_space_of(system, "the system") if is_control_system(system) else control.ss(system)
-    return StateSpace(named.A, named.B, named.C, named.D, float(named.dt or 0.0))
 
 
 def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
@@ -171,7 +146,7 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
     """The output of one system as the input of another; states of the first come first. For numbers or symbols."""
-    none = np.zeros((first.nstates, second.nstates))
+    none = np.zeros((len(first.A), len(second.A)))
     return StateSpace(
         np.block([[first.A, none], [second.B @ first.C, second.A]]),
         np.concatenate([first.B, second.B @ first.D]),

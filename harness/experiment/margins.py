@@ -454,7 +454,7 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
     step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
     P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
     K = feedback_part(prepared.platform, controller, *where)
-    sizes = P.nstates, P.noutputs, K.nstates, *[6] * (loop.actuators.delay + 1)
+    sizes = len(P.A), len(P.C), len(K.A), *[6] * (loop.actuators.delay + 1)
     if sum(sizes) > MOST_STATES:
         raise ControllerError(
             f"the loop over a period of both clocks has {sum(sizes)} states; expected at most {MOST_STATES}"
@@ -740,7 +740,7 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
     end = 6 / min((-mode.eigenvalue.real for mode in modes(closed)), default=6.0)
     time = float(closed.dt) * np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST), dtype=float)
     # column k of the states answers to leg k
-    states, values = np.zeros(closed.B.shape), np.empty((L.noutputs, len(time)))
+    states, values = np.zeros(closed.B.shape), np.empty((len(L.C), len(time)))
     direct = np.diag(closed.D)
     for n in range(len(time)):
         values[:, n] = (closed.C * states.T).sum(axis=1) + direct

@@ -539,7 +539,7 @@ class Preparation:
                 delay = delay if change.delay is None else change.delay
                 law = self._controller(law_choice, platform)
                 before, after = (
-                    () if linear is None else (linear.space, linear.signals, linear.kinds, linear.system.nstates)
+                    () if linear is None else (linear.space, linear.signals, linear.kinds, len(linear.system.A))
                     for linear in (controller, law)
                 )
                 if after != before:
