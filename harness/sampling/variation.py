@@ -354,16 +354,11 @@ def _parsed(value: Any, target: VariedValue, shape: tuple[int, ...]) -> FloatArr
     return np.array(number(value, target.unit or PLAIN))
 
 
-def _scores(u: FloatArray) -> FloatArray:
-    """Φ⁻¹(u)."""
+def normal(u: FloatArray, mean: FloatArray | float = 0.0, deviation: FloatArray | float = 1.0) -> FloatArray:
+    """N(μ, σ²): μ + σ Φ⁻¹(u)."""
     from scipy.special import ndtri  # not needed, and slow, without an ensemble
 
-    return np.asarray(ndtri(u))
-
-
-def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray:
-    """N(μ, σ²): μ + σ Φ⁻¹(u)."""
-    return np.asarray(mean + deviation * _scores(u))
+    return np.asarray(mean + deviation * ndtri(u))
 
 
 def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
@@ -392,7 +387,7 @@ def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
         if not (median > 0).all():
             raise ValueError(f"lognormal has the median {median.tolist()}; expected a median > 0")
         _check_spread(deviation, value, "a deviation of the logarithm > 0")
-        return lambda u: np.asarray(median * np.exp(deviation * _scores(u)))
+        return lambda u: np.asarray(median * np.exp(deviation * normal(u)))
     if kind == "uniform":  # a + (b − a) u
         low, high = numbers
         _check_spread(high - low, value, "the lower bound below the upper one")
@@ -412,7 +407,7 @@ def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
         # near 1, differences of Φ lose digits: in the upper tail use the mirrored distribution
         upper = a > 0
         a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
-        z = _scores(ndtr(a) + v * (ndtr(b) - ndtr(a)))
+        z = normal(ndtr(a) + v * (ndtr(b) - ndtr(a)))
         return np.clip(mean + deviation * np.where(upper, -z, z), low, high)
 
     return truncated
