@@ -126,12 +126,13 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
         C: Any = solve(implicit.T, system.C.T)
         return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
     # [A_d B_d; 0 1] = exp([A B; 0 0] T)
-    if _is_zero(system.A - np.diag(poles)):
+    if not np.any(system.A[~np.eye(n, dtype=bool)]):
         # element by element: (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
         half = poles * T / 2
         grown = 2 * np.exp(half) * np.sinh(half)
-        columns = zip(poles, grown, T + 0 * poles, strict=True)
-        phi = np.array([t if _is_zero(p) else g / p for p, g, t in columns], dtype=poles.dtype)
+        is_zero = [p.is_zero() if hasattr(p, "is_zero") else p == 0 for p in poles]  # no symbol is
+        columns = zip(is_zero, poles, grown, T + 0 * poles, strict=True)
+        phi = np.array([t if zero else g / p for zero, p, g, t in columns], dtype=poles.dtype)
         return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
     # exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import
     M = np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T
@@ -154,8 +155,3 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         second.D @ first.D,
         first.dt,
     )
-
-
-def _is_zero(values: Any) -> bool:
-    """Whether all values are zero; a symbol is not."""
-    return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))

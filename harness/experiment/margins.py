@@ -13,6 +13,7 @@ from gough_stewart.harness.control.linear import (
     MOST_STATES,
     LoopStructure,
     Mode,
+    Pose,
     feedback_part,
     held_plant,
     loop_transfer,
@@ -54,7 +55,6 @@ from gough_stewart.harness.section import plain
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import RIGID
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 
 Kind = TypeVar("Kind")
 
@@ -391,7 +391,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         modes=tuple(modes(closed_loop(L))),
         transfer=L,
         changed=chosen.changed,
-        structure=structure_of(machine, L, family, FRAIL, *_pose(prepared)),
+        structure=structure_of(machine, L, family, FRAIL, _pose(prepared)),
         late=late,
         doubt=doubt,
         believed=of_believed,
@@ -452,8 +452,8 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
     a_sample = timing.steps_a_sample
     a_reading = loop.steps_a_reading or a_sample
     step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
-    P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
-    K = feedback_part(prepared.platform, controller, *where)
+    P = held_plant(plant, controller, step * timing.plant_step, where, lag=loop.actuators.lag, side=loop.sensors.side)
+    K = feedback_part(prepared.platform, controller, where)
     sizes = len(P.A), len(P.C), len(K.A), *[6] * (loop.actuators.delay + 1)
     if sum(sizes) > MOST_STATES:
         raise ControllerError(
@@ -514,10 +514,8 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, drives = prepared.loop, prepared.loop.actuators
-    position, orientation = _pose(prepared)
     usual: dict[str, Any] = {
-        "position": position,
-        "orientation": orientation,
+        "pose": _pose(prepared),
         "sample_time": loop.timing.sample_time,
         "delay": drives.delay,
         "lag": drives.lag,
@@ -526,7 +524,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | replaced)
 
 
-def _pose(prepared: Prepared) -> tuple[FloatArray, FloatArray]:
+def _pose(prepared: Prepared) -> Pose:
     """The first pose of the reference, in which the loop is linearised."""
     assert prepared.motion is not None  # a controller has a reference
     return prepared.motion.position[0], prepared.motion.orientation[0]
@@ -545,7 +543,7 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
 
     remedies = []
     if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
-        free, _ = structural_modes(machine, *_pose(prepared))
+        free, _ = structural_modes(machine, _pose(prepared))
         first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
         remedies.append(
             f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"

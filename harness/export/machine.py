@@ -31,7 +31,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.loop.python_host import SensorReadings
-from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
+from gough_stewart.harness.motion.motion import Piecewise, Reference
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, BatchPlant
@@ -368,7 +368,7 @@ def planned_motion(reference: Reference) -> dict[str, Any] | None:
         "kind": kinds.index(name),
         **arrays,
         "end": float(getattr(reference, "end", math.inf)),
-        "last": end_of(reference),
+        "last": reference.defined_until,
     }
 
 
@@ -474,8 +474,8 @@ def turning(experiment: Experiment, prepared: Prepared, host: str = "a page") ->
     if linear is not None and motion is not None and not loop.worst_delay:
         pose = motion.position[0], motion.orientation[0]
         lag, side = float(actuators.lag), loop.sensors.side
-        plant = held_plant(prepared.machine, linear, timing.sample_time, lag, *pose, side=side)
-        (_, readings), to_force = space_of(prepared.platform, linear, *pose)
+        plant = held_plant(prepared.machine, linear, timing.sample_time, pose, lag=lag, side=side)
+        (_, readings), to_force = space_of(prepared.platform, linear, pose)
         n, both = len(plant.A), len(plant.A) + len(linear.system.A)
         most = both + N_LEGS * max(int(actuators.delay), MOST_DELAY)
         work = 2 * (2 * both * (both + 2 * N_LEGS) + most**2 + most)

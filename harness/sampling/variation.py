@@ -7,7 +7,7 @@ correlated: of correlations a Gaussian copula, of covariances a multivariate nor
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import ceil, log2, prod
 from typing import Annotated, Any, Literal
@@ -56,8 +56,12 @@ class SamplingDesign:
     names: tuple[str, ...]  # of the varied inputs
     sizes: tuple[int, ...]  # the number of columns of each
     groups: tuple[tuple[int, ...], ...] = ()  # of names that count as one in Saltelli's design, by index
+    size: int = field(init=False)  # numbers per member
+    block: int = field(init=False)  # members per point: more than one in Saltelli's design
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "size", sum(self.sizes))
+        object.__setattr__(self, "block", len(self.groups) + 2 if self.sampling == "saltelli" else 1)
         if self.members % self.block:
             # a Sobol' sequence is balanced at powers of two
             near = 2 ** max(0, round(log2(self.members / self.block))) * self.block
@@ -70,16 +74,6 @@ class SamplingDesign:
                 f"a Latin hypercube of {self.members} members with {self.size} numbers each can only be drawn as a "
                 f"whole; expected at most {MOST_OF_A_HYPERCUBE} numbers; use sampling = 'sobol' or 'random'"
             )
-
-    @property
-    def size(self) -> int:
-        """Numbers per member."""
-        return sum(self.sizes)
-
-    @property
-    def block(self) -> int:
-        """Members per point: more than one in Saltelli's design."""
-        return len(self.groups) + 2 if self.sampling == "saltelli" else 1
 
     def points(self, first: int, last: int) -> FloatArray:
         """The points of members first to last − 1 (last − first, size)."""
