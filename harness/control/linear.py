@@ -153,13 +153,13 @@ def trim(
     >>> point = gs.trim(gs.load_preset("motion_base"), position=[0.2, 0.1, 2.1])
     >>> point.state, point.inputs[:6]
     """
-    wanted: dict[str, Any] = {
+    pose_and_wrench: dict[str, Any] = {
         "position": platform.home_position if position is None else position,
         "orientation": platform.home_orientation if orientation is None else orientation,
         "external_wrench": np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench,
     }
     arrays = []
-    for name, value in wanted.items():
+    for name, value in pose_and_wrench.items():
         try:
             arrays.append(real_array(value, (6,) if name == "external_wrench" else (3,)))
         except ValueError as error:
@@ -219,6 +219,7 @@ def linearise(
     from control import ss
 
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
+    outputs = outputs if isinstance(outputs, str) else tuple(outputs)  # read twice, which an iterator cannot be
     names, _ = _rows(outputs, variant)
     linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     states = [name for v in variant.states for name in v.scalar_names]
