@@ -3,6 +3,7 @@
 A live page writes what was dragged in it as such a motion; its C has the same filter and the same rules.
 """
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +15,7 @@ from pydantic import model_validator
 
 from gough_stewart.harness.control.component import Signals, Stepped
 from gough_stewart.harness.errors import MotionError, TableError
-from gough_stewart.harness.motion.motion import ROUNDING, Motion, Reference, coordinates_of, end_of, motion_of
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, Reference, coordinates_of, motion_of
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.section import ByType, FileName, Frequency, PositiveNumber, PositiveTime, TableSection
 from gough_stewart.harness.table_file import numbers_of, read_table
@@ -145,6 +146,8 @@ class HandMotion:
     Between samples pose, rates and accelerations are extrapolated from the last one.
     """
 
+    defined_until = math.inf
+
     def __init__(
         self, motion: Reference, sample_time: float, samples: list[int], targets: FloatArray, jumps: FloatArray
     ) -> None:
@@ -156,6 +159,7 @@ class HandMotion:
         self._target, self._filter = pose, (pose, rate, acceleration)
         self._states = [self._filter]  # by sample since the start
         self._take_rows(samples[0])
+        self.centre: FloatArray = np.hstack(motion(np.zeros(1))[:2])[0]  # its first pose
 
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
@@ -164,7 +168,7 @@ class HandMotion:
     def foreseen(self, samples: FloatArray, ahead: float) -> Motion:
         """What is known at the times of samples (n,) [s] of the motion some time [s] later."""
         times, by_hand = samples + ahead, samples >= self._start - ROUNDING
-        before = np.minimum(np.where(by_hand, self._start, times), end_of(self._motion))
+        before = np.minimum(np.where(by_hand, self._start, times), self._motion.defined_until)
         motion = Motion(*(np.array(part) for part in self._motion(before)))
         if not by_hand.any():
             return motion

@@ -142,7 +142,7 @@ def with_links(
     The states of links are in parts of the controller's direct gain: forces beside errors would leave matrices that no
     solver likes.
     """
-    n = controller.noutputs
+    n = len(controller.D)
     gain = np.diagonal(controller.D[:, :n])
     for link, values in links:
         channel = link.linear(values, sample_time, solve)

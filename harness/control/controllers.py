@@ -20,7 +20,6 @@ from gough_stewart.harness.control.pid import (
     DerivativeOn,
     Gains,
     channel_matrices,
-    channels_of,
     gains_from_bandwidth,
 )
 from gough_stewart.harness.control.state_space import Method, discretised
@@ -150,14 +149,14 @@ class SixChannels(ControllerChoice):
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
         """Discretised by `discretisation`, followed by its links; an anti-windup takes at least one sample."""
-        channels = channels_of(self.gains(platform))
-        tracking = float(channels.tracking_time[channels.integrates].min(initial=np.inf))
+        gains = self.gains(platform)
+        tracking = float(gains.tracking_time[np.asarray(gains.integral) > 0].min(initial=np.inf))
         if tracking < sample_time:
             raise ControllerError(
                 f"anti_windup_time is {tracking:g} s; expected at least the sample_time of {sample_time:g} s, since "
                 "the controller receives the effect of the limits one sample late"
             )
-        continuous = channel_matrices(channels, self.derivative_on)
+        continuous = channel_matrices(gains.channels, self.derivative_on)
         discrete = discretised(continuous, sample_time, self.discretisation)
         links = []
         for link in self.links:

@@ -109,7 +109,7 @@ def _check(controllers: Sequence[Controller], sample_time: float) -> None:
         if isinstance(controller, LinearController):
             controller.check_sample_time(sample_time)
             system = controller.system
-            structure = controller.space, system.nstates, system.ninputs, controller.signals
+            structure = controller.space, len(system.A), system.D.shape[1], controller.signals
         structures.add(structure)
     if len(structures) > 1:
         words = [

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.loop_margins import disk_margin, frequency_range, is_stable, response
-from gough_stewart.harness.control.state_space import StateSpace, discretised, matrices_of, series
+from gough_stewart.harness.control.state_space import StateSpace, discretised, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
@@ -40,6 +40,9 @@ _ROUNDING = 1e-6
 # The search for the largest bandwidth: down to this share of the first mode, by this factor at first, to this share.
 _LOWEST, _STEP, _RESOLUTION = 1 / 64, 1.5, 0.01
 _STATES_OF_PLATFORM = 12
+
+
+Pose = tuple[FloatArray, FloatArray]  # position (3,) [m] and orientation (3,) [rad]
 
 
 class OperatingPoint(NamedTuple):
@@ -150,9 +153,20 @@ def trim(
     >>> point = gs.trim(gs.load_preset("motion_base"), position=[0.2, 0.1, 2.1])
     >>> point.state, point.inputs[:6]
     """
-    p, o = pose_of(platform, position, orientation)
-    wrench = np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench
-    wrench = _checked("external_wrench", wrench, (6,))
+    pose_and_wrench: dict[str, Any] = {
+        "position": platform.home_position if position is None else position,
+        "orientation": platform.home_orientation if orientation is None else orientation,
+        "external_wrench": np.zeros(6) if np.ndim(external_wrench) == 0 and not external_wrench else external_wrench,
+    }
+    arrays = []
+    for name, value in pose_and_wrench.items():
+        try:
+            arrays.append(real_array(value, (6,) if name == "external_wrench" else (3,)))
+        except ValueError as error:
+            raise InterfaceError(name, str(error)) from None
+    p, o, wrench = arrays
+    if not abs(o[1]) < LARGEST_PITCH:
+        raise InterfaceError("orientation", f"has a pitch of {o[1]:.6g} rad; expected less than {LARGEST_PITCH:.6g}")
     force = static_leg_forces(platform, p, o, wrench)
     return OperatingPoint(np.concatenate([p, o, np.zeros(6)]), np.concatenate([force, wrench]))
 
@@ -205,6 +219,7 @@ def linearise(
     from control import ss
 
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
+    outputs = outputs if isinstance(outputs, str) else tuple(outputs)  # read twice, which an iterator cannot be
     names, _ = _rows(outputs, variant)
     linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     states = [name for v in variant.states for name in v.scalar_names]
@@ -277,22 +292,6 @@ def modes(system: Any) -> list[Mode]:
     )
 
 
-def pose_of(platform: Platform, position: Array | None, orientation: Array | None) -> tuple[FloatArray, FloatArray]:
-    """Position and orientation, by default at home; refused as `trim` does."""
-    p = _checked("position", platform.home_position if position is None else position, (3,))
-    o = _checked("orientation", platform.home_orientation if orientation is None else orientation, (3,))
-    if not abs(o[1]) < LARGEST_PITCH:
-        raise InterfaceError("orientation", f"has a pitch of {o[1]:.6g} rad; expected less than {LARGEST_PITCH:.6g}")
-    return p, o
-
-
-def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
-    try:
-        return real_array(value, shape)
-    except ValueError as error:
-        raise InterfaceError(name, str(error)) from None
-
-
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
     chosen_names = [outputs] if isinstance(outputs, str) else list(outputs)
@@ -315,17 +314,15 @@ def loop_transfer(
     platform: Platform,
     controller: LinearController,
     sample_time: float,  # [s]
+    pose: Pose,
     *,
     delay: int = 0,  # [samples]
     lag: float = 0.0,  # τ [s]
     late: float = 0.0,  # θ, a further delay between force and reading, of any length [s]
-    position: Array | None = None,
-    orientation: Array | None = None,
-    coulomb_friction: bool = False,  # keep its slope at rest; see `linearise`
     believed: Platform | None = None,  # whose legs' Jacobian a controller in task space uses; by default the same
     side: signals.Side = "leg",  # of elastic legs, where their lengths and velocities are measured
 ) -> StateSpace:
-    """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
+    """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose.
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
     computational delay, and the controller from measurement to force with inverted sign.
@@ -335,40 +332,35 @@ def loop_transfer(
     rest = late - samples * sample_time
     rest, delay = rest if rest > _ROUNDING * sample_time else 0.0, delay + samples
     # those of elastic legs, or of an ideal platform; sliding legs have no bristles
-    variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
+    variant = Variant.of(platform.with_parameters(SLIDING))
     under_way = delay + (1 if rest else 0)
-    states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + controller.system.nstates
+    states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + len(controller.system.A)
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {under_way} samples of {sample_time:g} s gives a linear loop of {states} states; expected at "
             f"most {MOST_STATES}: a delay of fewer, longer samples"
         )
-    pose = position, orientation
-    plant = held_plant(
-        platform, controller, sample_time, lag, *pose, late=rest, coulomb_friction=coulomb_friction, side=side
-    )
+    plant = held_plant(platform, controller, sample_time, pose, lag=lag, late=rest, side=side)
     none, identity = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
         plant = series(StateSpace(none, identity, identity, none, sample_time), plant)
-    return series(plant, feedback_part(platform if believed is None else believed, controller, position, orientation))
+    return series(plant, feedback_part(platform if believed is None else believed, controller, pose))
 
 
 def held_plant(
     platform: Platform,
     controller: LinearController,
     sample_time: float,
-    lag: float = 0.0,
-    position: Array | None = None,
-    orientation: Array | None = None,
+    pose: Pose,
     *,
+    lag: float = 0.0,
     late: float = 0.0,
-    coulomb_friction: bool = False,
     side: signals.Side = "leg",
 ) -> StateSpace:
     """ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: from commanded forces to the controller's signals; `late` θ is less than a sample."""
     at_motor = side == "motor" and platform.leg_stiffness > 0
     outputs = [signals.AT_MOTORS.get(name, name) for name in controller.signals] if at_motor else controller.signals
-    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
+    linear = linear_matrices(platform, *pose, outputs)
     plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if lag > 0:  # ḟ = (r − f)/τ
         identity = np.eye(6)
@@ -377,7 +369,7 @@ def held_plant(
         return discretised(plant, sample_time, "zoh")
     # within a sample the last force acts for θ, and the new one for the rest
     last, new = (discretised(plant, time, "zoh") for time in (late, sample_time - late))
-    none = np.zeros((6, plant.nstates))
+    none = np.zeros((6, len(plant.A)))
     return StateSpace(
         np.block([[new.A @ last.A, new.A @ last.B], [none, np.zeros((6, 6))]]),
         np.concatenate([new.B, np.eye(6)]),
@@ -387,26 +379,24 @@ def held_plant(
     )
 
 
-def feedback_part(
-    platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
-) -> StateSpace:
+def feedback_part(platform: Platform, controller: LinearController, pose: Pose) -> StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
-    K, n = matrices_of(controller.system), len(signals.positions(controller.signals))
-    (r, y), to_force = space_of(platform, controller, position, orientation)
+    K, n = controller.system, len(signals.positions(controller.signals))
+    (r, y), to_force = space_of(platform, controller, pose)
     # what a measurement of each signal puts into u, for F = −C y
     u = -np.concatenate(inputs_of(controller.kinds, r, y, np.zeros((6, n))))
-    return StateSpace(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, K.dt)
+    return StateSpace(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, controller.sample_time or 0.0)
 
 
 def space_of(
-    platform: Platform, controller: LinearController, position: Array | None = None, orientation: Array | None = None
+    platform: Platform, controller: LinearController, pose: Pose
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """What measurements make of a controller's references and readings (n, n), and of its outputs, forces (6, 6)."""
     n = len(signals.positions(controller.signals))
     identity, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
         return (none, identity), np.eye(6)
-    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose_of(platform, position, orientation)))
+    J_inverse = np.linalg.inv(leg_jacobian(platform, *pose))
     # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
     return displacements(lambda change: J_inverse @ change, none, none, none, identity), J_inverse.T
 
@@ -429,15 +419,13 @@ class LoopStructure(NamedTuple):
     bandwidth: float | None
 
 
-def structural_modes(
-    platform: Platform, position: Array | None = None, orientation: Array | None = None
-) -> tuple[tuple[Mode, ...], FloatArray]:
-    """Modes of the platform on its legs in a pose (default: home), lowest first, and those of held motors [Hz].
+def structural_modes(platform: Platform, pose: Pose) -> tuple[tuple[Mode, ...], FloatArray]:
+    """Modes of the platform on its legs in a pose, lowest first, and those of held motors [Hz].
 
     Of the linear model: with free motors these are its oscillating modes above the first mode of held motors, at most
     six; motors are held where their states are left out. Legs slide.
     """
-    A, none = linear_matrices(platform, position, orientation).A, np.zeros((0, 0))
+    A, none = linear_matrices(platform, *pose).A, np.zeros((0, 0))
     free, held_modes = (
         [mode for mode in modes(StateSpace(block, none, none, none)) if mode.eigenvalue.imag > 0]
         for block in (A, A[:_STATES_OF_PLATFORM, :_STATES_OF_PLATFORM])
@@ -452,8 +440,7 @@ def structure_of(
     transfer: StateSpace,  # L (6×6)
     family: tuple[float, Callable[[float], StateSpace]] | None,
     disk: float,  # the disk margin to keep
-    position: Array | None = None,
-    orientation: Array | None = None,
+    pose: Pose,
 ) -> LoopStructure | None:
     """The structural modes of a loop in a pose; None of rigid legs.
 
@@ -461,7 +448,7 @@ def structure_of(
     """
     if not platform.leg_stiffness > 0:
         return None
-    free, held = structural_modes(platform, position, orientation)
+    free, held = structural_modes(platform, pose)
     held = np.concatenate([held, np.full(len(free), math.nan)])
     _, top = frequency_range(transfer)
     loop_modes = []

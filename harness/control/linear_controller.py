@@ -44,6 +44,8 @@ class LinearController:
     space: Space = "leg"
     kinds: int = field(init=False, repr=False, compare=False)
     """How many kinds of inputs it has: 1 (errors), 2 (references, measurements) or 3 (also the excess)."""
+    sample_time: float | None = field(init=False, repr=False, compare=False)
+    """Sample time of the system [s]; None for a static gain, or if it is unspecified."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "system", state_space_of(self.system))
@@ -53,29 +55,24 @@ class LinearController:
         if self.space == "task" and self.signals != ("leg_length",):
             raise ControllerError("a controller in task space needs the signal leg_length to compute the pose")
         n = len(signals.positions(self.signals))
-        sizes = [n, 2 * n, 2 * n + N_LEGS]
-        if self.system.ninputs not in sizes or self.system.noutputs != N_LEGS:
+        sizes, (n_outputs, n_inputs), dt = [n, 2 * n, 2 * n + N_LEGS], self.system.D.shape, self.system.dt
+        if n_inputs not in sizes or n_outputs != N_LEGS:
             raise ControllerError(
-                f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
+                f"controller has {n_inputs} inputs and {n_outputs} outputs; expected for the "
                 f"signals {', '.join(self.signals)} {sizes[0]} inputs (errors), {sizes[1]} (references, measurements) "
                 f"or {sizes[2]} (also what the limits cut off), and {N_LEGS} outputs (forces); of one channel for "
                 f"{N_LEGS} legs: control.append(*[control.ss(controller)] * {N_LEGS})"
             )
-        object.__setattr__(self, "kinds", 1 + sizes.index(self.system.ninputs))
+        object.__setattr__(self, "kinds", 1 + sizes.index(n_inputs))
+        object.__setattr__(self, "sample_time", None if not dt or dt is True else float(dt))
         for name in "ABCD":
             if not np.isfinite(getattr(self.system, name)).all():
                 raise ControllerError(f"the controller's matrix {name} has elements that are not finite")
-        if self.system.nstates and not self.system.dt:
+        if len(self.system.A) and not dt:
             raise ControllerError(
                 "controller is in continuous time; expected discrete time: sample it, for instance by "
                 "control.sample_system(controller, 1e-3, method='tustin')"
             )
-
-    @property
-    def sample_time(self) -> float | None:
-        """Sample time of the system [s]; None for a static gain, or if it is unspecified."""
-        dt = self.system.dt
-        return None if not dt or dt is True else float(dt)
 
     def check_sample_time(self, sample_time: float) -> None:
         """Refuse a loop whose sample time [s] differs from the controller's."""

@@ -116,7 +116,7 @@ def loop_margins(L: StateSpace) -> Margins:
         return one_leg_open(response_on_grid, k), lambda omega: one_leg_open(response(L, omega), k)
 
     return Margins(
-        tuple(_classical_margins(L, fine, [leg(k)]) for k in range(L.noutputs)),
+        tuple(_classical_margins(L, fine, [leg(k)]) for k in range(len(L.D))),
         _classical_margins(L, fine, _eigenvalue_loci(L, fine, response_on_grid)),
         disk_margin(L, coarse, on_grid),
         _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse, on_grid)[0],
@@ -139,11 +139,12 @@ def disk_margin(
 
 def closed_loop(L: StateSpace) -> StateSpace:
     """T = L (1 + L)⁻¹ as a state space: with E = (1 + D)⁻¹, ẋ = (A − B E C) x + B E u and y = E C x + D E u."""
-    if L.ninputs != L.noutputs:
-        raise ControllerError(f"the loop transfer is {L.noutputs}×{L.ninputs}; expected as many outputs as inputs")
+    n_outputs, n_inputs = L.D.shape
+    if n_inputs != n_outputs:
+        raise ControllerError(f"the loop transfer is {n_outputs}×{n_inputs}; expected as many outputs as inputs")
     if not all(np.isfinite(block).all() for block in L.blocks):
         raise ControllerError("the loop transfer is not finite; expected finite numbers")
-    identity = np.eye(L.noutputs)
+    identity = np.eye(n_outputs)
     if not np.linalg.cond(identity + L.D) < 1 / np.finfo(float).eps:
         raise ControllerError("1 + L is singular at infinite frequency; expected a delay or a lag in the loop")
     E = np.linalg.inv(identity + L.D)
@@ -232,7 +233,7 @@ def frequency_range(L: StateSpace) -> tuple[float, float]:
 
 def sensitivities(L: StateSpace, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """S and T (n, 6, 6) at frequencies [rad/s]."""
-    identity = np.eye(L.noutputs)
+    identity = np.eye(len(L.D))
     S = np.asarray(np.linalg.inv(identity + response(L, omega)), dtype=complex)
     return S, np.asarray(identity - S)
 
@@ -254,7 +255,7 @@ def _eigenvalue_loci(L: StateSpace, omega: FloatArray, on_grid: ComplexArray) ->
         nearest = np.abs(eigenvalues - between[:, None]).argmin(axis=1)
         return np.asarray(eigenvalues[np.arange(len(nearest)), nearest])
 
-    return [(np.asarray(values[:, k]), partial(at, k)) for k in range(L.noutputs)]
+    return [(np.asarray(values[:, k]), partial(at, k)) for k in range(len(L.D))]
 
 
 def _classical_margins(L: StateSpace, omega: FloatArray, loci: Sequence[Locus]) -> ClassicalMargins:

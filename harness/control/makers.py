@@ -121,9 +121,8 @@ def constructed(
     make: Callable[..., Any], design: Design, inside: Callable[[], AbstractContextManager[None]] = nullcontext
 ) -> Maker:
     """The maker of controllers by a class or a factory, which is called `inside` the folder of its file."""
-    maker, signature = name_of(make), _signature(make)
+    maker, (signature, named) = name_of(make), _parameters(make)
     if signature is not None and not _binds(signature, None, None, **design.parameters):
-        named = _named_parameters(signature)
         accepted = [p.name for p in named]
         accepts = f"parameters: {maker} accepts {', '.join(accepted) or 'no parameters'}"
         takes_any = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
@@ -168,10 +167,10 @@ def is_maker(controller: Callable[..., Any]) -> bool:
     """Whether a callable makes controllers: a class, or a function with two required arguments."""
     if inspect.isclass(controller.func if isinstance(controller, partial) else controller):
         return True
-    signature = _signature(controller)
+    signature, named = _parameters(controller)
     if signature is None or _binds(signature, None):
         return False
-    if _binds(signature, None, None, **{p.name: None for p in _named_parameters(signature) if p.default is p.empty}):
+    if _binds(signature, None, None, **{p.name: None for p in named if p.default is p.empty}):
         return True
     raise ControllerError(
         f"{name_of(controller)} takes {signature}; expected a function of one Sample, or a class or factory called as "
@@ -202,19 +201,15 @@ def place_in_code(error: BaseException) -> str:
     return places[-1] if places else ""
 
 
-def _named_parameters(signature: inspect.Signature) -> list[inspect.Parameter]:
-    """The parameters after platform and sample time that may be given by name."""
-    parameters = list(signature.parameters.values())
-    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
-    return [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p not in positional[:2]]
-
-
-def _signature(function: Callable[..., Any]) -> inspect.Signature | None:
-    """None for built-in functions that have none."""
+def _parameters(function: Callable[..., Any]) -> tuple[inspect.Signature | None, list[inspect.Parameter]]:
+    """The signature, None of built-in functions, and what may be given by name after platform and sample time."""
     try:
-        return inspect.signature(function)
+        signature = inspect.signature(function)
     except (TypeError, ValueError):
-        return None
+        return None, []
+    parameters = list(signature.parameters.values())
+    first = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)][:2]
+    return signature, [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p not in first]
 
 
 def _binds(signature: inspect.Signature, *arguments: Any, **keywords: Any) -> bool:

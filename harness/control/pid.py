@@ -10,15 +10,16 @@ error as e [m, rad] and a wrench [N, N m] instead of F.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.linear_controller import Space
-from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, matrices_of
+from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, state_space_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces
@@ -60,6 +61,12 @@ class Gains:
     """Tf [s]; kd / (20 kp) of the fastest channel by default."""
     anti_windup_time: float | None = None
     """Tt [s]; √(Ti Td) by default, Ti = kp/ki, Td = kd/kp."""
+    filter_time: float = field(init=False, repr=False)
+    """Tf, also by default [s]."""
+    tracking_time: FloatArray = field(init=False, repr=False)
+    """Tt of each channel, also by default (6,) [s]."""
+    channels: tuple[FloatArray, ...] = field(init=False, repr=False)
+    """kp, kd, ki, Tf and Tt of each channel, each (6,)."""
 
     def __post_init__(self) -> None:
         for name in ("proportional", "derivative", "integral"):
@@ -75,27 +82,17 @@ class Gains:
                 least = "> 0" if is_proportional else ">= 0"
                 raise ControllerError(f"{name} gain is {value!r}; expected finite numbers {least}")
             object.__setattr__(self, name, np.broadcast_to(array, N_CHANNELS).copy())
-        for name in ("derivative_filter", "anti_windup_time"):
+        gains = tuple(np.asarray(value) for value in (self.proportional, self.derivative, self.integral))
+        times = []
+        names = ("derivative_filter", "anti_windup_time")
+        for name, default in zip(names, default_times(*gains), strict=True):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
-
-    @property
-    def filter_time(self) -> float:
-        """Tf [s]."""
-        if self.derivative_filter is not None:
-            return self.derivative_filter
-        kp, kd = np.asarray(self.proportional), np.asarray(self.derivative)
-        return float(filter_time_of(kp, kd)[0])
-
-    @property
-    def tracking_time(self) -> FloatArray:
-        """Tt of each channel (6,) [s]."""
-        if self.anti_windup_time is not None:
-            return np.full(N_CHANNELS, self.anti_windup_time)
-        return np.asarray(
-            tracking_time_of(*(np.asarray(v) for v in (self.proportional, self.derivative, self.integral)))
-        )
+            times.append(np.full(N_CHANNELS, default if value is None else value))
+        object.__setattr__(self, "filter_time", float(times[0][0]))
+        object.__setattr__(self, "tracking_time", times[1])
+        object.__setattr__(self, "channels", (*gains, *times))
 
 
 def gains_from_bandwidth(
@@ -183,32 +180,19 @@ def gains_of_masses(m: Any, bandwidth: Any, damping_ratio: Any, integral_time: A
     return kp, 2 * damping_ratio * m * omega, kp / integral_time
 
 
-def filter_time_of(kp: Array, kd: Array) -> Array:
-    """Tf (1,) [s] by default, of numbers or of symbols: a share of the fastest channel's kd/kp."""
+def default_times(kp: Array, kd: Array, ki: Array) -> tuple[Array, Array]:
+    """Tf (1,) and Tt of each channel (6,) [s] by default, of numbers or of symbols.
+
+    Tf is a share of the fastest channel's kd/kp, Tt is √(Ti Td), or Ti without derivative action.
+    """
     times = where(greater(kd, 0.0), kd / kp, np.inf)
     shortest = times[:1]
     for k in range(1, N_CHANNELS):
         shortest = minimum(shortest, times[k : k + 1])
     # any value if there is no derivative
-    return where(less(shortest, np.inf), shortest / FILTER_RATIO, 1.0)
-
-
-def tracking_time_of(kp: Array, kd: Array, ki: Array) -> Array:
-    """Tt of each channel (6,) [s] by default: √(Ti Td), or Ti without derivative action."""
+    filter_time = where(less(shortest, np.inf), shortest / FILTER_RATIO, 1.0)
     integral_time = kp / where(greater(ki, 0.0), ki, 1.0)
-    return where(greater(kd, 0.0), np.sqrt(integral_time * kd / kp), integral_time)
-
-
-class ChannelGains(NamedTuple):
-    """Gains and times of channels, each (n,): numbers, or CasADi symbols; and which actions there are."""
-
-    proportional: Array  # [N/m]
-    derivative: Array  # [N s/m]
-    integral: Array  # [N/(m s)]
-    filter_time: Array  # [s]
-    tracking_time: Array  # [s]
-    differentiates: NDArray[np.bool_]  # which have derivative action
-    integrates: NDArray[np.bool_]
+    return filter_time, where(greater(kd, 0.0), np.sqrt(integral_time * kd / kp), integral_time)
 
 
 def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
@@ -246,8 +230,8 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     """
     from control import ss
 
-    system = channel_matrices(channels_of(gains), derivative_on)
-    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.ninputs // N_CHANNELS]
+    system = channel_matrices(gains.channels, derivative_on)
+    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.D.shape[1] // N_CHANNELS]
     return ss(
         *system.blocks,
         inputs=[f"{kind}[{k + 1}]" for kind in kinds for k in range(N_CHANNELS)],
@@ -256,13 +240,11 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     )
 
 
-def channels_of(gains: Gains) -> ChannelGains:
-    """The gains and times of every channel, which has the actions for which it has a gain."""
-    kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
-    return ChannelGains(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time, kd > 0, ki > 0)
-
-
-def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> StateSpace:
+def channel_matrices(
+    channels: Sequence[Array],  # kp, kd, ki, Tf and Tt, each (n,)
+    derivative_on: DerivativeOn,
+    acts: Sequence[Any] | None = None,  # which channels differentiate, and which integrate; those with gains by default
+) -> StateSpace:
     """`pid` of any number of channels, of numbers or of CasADi symbols in object arrays.
 
     A channel's states are the filter's, ż = v − z/Tf with v = e or −y, whose derivative kd s/(Tf s + 1) v is
@@ -270,25 +252,25 @@ def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> Sta
     """
     if derivative_on not in get_args(DerivativeOn):
         raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
-    size = len(channels.proportional)
-    n_kinds = 3 if channels.integrates.any() else 2
+    differentiates, integrates = acts or [np.asarray(gain) > 0 for gain in channels[1:3]]
+    size, n_kinds = len(channels[0]), 3 if integrates.any() else 2
     # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
     error = np.array([1.0, -1.0, 0.0])[:n_kinds]
     d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
     identity = np.eye(size)
-    kind = channels.proportional.dtype
+    kind = channels[0].dtype
     poles, B, C, D = [], [], [], np.zeros((size, n_kinds, size), dtype=kind)
     for k in range(size):
         # (1,) each: a bare symbol would treat an array as a matrix
-        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels[:5])
+        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels)
         D[k, :, k] = kp * error
-        if channels.differentiates[k]:
+        if differentiates[k]:
             high, pole = kd / filter_time, -1 / filter_time
             D[k, :, k] += high * d
             poles.append(pole)
             B.append(np.outer(d, identity[k]))
             C.append(high * pole * identity[k])
-        if channels.integrates[k]:
+        if integrates[k]:
             poles.append(0 * kp)
             B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), identity[k]))
             C.append(identity[k])
@@ -337,6 +319,6 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
     from control import ss
 
     named = system if is_control_system(system) else ss(system)
-    discrete = discretised(matrices_of(named), sample_time, method)
+    discrete = discretised(state_space_of(named, "the system"), sample_time, method)
     labels = {"inputs": named.input_labels, "outputs": named.output_labels, "name": named.name}
     return ss(*discrete.blocks, sample_time, **labels)

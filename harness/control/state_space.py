@@ -35,21 +35,6 @@ class StateSpace:
         """A, B, C and D."""
         return self.A, self.B, self.C, self.D
 
-    @property
-    def nstates(self) -> int:
-        """Number of states."""
-        return len(self.A)
-
-    @property
-    def ninputs(self) -> int:
-        """Number of inputs."""
-        return int(self.D.shape[1])
-
-    @property
-    def noutputs(self) -> int:
-        """Number of outputs."""
-        return int(self.D.shape[0])
-
     def poles(self) -> NDArray[np.complex128]:
         """The eigenvalues of A (n,)."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
@@ -106,16 +91,6 @@ def state_space_of(system: Any, role: str = "controller") -> Any:
     )
 
 
-def matrices_of(system: Any) -> StateSpace:
-    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain."""
-    if isinstance(system, StateSpace):
-        return system
-    import control
-
-    named = state_space_of(system, "the system") if is_control_system(system) else control.ss(system)
-    return StateSpace(named.A, named.B, named.C, named.D, float(named.dt or 0.0))
-
-
 def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
     """The continuous system at a sample time T [s].
 
@@ -151,12 +126,13 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
         C: Any = solve(implicit.T, system.C.T)
         return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
     # [A_d B_d; 0 1] = exp([A B; 0 0] T)
-    if _is_zero(system.A - np.diag(poles)):
+    if not np.any(system.A[~np.eye(n, dtype=bool)]):
         # element by element: (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
         half = poles * T / 2
         grown = 2 * np.exp(half) * np.sinh(half)
-        columns = zip(poles, grown, T + 0 * poles, strict=True)
-        phi = np.array([t if _is_zero(p) else g / p for p, g, t in columns], dtype=poles.dtype)
+        is_zero = [p.is_zero() if hasattr(p, "is_zero") else p == 0 for p in poles]  # no symbol is
+        columns = zip(is_zero, poles, grown, T + 0 * poles, strict=True)
+        phi = np.array([t if zero else g / p for zero, p, g, t in columns], dtype=poles.dtype)
         return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
     # exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import
     M = np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T
@@ -171,7 +147,7 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
     """The output of one system as the input of another; states of the first come first. For numbers or symbols."""
-    none = np.zeros((first.nstates, second.nstates))
+    none = np.zeros((len(first.A), len(second.A)))
     return StateSpace(
         np.block([[first.A, none], [second.B @ first.C, second.A]]),
         np.concatenate([first.B, second.B @ first.D]),
@@ -179,8 +155,3 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         second.D @ first.D,
         first.dt,
     )
-
-
-def _is_zero(values: Any) -> bool:
-    """Whether all values are zero; a symbol is not."""
-    return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))

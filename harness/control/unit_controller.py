@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.isolated import Isolated
-from gough_stewart.model import interface
+from gough_stewart.model.interface import BY_NAME, nearest
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 
@@ -47,7 +47,7 @@ class UnitController:
         possible = [*(name for name, _ in INPUTS), _FORCE, _LIMITED]
         for name in self.names:
             if name not in possible:
-                raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, possible)}")
+                raise ControllerError(f"names: no signal '{name}'{nearest(name, possible)}")
 
     def open(self, sample_time: float) -> "UnitLaw":
         """The FMU, ready for a run; close it afterwards."""
@@ -82,6 +82,8 @@ class ControllerUnit:
     """The FMU, run by FMPy."""
 
     def __init__(self, path: Path, names: Mapping[str, str], parameters: Mapping[str, Any], sample_time: float) -> None:
+        from fmpy.fmi1 import FMICallException
+
         from gough_stewart.harness.plants.unit import FmuFile, FmuInstance, Values
 
         class ControllerFile(FmuFile):
@@ -119,14 +121,27 @@ class ControllerUnit:
                     "in [controller.names]"
                 )
             self._sources, self._inputs = sources, Values(self._unit, references, len(sources))
-            force = self._references(_FORCE, interface.BY_NAME[_FORCE], "output")
+            force = self._references(_FORCE, BY_NAME[_FORCE], "output")
             if force is None:
                 raise file.refusal(f"has no output {names.get(_FORCE, _FORCE)} with six elements")
             limited = self._references(_LIMITED, None, "output")
             self._force = Values(self._unit, force, 6)
             self._limited = None if limited is None else Values(self._unit, limited, 6)
             for name, value in parameters.items():
-                self._set(name, value)
+                numbers = np.ravel(np.asarray(value, dtype=float))
+                size = len(numbers)
+                needed, variables = self._elements(name, name + "[{}]", size)
+                if len(variables) != len(needed) or (needed != [name] and f"{name}[{size + 1}]" in self._variables):
+                    raise ControllerError(
+                        f"{path}: no parameter {name} with {size} elements{nearest(name, list(self._variables))}"
+                    )
+                buffer = Values(self._unit, [v.valueReference for v in variables], size)
+                buffer.array[:] = numbers
+                try:
+                    buffer.write()
+                except FMICallException as error:
+                    reason = self._unit.take_messages() or str(error)
+                    raise ControllerError(f"{path}: {name} = {value} refused: {reason}") from error
 
             # of a unit of this project the loop has itself: a longer delay, drives and sensors
             delay = float(np.ravel(parameters.get("output_delay", starts.get("output_delay", 1.0)))[0])
@@ -192,25 +207,3 @@ class ControllerUnit:
             if variable is not None and unit not in (None, "", variable.unit):
                 raise self._file.refusal(f"{v.name} is in {unit}; expected {variable.unit} for {name}")
         return [v.valueReference for v in variables]
-
-    def _set(self, name: str, value: Any) -> None:
-        """Set a parameter."""
-        from fmpy.fmi1 import FMICallException
-
-        from gough_stewart.harness.plants.unit import Values
-
-        numbers = np.ravel(np.asarray(value, dtype=float))
-        size = len(numbers)
-        needed, variables = self._elements(name, name + "[{}]", size)
-        if len(variables) != len(needed) or (needed != [name] and f"{name}[{size + 1}]" in self._variables):
-            raise ControllerError(
-                f"{self._file.path}: no parameter {name} with {size} "
-                f"elements{interface.nearest(name, list(self._variables))}"
-            )
-        buffer = Values(self._unit, [v.valueReference for v in variables], size)
-        buffer.array[:] = numbers
-        try:
-            buffer.write()
-        except FMICallException as error:
-            reason = self._unit.take_messages() or str(error)
-            raise ControllerError(f"{self._file.path}: {name} = {value} refused: {reason}") from error

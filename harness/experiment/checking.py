@@ -40,7 +40,7 @@ from gough_stewart.harness.motion.limits.shares import (
     loads_of_legs,
     shares_along,
 )
-from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of, slower
+from gough_stewart.harness.motion.motion import Motion, Reference, slower
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import (
@@ -162,7 +162,7 @@ class MotionCheck:
     def amplitude_factor(self) -> float | None:
         """The amplitude scale at which the motion fits and leaves its margin, 1 if it does; None if none does."""
         worst, total = self.experiment.limits.condition_number, None if self.margin else self.shares.total
-        return scale_that_fits(self._less_margin, self._motion, centre_of(self._reference), worst, total)
+        return scale_that_fits(self._less_margin, self._motion, self._reference.centre, worst, total)
 
     @cached_property
     def worst_phases(self) -> "tuple[WorstPhases, ...] | None":
@@ -246,7 +246,7 @@ class MotionCheck:
 
         def slower_clocks(factor: float) -> Timing:
             """Of a run that much longer, in whole plant steps within the recording, if it is one."""
-            steps, end = math.ceil(clocks.steps * factor - 1e-9), factor * end_of(self._reference)
+            steps, end = math.ceil(clocks.steps * factor - 1e-9), factor * self._reference.defined_until
             if steps * clocks.plant_step > end:
                 steps = math.floor(end / clocks.plant_step)
             return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)

@@ -318,11 +318,10 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
             platform_of(record, "machine"),
             linear,
             sample_time,
+            pose,
             believed=platform,
             delay=chosen.loop.delay,
             lag=chosen.actuators.lag,
-            position=pose[0],
-            orientation=pose[1],
             side=chosen.sensors.side,
         )
         # of one channel, the others closed: 1/(b S a) − 1 with S = (1 + L)⁻¹ (n, 6, 6)

@@ -13,6 +13,7 @@ from gough_stewart.harness.control.linear import (
     MOST_STATES,
     LoopStructure,
     Mode,
+    Pose,
     feedback_part,
     held_plant,
     loop_transfer,
@@ -54,7 +55,6 @@ from gough_stewart.harness.section import plain
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import RIGID
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 
 Kind = TypeVar("Kind")
 
@@ -391,7 +391,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         modes=tuple(modes(closed_loop(L))),
         transfer=L,
         changed=chosen.changed,
-        structure=structure_of(machine, L, family, FRAIL, *_pose(prepared)),
+        structure=structure_of(machine, L, family, FRAIL, _pose(prepared)),
         late=late,
         doubt=doubt,
         believed=of_believed,
@@ -452,9 +452,9 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
     a_sample = timing.steps_a_sample
     a_reading = loop.steps_a_reading or a_sample
     step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
-    P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
-    K = feedback_part(prepared.platform, controller, *where)
-    sizes = P.nstates, P.noutputs, K.nstates, *[6] * (loop.actuators.delay + 1)
+    P = held_plant(plant, controller, step * timing.plant_step, where, lag=loop.actuators.lag, side=loop.sensors.side)
+    K = feedback_part(prepared.platform, controller, where)
+    sizes = len(P.A), len(P.C), len(K.A), *[6] * (loop.actuators.delay + 1)
     if sum(sizes) > MOST_STATES:
         raise ControllerError(
             f"the loop over a period of both clocks has {sum(sizes)} states; expected at most {MOST_STATES}"
@@ -514,10 +514,8 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     In the first pose of the reference, or with `replaced` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, drives = prepared.loop, prepared.loop.actuators
-    position, orientation = _pose(prepared)
     usual: dict[str, Any] = {
-        "position": position,
-        "orientation": orientation,
+        "pose": _pose(prepared),
         "sample_time": loop.timing.sample_time,
         "delay": drives.delay,
         "lag": drives.lag,
@@ -526,7 +524,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | replaced)
 
 
-def _pose(prepared: Prepared) -> tuple[FloatArray, FloatArray]:
+def _pose(prepared: Prepared) -> Pose:
     """The first pose of the reference, in which the loop is linearised."""
     assert prepared.motion is not None  # a controller has a reference
     return prepared.motion.position[0], prepared.motion.orientation[0]
@@ -545,7 +543,7 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
 
     remedies = []
     if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
-        free, _ = structural_modes(machine, *_pose(prepared))
+        free, _ = structural_modes(machine, _pose(prepared))
         first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
         remedies.append(
             f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"
@@ -740,7 +738,7 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
     end = 6 / min((-mode.eigenvalue.real for mode in modes(closed)), default=6.0)
     time = float(closed.dt) * np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST), dtype=float)
     # column k of the states answers to leg k
-    states, values = np.zeros(closed.B.shape), np.empty((L.noutputs, len(time)))
+    states, values = np.zeros(closed.B.shape), np.empty((len(L.C), len(time)))
     direct = np.diag(closed.D)
     for n in range(len(time)):
         values[:, n] = (closed.C * states.T).sum(axis=1) + direct

@@ -41,7 +41,7 @@ from gough_stewart.harness.loop.loop import (
     changes_of_members,
 )
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
-from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, distinct_rows, end_of
+from gough_stewart.harness.motion.motion import Motion, Reference, distinct_rows
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.plants.lanes import BatchPlant, CompiledLanes, Stepping
 from gough_stewart.harness.plants.signals import VARIABLES, PerMember, of_legs, stacked
@@ -539,7 +539,7 @@ class Preparation:
                 delay = delay if change.delay is None else change.delay
                 law = self._controller(law_choice, platform)
                 before, after = (
-                    () if linear is None else (linear.space, linear.signals, linear.kinds, linear.system.nstates)
+                    () if linear is None else (linear.space, linear.signals, linear.kinds, len(linear.system.A))
                     for linear in (controller, law)
                 )
                 if after != before:
@@ -597,11 +597,10 @@ class Preparation:
         timing = self._clocks
         reference, motion = reference_motion(self.experiment, choice, limited, timing)
         with part_of(self._where, "reference"):
-            centre = centre_of(reference)
             is_by_hand = isinstance(reference, HandMotion)  # nobody has planned it
             beyond: dict[str, WhenBeyond] = {"dynamic": "warn" if is_by_hand else when_beyond}
             beyond["geometric"] = "warn" if is_by_hand else "refuse"
-            exceeded = check_reach(limited, timing.times, motion, condition_number, centre=centre, **beyond)
+            exceeded = check_reach(limited, timing.times, motion, condition_number, centre=reference.centre, **beyond)
             legs = legs_of(limited, motion)
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
@@ -627,7 +626,7 @@ class Preparation:
         if isinstance(reference, HandMotion):
             motion = reference.foreseen(samples, ahead)
         else:
-            motion = reference(np.minimum(samples + ahead, end_of(reference)))
+            motion = reference(np.minimum(samples + ahead, reference.defined_until))
         return feedforward(kind, platform, motion)
 
     def _controller(self, choice: ControllerChoice, platform: Platform) -> Any:

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from gough_stewart.harness.control.component import Link, Parameter, with_links
 from gough_stewart.harness.control.laws_of_members import integrating_modes, integrators, rest
 from gough_stewart.harness.control.linear_controller import LinearController, Space
-from gough_stewart.harness.control.pid import ChannelGains, DerivativeOn, Gains, channel_matrices, channels_of
-from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at, matrices_of
+from gough_stewart.harness.control.pid import DerivativeOn, Gains, channel_matrices
+from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
@@ -109,8 +109,8 @@ def pid_law(
     links: tuple[Link, ...] = (),
 ) -> ExportedLaw:
     """PD or PID: its gains stay tunable; which channels have derivative and integral action is fixed."""
-    channels = channels_of(gains)
-    differentiates, integrates = channels.differentiates, channels.integrates
+    kp, kd, ki, filter_time, tracking_time = gains.channels
+    acts = differentiates, integrates = kd > 0, ki > 0
     units = ("N/m", "N.s/m", "N/(m.s)") if space == "leg" else ("", "", "")
     channel = "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
 
@@ -120,14 +120,14 @@ def pid_law(
         none = [f"!(parameters->{name}_gain[{k}] > 0)" for k in np.flatnonzero(~acts)]
         return setting(f"{name}_gain", unit, bound, f"{name} gain {channel}", value, conditions=none)
 
-    settings = [gain("proportional", units[0], "> 0", channels.proportional, np.ones(N_LEGS, dtype=bool))]
+    settings = [gain("proportional", units[0], "> 0", kp, np.ones(N_LEGS, dtype=bool))]
     if differentiates.any():
         sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
         settings += [
-            gain("derivative", units[1], ">= 0", channels.derivative, differentiates),
+            gain("derivative", units[1], ">= 0", kd, differentiates),
             setting(
                 *("derivative_filter", "s", "> 0", "time constant of the derivative filter"),
-                channels.filter_time[0],
+                filter_time[0],
                 conditions=sampled if discretisation == "tustin" else (),
             ),
         ]
@@ -135,8 +135,8 @@ def pid_law(
         late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrates)]
         text = "time constant of back-calculation at a limit"
         settings += [
-            gain("integral", units[2], ">= 0", channels.integral, integrates),
-            setting("anti_windup_time", "s", "> 0", text, channels.tracking_time, conditions=late),
+            gain("integral", units[2], ">= 0", ki, integrates),
+            setting("anti_windup_time", "s", "> 0", text, tracking_time, conditions=late),
         ]
     settings += [setting_of(p, getattr(link, p.key)) for link in links for p in link.parameters()]
 
@@ -147,14 +147,13 @@ def pid_law(
     names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
     # one value for all, or one each
     of_channels = [np.asarray(values[name] + zeros) if name in values else zeros for name in names]
-    of_gains = channels._replace(**dict(zip(ChannelGains._fields, of_channels, strict=False)))
     T = values["sample_time"]
-    traced = matrices_at(channel_matrices(of_gains, derivative_on), T, discretisation, symbols.solve)
+    traced = matrices_at(channel_matrices(of_channels, derivative_on, acts), T, discretisation, symbols.solve)
     of_links = [(type(link), {p.key: values[p.name] for p in link.parameters()}) for link in links]
     traced = with_links(traced, of_links, T, symbols.solve)
-    A = matrices_at(channel_matrices(channels, derivative_on), sample_time, discretisation).A
+    A = matrices_at(channel_matrices(gains.channels, derivative_on), sample_time, discretisation).A
     # the integrators are states whose rows are those of the unit matrix, whatever the gains; links have none
-    alone = [*(np.eye(len(A)) == A).all(axis=1), *[False] * (traced.nstates - len(A))]
+    alone = [*(np.eye(len(A)) == A).all(axis=1), *[False] * (len(traced.A) - len(A))]
 
     # one symbol for each distinct value in the matrices
     entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in traced.blocks]))))
@@ -165,10 +164,10 @@ def pid_law(
     blocks = [part.reshape(b.shape) for part, b in zip(parts, traced.blocks, strict=True)]
     system = StateSpace(blocks[0], blocks[1], blocks[2], blocks[3], 1.0)
     start = integrating = system.B
-    if traced.nstates:
+    if len(traced.A):
         # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
         unit = np.diag(np.array(alone, dtype=float))
-        integrating = symbols.solve(np.eye(traced.nstates) - system.A + unit, unit)
+        integrating = symbols.solve(np.eye(len(traced.A)) - system.A + unit, unit)
         start = rest(system.A, unit, system.B, symbols.solve)
     name = f"{'PID' if integrates.any() else 'PD'} in {space} space"
     return ExportedLaw(
@@ -177,7 +176,7 @@ def pid_law(
         space,
         tuple(settings),
         system=system,
-        kinds=system.ninputs // N_LEGS,
+        kinds=system.D.shape[1] // N_LEGS,
         start=start,
         integrating=integrating,
         symbols=c,
@@ -187,7 +186,7 @@ def pid_law(
 
 def matrix_law(controller: LinearController) -> ExportedLaw:
     """A discrete linear system with constant matrices."""
-    A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(controller.system).blocks)
+    A, B, C, D = (np.asarray(getattr(controller.system, name), dtype=float) for name in "ABCD")
     poles = np.linalg.eigvals(A)
     worst = complex(poles[np.abs(poles).argmax()]) if len(poles) else 0j
     if abs(worst) > 1 + _ROUNDING:

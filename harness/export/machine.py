@@ -23,14 +23,14 @@ from gough_stewart.harness.control.component import N_FAULTS, Notch
 from gough_stewart.harness.control.controllers import Feedforward, OpenLoop, SixChannels
 from gough_stewart.harness.control.linear import held_plant, space_of
 from gough_stewart.harness.control.linear_controller import linear_of
-from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, channels_of, modal_masses
+from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, modal_masses
 from gough_stewart.harness.control.state_space import METHODS, Method
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.host import MEMORY, LoopBlock, LoopHost
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
-from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
+from gough_stewart.harness.motion.motion import Piecewise, Reference
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, BatchPlant
@@ -364,7 +364,7 @@ def planned_motion(reference: Reference) -> dict[str, Any] | None:
         "kind": kinds.index(name),
         **arrays,
         "end": float(getattr(reference, "end", math.inf)),
-        "last": end_of(reference),
+        "last": reference.defined_until,
     }
 
 
@@ -453,7 +453,7 @@ def turning(experiment: Experiment, prepared: Prepared, host: str = "a page") ->
         if differentiates.all() and integrates.any() == integrates.all():
             notch = choice.notch
             law = TurnableLaw(choice.derivative_on, bool(integrates.all()), choice.discretisation, notch is not None)
-            used = np.concatenate([*channels_of(gains)[:3], [gains.filter_time], gains.tracking_time])
+            used = np.concatenate([*gains.channels[:3], [gains.filter_time], gains.tracking_time])
             values |= {
                 "variant": VARIANTS.index(law),
                 "masses": modal_masses(prepared.platform, choice.space),
@@ -470,9 +470,9 @@ def turning(experiment: Experiment, prepared: Prepared, host: str = "a page") ->
     if linear is not None and motion is not None and not loop.worst_delay:
         pose = motion.position[0], motion.orientation[0]
         lag, side = float(actuators.lag), loop.sensors.side
-        plant = held_plant(prepared.machine, linear, timing.sample_time, lag, *pose, side=side)
-        (_, readings), to_force = space_of(prepared.platform, linear, *pose)
-        n, both = plant.nstates, plant.nstates + linear.system.nstates
+        plant = held_plant(prepared.machine, linear, timing.sample_time, pose, lag=lag, side=side)
+        (_, readings), to_force = space_of(prepared.platform, linear, pose)
+        n, both = len(plant.A), len(plant.A) + len(linear.system.A)
         most = both + N_LEGS * max(int(actuators.delay), MOST_DELAY)
         work = 2 * (2 * both * (both + 2 * N_LEGS) + most**2 + most)
         values |= {"n_plant": n, "A": plant.A, "B": plant.B, "C": readings @ plant.C, "to_force": to_force}

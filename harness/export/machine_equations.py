@@ -16,11 +16,9 @@ from gough_stewart.harness.control.by_hand import Smoothing
 from gough_stewart.harness.control.component import Notch, Sensor, with_links
 from gough_stewart.harness.control.laws_of_members import rest
 from gough_stewart.harness.control.pid import (
-    ChannelGains,
     channel_matrices,
-    filter_time_of,
+    default_times,
     gains_of_masses,
-    tracking_time_of,
 )
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
@@ -115,8 +113,8 @@ def design_header() -> str:
         )
         gains = symbols.elements(values)
         actions = [np.array([True]), np.array([variant.integrates])]
-        channel_gains = ChannelGains(*[*(gains[k : k + 1] for k in range(5)), *actions])
-        continuous, period = channel_matrices(channel_gains, variant.derivative_on), symbols.elements(T)
+        of_channel = [gains[k : k + 1] for k in range(5)]
+        continuous, period = channel_matrices(of_channel, variant.derivative_on, actions), symbols.elements(T)
         channel = matrices_at(continuous, period, variant.discretisation, symbols.solve)
         notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]
         s = with_links(channel, notches if variant.has_notch else [], period, symbols.solve)
@@ -160,10 +158,11 @@ def _used(masses: Any, gains: Any, wanted: Any, filter_time: Any, tracking_time:
     own = where(greater(bandwidth, 0.0), designed, gains[:18]) * np.repeat(wanted[4:7], N_LEGS)
     kp, kd, ki = np.split(own, 3)
     chosen = where(greater(wanted_filter, 0.0), wanted_filter, filter_time)
+    default_filter, default_tracking = default_times(kp, kd, ki)
     return (
         own,
-        where(greater(chosen, 0.0), chosen, filter_time_of(kp, kd)),
-        where(greater(tracking_time, 0.0), tracking_time, tracking_time_of(kp, kd, ki)),
+        where(greater(chosen, 0.0), chosen, default_filter),
+        where(greater(tracking_time, 0.0), tracking_time, default_tracking),
     )
 
 

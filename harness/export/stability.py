@@ -258,8 +258,7 @@ class _LinearLoops:
     def _transfer(self, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Any:
         """L(z) of a machine, by default in the first pose of the reference."""
         p = self._poses[0][1] if pose is None else pose
-        place = {"position": p[:3], "orientation": p[3:]}
-        return transfer_of(self._prepared, machine, self._controller, **at._asdict(), **place)
+        return transfer_of(self._prepared, machine, self._controller, **at._asdict(), pose=(p[:3], p[3:]))
 
     def _case(self, what: str, at: Delays, z: Any) -> Case:
         worst = complex(z[np.abs(z).argmax()])

@@ -319,7 +319,7 @@ def _linear(
     law: ExportedLaw, inputs: dict[str, casadi.SX], r: casadi.SX, y: casadi.SX, home: Home | None
 ) -> tuple[casadi.Function | None, casadi.Function]:
     """x⁺ = A x + B u and the forces; in task space, the displacement and the lengths of the last sample are states."""
-    n = law.system.nstates
+    n = len(law.system.A)
     extra = 2 * N_LEGS if law.space == "task" else 0
     inputs |= {"states": casadi.SX.sym("states", n + extra), "coefficients": law.symbols}
     x, pose, before = casadi.vertsplit(inputs["states"], [0, n, n + extra // 2, n + extra])

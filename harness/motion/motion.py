@@ -7,7 +7,7 @@ no function branches on a value.
 
 import math
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,9 @@ from gough_stewart.model.rotations import (
     orientation_rate_from_angular_velocity,
 )
 from gough_stewart.model.vectors import Array, FloatArray, maximum, minimum
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 # Times are multiples of a step up to rounding: a jump at 0.2 s takes effect in the row at 0.19999999999 s [s].
 ROUNDING = 1e-9
@@ -47,6 +50,14 @@ def distinct_rows(motion: Motion) -> tuple[Motion, Any]:
 class Reference(Protocol):
     """A reference motion."""
 
+    @property
+    def centre(self) -> FloatArray:
+        """The pose (6,) about which amplitudes are scaled."""
+
+    @property
+    def defined_until(self) -> float:
+        """The last time at which it is defined [s], of a recording; others go on, paths at rest."""
+
     def __call__(self, time: ArrayLike) -> Motion:
         """The motion at times (n,) [s]."""
 
@@ -56,6 +67,7 @@ class Piecewise(Reference, ABC):
 
     end: float
     """The last time at which anything moves [s]."""
+    defined_until: float = math.inf
 
     @property
     @abstractmethod
@@ -66,9 +78,11 @@ class Piecewise(Reference, ABC):
         """
 
 
-def end_of(reference: Reference) -> float:
-    """The last time at which a motion is defined [s]: `defined_until` of a recording; others go on, paths at rest."""
-    return float(getattr(reference, "defined_until", math.inf))
+def polynomials_of_spline(spline: "BSpline") -> tuple[FloatArray, FloatArray]:
+    """The start of each piece of a spline (n,), and its polynomials since then (n, 6, k + 1), highest power first."""
+    begins = spline.t[spline.k : -spline.k - 1]
+    powers = range(spline.k, -1, -1)
+    return begins, np.stack([spline(begins, power) / math.factorial(power) for power in powers], axis=-1)
 
 
 def motion_of(pose: Any, rate: Any, acceleration: Any) -> Motion:
@@ -110,14 +124,6 @@ def extrapolated(motion: Motion, ahead: Any) -> Motion:
     return motion_of(
         pose + ahead * rate + (ahead * ahead / 2) * acceleration, rate + ahead * acceleration, acceleration
     )
-
-
-def centre_of(reference: Reference) -> FloatArray:
-    """The pose (6,) about which amplitudes are scaled: a reference's `centre`, or else its first pose."""
-    centre: Any = getattr(reference, "centre", None)
-    if centre is not None:
-        return np.asarray(centre, dtype=float)
-    return np.asarray(np.hstack(reference(np.zeros(1))[:2])[0])
 
 
 def slower(motion: Motion, scale: float | Array) -> Motion:

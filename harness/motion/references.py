@@ -80,6 +80,7 @@ class ReferenceChoice(Kind):
 class AboutPose(ReferenceChoice):
     """A motion about a pose, by default the platform's home pose."""
 
+    defined_until: ClassVar[float] = math.inf
     position: Position | None = None
     orientation: Orientation | None = None
 

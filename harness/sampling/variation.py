@@ -7,7 +7,7 @@ correlated: of correlations a Gaussian copula, of covariances a multivariate nor
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import ceil, log2, prod
 from typing import Annotated, Any, Literal
@@ -56,8 +56,12 @@ class SamplingDesign:
     names: tuple[str, ...]  # of the varied inputs
     sizes: tuple[int, ...]  # the number of columns of each
     groups: tuple[tuple[int, ...], ...] = ()  # of names that count as one in Saltelli's design, by index
+    size: int = field(init=False)  # numbers per member
+    block: int = field(init=False)  # members per point: more than one in Saltelli's design
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "size", sum(self.sizes))
+        object.__setattr__(self, "block", len(self.groups) + 2 if self.sampling == "saltelli" else 1)
         if self.members % self.block:
             # a Sobol' sequence is balanced at powers of two
             near = 2 ** max(0, round(log2(self.members / self.block))) * self.block
@@ -70,16 +74,6 @@ class SamplingDesign:
                 f"a Latin hypercube of {self.members} members with {self.size} numbers each can only be drawn as a "
                 f"whole; expected at most {MOST_OF_A_HYPERCUBE} numbers; use sampling = 'sobol' or 'random'"
             )
-
-    @property
-    def size(self) -> int:
-        """Numbers per member."""
-        return sum(self.sizes)
-
-    @property
-    def block(self) -> int:
-        """Members per point: more than one in Saltelli's design."""
-        return len(self.groups) + 2 if self.sampling == "saltelli" else 1
 
     def points(self, first: int, last: int) -> FloatArray:
         """The points of members first to last − 1 (last − first, size)."""
@@ -354,16 +348,11 @@ def _parsed(value: Any, target: VariedValue, shape: tuple[int, ...]) -> FloatArr
     return np.array(number(value, target.unit or PLAIN))
 
 
-def _scores(u: FloatArray) -> FloatArray:
-    """Φ⁻¹(u)."""
+def normal(u: FloatArray, mean: FloatArray | float = 0.0, deviation: FloatArray | float = 1.0) -> FloatArray:
+    """N(μ, σ²): μ + σ Φ⁻¹(u)."""
     from scipy.special import ndtri  # not needed, and slow, without an ensemble
 
-    return np.asarray(ndtri(u))
-
-
-def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray:
-    """N(μ, σ²): μ + σ Φ⁻¹(u)."""
-    return np.asarray(mean + deviation * _scores(u))
+    return np.asarray(mean + deviation * ndtri(u))
 
 
 def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
@@ -392,7 +381,7 @@ def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
         if not (median > 0).all():
             raise ValueError(f"lognormal has the median {median.tolist()}; expected a median > 0")
         _check_spread(deviation, value, "a deviation of the logarithm > 0")
-        return lambda u: np.asarray(median * np.exp(deviation * _scores(u)))
+        return lambda u: np.asarray(median * np.exp(deviation * normal(u)))
     if kind == "uniform":  # a + (b − a) u
         low, high = numbers
         _check_spread(high - low, value, "the lower bound below the upper one")
@@ -412,7 +401,7 @@ def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
         # near 1, differences of Φ lose digits: in the upper tail use the mirrored distribution
         upper = a > 0
         a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
-        z = _scores(ndtr(a) + v * (ndtr(b) - ndtr(a)))
+        z = normal(ndtr(a) + v * (ndtr(b) - ndtr(a)))
         return np.clip(mean + deviation * np.where(upper, -z, z), low, high)
 
     return truncated

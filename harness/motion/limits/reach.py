@@ -123,10 +123,15 @@ def scale_that_fits(
         def share(factor: float, rows: Motion = rows) -> float:
             return float(shares(rows, factor).max())
 
-        # the share at rest in its poses does not depend on speed
-        factor = factor_that_fits(share) if share(math.inf) <= 1 else None
-        if factor is None:
+        # from 1 on it grows until it fits, at most to a million; at rest in its poses the share is that at any speed
+        if share(math.inf) > 1:
             return None
+        low, high = 1.0, _FIRST
+        while share(high) > _FULL:
+            if high >= _LAST:
+                return None
+            low, high = high, min(high * high, _LAST)
+        factor = _root(share, low, high)
         beyond = np.zeros(1) if decides.all() else shares(motion, factor)
         if beyond.max() <= 1:
             return factor if centre is None else 1 / factor
@@ -146,25 +151,8 @@ def _around_peaks(total: FloatArray) -> NDArray[np.bool_]:
     return chosen
 
 
-def factor_that_fits(share: Callable[[float], float]) -> float | None:
-    """The factor x >= 1 that brings the largest share of all limits down to 1; 1 if it is there already, None if none.
-
-    The factor grows until it fits, at most to a million. The root of log share over log x is then found between that
-    factor and the last one that does not fit, with the exact share at every step; it is infinite where a limit cannot
-    be evaluated.
-    """
-    if share(1.0) <= 1:
-        return 1.0
-    low, high = 1.0, _FIRST
-    while share(high) > _FULL:
-        if high >= _LAST:
-            return None
-        low, high = high, min(high * high, _LAST)
-    return _root(share, low, high)
-
-
 def factor_near(share: Callable[[float], float], guess: float) -> float:
-    """As `factor_that_fits`, from a good initial guess."""
+    """The factor that brings the largest share of all limits down to 1, from a good initial guess."""
     low, high, width = guess, guess, 1e-5
     while share(high) > _FULL and width < 1:
         high *= 1 + width
@@ -177,7 +165,10 @@ def factor_near(share: Callable[[float], float], guess: float) -> float:
 
 
 def _root(share: Callable[[float], float], low: float, high: float) -> float:
-    """The factor at which the share comes down to 1, between one that does not fit and one that does; it fits."""
+    """The factor at which the share comes down to 1, between one that does not fit and one that does; it fits.
+
+    The root of log share over log factor, with the exact share at every step, infinite where a limit has no value.
+    """
 
     def excess(exponent: float) -> float:
         largest = share(math.exp(exponent))

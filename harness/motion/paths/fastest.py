@@ -18,9 +18,9 @@ import numpy as np
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, loads_of_legs
+from gough_stewart.harness.motion.motion import Profile
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.time_law import (
-    AlongPath,
     Averaged,
     Polynomials,
     Stepwise,
@@ -102,7 +102,7 @@ class LegsAlong:
 
         self._spline = CubicSpline(grid, np.stack([self.l, self.k, self.a, self.b, self.c], axis=1))
 
-    def shares(self, limits: DynamicLimits, at: AlongPath) -> FloatArray:
+    def shares(self, limits: DynamicLimits, at: Profile) -> FloatArray:
         """|L̇|, |L̈|, |F| and |F L̇| relative to their limits (4, n, 6), at any points of the path."""
         l, k, a, b, c = np.moveaxis(self._spline(np.clip(at.value, 0.0, 1.0)), 1, 0)
         rate, acceleration = at.rate[:, None], at.acceleration[:, None]
@@ -268,7 +268,7 @@ def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ram
         # how many times as long it has to take to be within the limits at these points
         factor = 1.0
         for _ in range(_MOST_STRETCHES):
-            slower = AlongPath(at.value, at.rate / factor, at.acceleration / factor**2)
+            slower = Profile(at.value, at.rate / factor, at.acceleration / factor**2)
             largest = float(legs.shares(limits, slower).max())
             if largest <= 1 + _ROUNDING:
                 break

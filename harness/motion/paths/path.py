@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, polynomials_of_spline
 from gough_stewart.model.rotations import angles_of, matrix_from_orientation, nearest_angle, orientation_from_matrix
 from gough_stewart.model.vectors import Array, FloatArray, cross, dot, less, skew, where
 
@@ -127,10 +127,7 @@ class GeometricPath:
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
         """Positions and rotation vectors as polynomials: begins (m,), and coefficients (m, 6, k), highest first."""
-        k = self.degree
-        begins = self._spline.t[k : -k - 1]
-        powers = range(k, -1, -1)
-        return begins, np.stack([self._spline(begins, power) / math.factorial(power) for power in powers], axis=-1)
+        return polynomials_of_spline(self._spline)
 
 
 def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:

@@ -6,7 +6,6 @@ It is played and exported as piecewise polynomials, with identical numbers.
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +14,7 @@ from gough_stewart.harness.motion.motion import (
     ROUNDING,
     Motion,
     Piecewise,
+    Profile,
     coordinates_of,
     motion_of,
     quintic,
@@ -41,14 +41,6 @@ SHORT, SHORTEST = 5e-3, 5e-5
 PIECES = 400
 
 
-class AlongPath(NamedTuple):
-    """Path parameter s at n times; each (n,)."""
-
-    value: FloatArray  # s
-    rate: FloatArray  # ṡ [1/s]
-    acceleration: FloatArray  # s̈ [1/s²]
-
-
 class TimeLaw(ABC):
     """From rest at s = 0 to rest at s = 1, where it stays."""
 
@@ -63,8 +55,8 @@ class TimeLaw(ABC):
         return float(self.knots[-1])
 
     @abstractmethod
-    def __call__(self, time: FloatArray) -> AlongPath:
-        """S and its derivatives at times (n,) [s]; at a knot, the acceleration after it."""
+    def __call__(self, time: FloatArray) -> Profile:
+        """S, ṡ [1/s] and s̈ [1/s²] at times (n,) [s]; at a knot, the acceleration after it."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +70,9 @@ class Quintic(TimeLaw):
         """Enough knots that the path bends little between them."""
         return np.linspace(0.0, self.takes, 401)
 
-    def __call__(self, time: FloatArray) -> AlongPath:
+    def __call__(self, time: FloatArray) -> Profile:
         """At times (n,) [s]."""
-        return AlongPath(*quintic(time, self.takes))
+        return quintic(time, self.takes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +98,7 @@ class Stepwise(TimeLaw):
         """The grid's times (m,) [s]."""
         return self._pieces[0]
 
-    def __call__(self, time: FloatArray) -> AlongPath:
+    def __call__(self, time: FloatArray) -> Profile:
         """At times (n,) [s]."""
         times, rates, accelerations = self._pieces
         at = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 1)
@@ -114,7 +106,7 @@ class Stepwise(TimeLaw):
         since = np.where(moves, time - times[at], 0.0)
         rate, acceleration = rates[at] * moves, accelerations[at] * moves
         value = self.grid[at] + since * (rate + since * acceleration / 2)
-        return AlongPath(value, rate + since * acceleration, acceleration)
+        return Profile(value, rate + since * acceleration, acceleration)
 
     def integral(self, time: FloatArray) -> FloatArray:
         """∫ s dt from 0 to times (n,) [s]."""
@@ -143,11 +135,11 @@ class Averaged(TimeLaw):
         knots = self.law.knots
         return np.unique(np.concatenate([knots, knots + self.window]))
 
-    def __call__(self, time: FloatArray) -> AlongPath:
+    def __call__(self, time: FloatArray) -> Profile:
         """At times (n,) [s]: ṡ and s̈ are differences of s₀ and ṡ₀ over the window."""
         now, before = self.law(time), self.law(time - self.window)
         area = self.law.integral(time) - self.law.integral(time - self.window)
-        return AlongPath(
+        return Profile(
             area / self.window, (now.value - before.value) / self.window, (now.rate - before.rate) / self.window
         )
 
@@ -164,10 +156,10 @@ class Stretched(TimeLaw):
         """The other law's knots, scaled."""
         return self.law.knots * self.factor
 
-    def __call__(self, time: FloatArray) -> AlongPath:
+    def __call__(self, time: FloatArray) -> Profile:
         """At times (n,) [s]."""
         at = self.law(time / self.factor)
-        return AlongPath(at.value, at.rate / self.factor, at.acceleration / self.factor**2)
+        return Profile(at.value, at.rate / self.factor, at.acceleration / self.factor**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +202,11 @@ class Polynomials(Piecewise):
             rate = rate * since + value
             value = value * since + self.coefficients[at, :, power]
         return motion_of(value, moves[:, None] * rate, moves[:, None] * (2 * half))
+
+    @property
+    def centre(self) -> FloatArray:
+        """The first pose (6,)."""
+        return np.asarray(self.coefficients[0, :, -1])
 
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:

@@ -100,7 +100,7 @@ class ViaPath(WrittenPoses):
             pivot = home @ pivot
             convention = replace(convention, pivot=tuple(pivot.tolist()))
         if self.file is not None:
-            position, orientation = read_poses(folder / self.file, convention=convention)
+            position, orientation = read_poses(folder / self.file, convention)
         elif convention == OURS:
             position, orientation = poses[:, :3], poses[:, 3:]
         else:

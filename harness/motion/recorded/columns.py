@@ -118,7 +118,33 @@ def columns_of(
             '"NAME [mm]", … }'
         )
     found = {name: heading for name in required if (heading := headings_found[name]) is not None}
-    return _in_units(found, timestamps)
+
+    # their units
+    is_ours = all(
+        _OWN_PREFIX.sub("", heading.name) == quantity
+        for quantity, heading in found.items()
+        if heading.column not in timestamps
+    )
+    columns, without = dict[str, LogColumn](), dict[str, Heading]()
+    for quantity, heading in found.items():
+        kind = quantity.partition("[")[0]
+        if quantity == "time" and heading.column in timestamps:
+            columns[quantity] = LogColumn(heading.column, 1.0)
+            continue
+        if heading.unit is None and not is_ours and kind != "quaternion":
+            without[quantity] = heading
+        try:
+            columns[quantity] = LogColumn(heading.column, heading.factor(_UNITS[kind]))
+        except ValueError as error:
+            raise MotionError(str(error)) from None
+    if without:
+        quantity, lacking = next(iter(without.items()))
+        example = f"{lacking.name} [{_EXAMPLES[quantity.partition('[')[0]]}]"
+        raise MotionError(
+            f"units missing: {', '.join(heading.column for heading in without.values())}; expected them in the header, "
+            f'for instance \'{example}\', or in the reference: columns = {{ "{quantity}" = "{example}", … }}'
+        )
+    return columns
 
 
 def other_headings(header: Sequence[str], chosen: Mapping[str, str]) -> dict[str, Heading]:
@@ -165,31 +191,3 @@ def _chosen(quantity: str, headings: Sequence[Heading], text: str) -> Heading:
             f"columns: {quantity} is '{text}', but the file has '{candidates[0].column}'; expected one unit"
         )
     return candidates[0]._replace(unit=of_file if unit is None else unit)
-
-
-def _in_units(headings: Mapping[str, Heading], timestamps: Collection[str]) -> dict[str, LogColumn]:
-    is_ours = all(
-        _OWN_PREFIX.sub("", heading.name) == quantity
-        for quantity, heading in headings.items()
-        if heading.column not in timestamps
-    )
-    columns, without = dict[str, LogColumn](), dict[str, Heading]()
-    for quantity, heading in headings.items():
-        kind = quantity.partition("[")[0]
-        if quantity == "time" and heading.column in timestamps:
-            columns[quantity] = LogColumn(heading.column, 1.0)
-            continue
-        if heading.unit is None and not is_ours and kind != "quaternion":
-            without[quantity] = heading
-        try:
-            columns[quantity] = LogColumn(heading.column, heading.factor(_UNITS[kind]))
-        except ValueError as error:
-            raise MotionError(str(error)) from None
-    if without:
-        quantity, first = next(iter(without.items()))
-        example = f"{first.name} [{_EXAMPLES[quantity.partition('[')[0]]}]"
-        raise MotionError(
-            f"units missing: {', '.join(heading.column for heading in without.values())}; expected them in the header, "
-            f'for instance \'{example}\', or in the reference: columns = {{ "{quantity}" = "{example}", … }}'
-        )
-    return columns

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, motion_of
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, motion_of, polynomials_of_spline
 from gough_stewart.model.units import UNITS
 from gough_stewart.model.vectors import FloatArray
 
@@ -81,9 +81,7 @@ class FromTable(Piecewise):
     @property
     def pieces(self) -> tuple[FloatArray, FloatArray]:
         """The splines as polynomials: start times (n,) [s], and six each in the time since then (n, 6, 6)."""
-        begins = self._spline.t[_SPLINE_DEGREE : -_SPLINE_DEGREE - 1]
-        powers = range(_SPLINE_DEGREE, -1, -1)
-        return begins, np.stack([self._spline(begins, k) / math.factorial(k) for k in powers], axis=-1)
+        return polynomials_of_spline(self._spline)
 
     @property
     def centre(self) -> FloatArray:

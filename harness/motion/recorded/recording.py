@@ -1,6 +1,7 @@
 """Recorded motions: poses from logs, checked row by row, in SI units, and moved to the home pose of a platform."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -8,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import MotionError, TableError
 from gough_stewart.harness.motion.recorded.columns import LEGS, LogColumn, columns_of
@@ -70,8 +70,8 @@ def read_recording(
         first, since = times_of(table, chosen["time"].name)
         first, since = unit * first, unit * since
         values = _values(table, chosen)
-        rows = without_repeated_rows(since, np.stack(list(values.values()), axis=1), first)
-        since, values = since[rows], {name: column[rows] for name, column in values.items()}
+        rows = without_repeated_rows(since, values, first)
+        since, values = since[rows], values[rows]
         check_increasing(since, first)
 
         steps = np.diff(since)
@@ -84,69 +84,51 @@ def read_recording(
                 f"gap: largest_gap = {steps[k]:.6g}"
             )
 
-        if LEGS[0] not in chosen:
-            pose = _poses(values, convention)
-            if platform is not None and not (columns and isinstance(columns, str)):  # a record's own names
-                how = convention if "orientation[1]" in chosen else replace(convention, rotation_order=QUATERNION)
-                _compare_with_legs(table, columns, rows, platform, pose, how, leg_lengths)
-        elif platform is None:
-            raise MotionError("has leg lengths and no positions; expected poses")  # noqa: TRY301 - named with the file
-        else:
-            lengths = absolute_lengths(platform, _stacked(values, LEGS), leg_lengths)
-            found = poses_of_lengths(platform, lengths)
-            pose = found.position, found.orientation
+        if LEGS[0] in chosen:
+            if platform is None:
+                raise MotionError("has leg lengths and no positions; expected poses")  # noqa: TRY301 - as above
+            found = poses_of_lengths(platform, absolute_lengths(platform, values, leg_lengths))
+            return FromTable(since, found.position, found.orientation), first, unit
+
+        # poses, which must not contradict leg lengths beside them
+        pose = _poses(values, chosen, convention)
+        of_legs = dict[str, LogColumn]()
+        if platform is not None and not (columns and isinstance(columns, str)):  # a record's own names
+            with suppress(MotionError):  # none, or without units
+                of_legs = columns_of(table.columns, columns, timed=False, only_legs=True)
+        if platform is not None and of_legs:
+            lengths = absolute_lengths(platform, _values(table, of_legs)[rows], leg_lengths)
+            how = convention if "orientation[1]" in chosen else replace(convention, rotation_order=QUATERNION)
+            try:
+                check_convention(platform, lengths, *pose, how)
+            except ValueError as error:
+                raise MotionError(str(error)) from error
         return FromTable(since, *pose), first, unit
     except (MotionError, TableError) as error:
         raise MotionError(f"{path}: {error}") from error
 
 
-def _compare_with_legs(
-    table: "polars.DataFrame",
-    columns: Mapping[str, str] | str,  # as chosen for the poses
-    rows: NDArray[np.intp],
-    platform: Platform,
-    pose: tuple[FloatArray, FloatArray],
-    convention: PoseConvention,
-    leg_lengths: LegLengths,
-) -> None:
-    """Refuse poses that contradict the leg lengths beside them, if the file has such columns with units."""
-    try:
-        of_legs = columns_of(table.columns, columns, timed=False, only_legs=True)
-    except MotionError:  # none, or without units
-        return
-    lengths = _stacked(_values(table, of_legs), LEGS)[rows]
-    try:
-        check_convention(platform, absolute_lengths(platform, lengths, leg_lengths), *pose, convention)
-    except ValueError as error:
-        raise MotionError(str(error)) from error
-
-
-def read_poses(
-    path: Path | Traversable, columns: Mapping[str, str] | str = "", convention: PoseConvention = OURS
-) -> tuple[FloatArray, FloatArray]:
+def read_poses(path: Path | Traversable, convention: PoseConvention) -> tuple[FloatArray, FloatArray]:
     """Positions [m] and orientations [rad], each (n, 3), from a CSV or Parquet file, ignoring times."""
     try:
         table = read_table(path, "reference")
-        chosen = columns_of(table.columns, columns, timed=False)
+        chosen = columns_of(table.columns, timed=False)
         if LEGS[0] in chosen:
             raise MotionError("has leg lengths and no positions; expected poses")  # noqa: TRY301 - named with the file
-        return _poses(_values(table, chosen), convention)
+        return _poses(_values(table, chosen), chosen, convention)
     except (MotionError, TableError) as error:
         raise MotionError(f"{path}: {error}") from error
 
 
-def _values(table: "polars.DataFrame", columns: Mapping[str, LogColumn]) -> dict[str, FloatArray]:
-    return {name: column.factor * numbers_of(table, column.name) for name, column in columns.items() if name != "time"}
+def _values(table: "polars.DataFrame", columns: Mapping[str, LogColumn]) -> FloatArray:
+    """The columns (n, k) but for the time, in SI units."""
+    numbers = [column.factor * numbers_of(table, column.name) for name, column in columns.items() if name != "time"]
+    return np.stack(numbers, axis=1)
 
 
-def _stacked(values: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
-    return np.stack([values[name] for name in names], axis=1)
-
-
-def _poses(values: Mapping[str, FloatArray], convention: PoseConvention) -> tuple[FloatArray, FloatArray]:
-    names = list(values)
-    position, turning = _stacked(values, names[:3]), _stacked(values, names[3:])
-    kind = names[3].partition("[")[0]
+def _poses(values: FloatArray, columns: Iterable[str], convention: PoseConvention) -> tuple[FloatArray, FloatArray]:
+    position, turning = values[:, :3], values[:, 3:]
+    kind = list(columns)[-1].partition("[")[0]
     if convention == OURS:
         return position, orientation_from(kind, turning)
     return converted(position, turning, kind, convention)

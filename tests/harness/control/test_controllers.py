@@ -189,8 +189,8 @@ def test_an_anti_windup_faster_than_the_samples_is_refused() -> None:
     rest: dict[str, Any] = {"proportional_gain": KP, "derivative_gain": KD, **times}
     with pytest.raises(GoughStewartError, match=r"is 0.001 s; expected at least the sample_time of 0.002"):
         gs.PID(integral_gain=[0, 0, 0.5, 0, 0, 0], **rest).controller(UNEVEN, T)
-    assert gs.PID(integral_gain=KI, **{**rest, "anti_windup_time": T}).controller(UNEVEN, T).system.ninputs == 18
-    assert gs.PID(integral_gain=0, **rest).controller(UNEVEN, T).system.ninputs == 12
+    assert gs.PID(integral_gain=KI, **{**rest, "anti_windup_time": T}).controller(UNEVEN, T).system.B.shape[1] == 18
+    assert gs.PID(integral_gain=0, **rest).controller(UNEVEN, T).system.B.shape[1] == 12
 
 
 @pytest.mark.parametrize("derivative_on", ["error", "measurement"])

@@ -49,6 +49,7 @@ def test_signals_have_the_interfaces_names(paper: Platform) -> None:
     assert plant.input_labels[6] == "external_force[1]"
     assert plant.output_labels[-2:] == ["leg_length[6]", "kinetic_energy"]
     assert linear.output_labels == [f"leg_length[{k}]" for k in range(1, 7)]
+    assert linearise(paper, outputs=iter(["leg_length"])).output_labels == linear.output_labels
     assert (linear.state_labels, linear.input_labels) == (plant.state_labels, plant.input_labels)
     assert plant.name == linear.name == "plant"
     with pytest.raises(GoughStewartError, match=r"leg_lenght: is not a result.*did you mean 'leg_length'"):

@@ -13,14 +13,19 @@ from gough_stewart.harness.control.loop_margins import (
     response,
     scaled_norm,
 )
-from gough_stewart.harness.control.state_space import matrices_of
+from gough_stewart.harness.control.state_space import StateSpace
 
 T = 1e-3
 
 
+def plain(system: Any) -> StateSpace:
+    """A system of python-control as its matrices."""
+    return StateSpace(system.A, system.B, system.C, system.D, float(system.dt or 0.0))
+
+
 def margins_of(*channels: Any) -> Margins:
     """Of transfer functions or systems beside each other."""
-    return loop_margins(matrices_of(control.append(*map(control.ss, channels))))
+    return loop_margins(plain(control.append(*map(control.ss, channels))))
 
 
 def of_legs(margins: Margins, name: str) -> list[float]:
@@ -129,9 +134,9 @@ def test_a_loop_in_one_direction_has_its_closed_form_with_few_and_with_many_stat
     s = control.tf("s")
     more = control.series(*[control.ss((s + 7) / (s + 7))] * cancelled) if cancelled else 1
     channels = control.append(*[control.series(control.ss(2 / (s + 1) ** 3), more)] * 6)
-    loop = matrices_of(control.series(control.ss([], [], [], np.outer(b, c)), channels))
+    loop = plain(control.series(control.ss([], [], [], np.outer(b, c)), channels))
     margins = loop_margins(loop)
-    assert loop.nstates == 18 + 6 * cancelled
+    assert len(loop.A) == 18 + 6 * cancelled
     assert of_legs(margins, "gain_up") == pytest.approx(3 / (b * c) + 1, rel=1e-6)
     assert of_legs(margins, "gain_up_at") == pytest.approx([np.sqrt(3) / (2 * np.pi)] * 6, rel=1e-6)
     assert margins.common.gain_up == pytest.approx(4, rel=1e-6)
@@ -240,7 +245,7 @@ def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> Non
     rng = np.random.default_rng(8)
     A = rng.normal(size=(90, 90))
     A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
-    loop = matrices_of(control.ss(A, *(rng.normal(size=size) for size in ((90, 6), (6, 90), (6, 6))), T))
+    loop = plain(control.ss(A, *(rng.normal(size=size) for size in ((90, 6), (6, 90), (6, 6))), T))
     omega = np.geomspace(1, 3000, count)
     expected = [loop.C @ np.linalg.solve(np.exp(1j * w * T) * np.eye(90) - A, loop.B) + loop.D for w in omega]
     assert np.abs(response(loop, omega) - expected).max() < 1e-10 * np.abs(expected).max()

@@ -45,10 +45,10 @@ def eigenvalue(
         B = np.concatenate([np.zeros((12, 6)), np.eye(6) / lag])
         C = np.concatenate([C, np.zeros((len(C), 6))], axis=1)
     plant = control.c2d(control.ss(A, B, C, np.zeros((len(C), 6))), T)
-    n, m, k = len(plant.A), len(C), K.nstates
+    n, m, k = len(plant.A), len(C), len(K.A)
     # of errors −y, or of references 0 and measurements y
     of_y = slice(0, m), -1.0
-    if K.ninputs > m:
+    if K.B.shape[1] > m:
         of_y = slice(m, 2 * m), 1.0
     Bc, Dc = of_y[1] * K.B[:, of_y[0]], of_y[1] * K.D[:, of_y[0]]
     Cc = K.C
