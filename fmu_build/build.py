@@ -14,7 +14,7 @@ from itertools import repeat
 from pathlib import Path
 from threading import Event
 
-from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
+from gough_stewart.fmu_build.cache import BuildError, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
 from gough_stewart.fmu_build.mjcf import mjcf
@@ -23,7 +23,7 @@ from gough_stewart.fmu_build.sources import model_source, sources, standard_head
 from gough_stewart.fmu_build.toolchain import FLAGS, Library, Target, chosen_names, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.installed import prebuilt_content
+from gough_stewart.model.process.installed import prebuilt
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
@@ -124,9 +124,8 @@ def unit_archives(
     archives = dict[str, bytes]()
 
     def library(target: Target, version: str, block: bytes) -> bytes:
-        content = prebuilt_content(f"{target.name}/{code.name}", code.state)
-        if content is None:
-            content = code.kept(target, stop, compiler_of(target)).read_bytes()
+        carried = prebuilt(f"{target.name}/{code.name}", code.state)
+        content = code.kept(target, stop, compiler_of(target)).read_bytes() if carried is None else carried.content
         content = stamped(content, blank, block)
         report(f"FMI {version}: {target.name}")
         return content
@@ -190,7 +189,7 @@ def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[s
 def unit_library(component: UnitComponent) -> Library:
     """The description of the library of all units of a component's code, without start values and tokens."""
     code = sources(component)
-    state = digest_of(f"{FLAGS}{digest_of_texts(code.files)}".encode())[:24]
+    state = sha256(f"{FLAGS}{digest_of_texts(code.files)}".encode()).hexdigest()[:24]
     return Library(component.identifier, lambda: code, state)
 
 

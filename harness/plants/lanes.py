@@ -55,7 +55,7 @@ class LaneArrays:
 
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
-        n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        n_states, n_parameters = variant.n_states, variant.n_parameters
         self._rows = {name: rows.ravel() for name, rows in interface.places(variant.parameters).items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
