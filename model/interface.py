@@ -217,10 +217,6 @@ class Inputs(NamedTuple):
         """Split a (..., 12) vector."""
         return cls(u[..., :6], u[..., 6:9], u[..., 9:])
 
-    def to_vector(self) -> Array:
-        """Join to a (..., 12) vector; leading axes broadcast."""
-        return concatenate(self)
-
 
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
     """Start values for a `Platform` by name, each in its shape; without computed variables, which have none."""

@@ -20,7 +20,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gough_stewart.fmu_build.cache import BuildError
-from gough_stewart.fmu_build.codegen import Types, function_source
+from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
 from gough_stewart.harness.control.component import TRANSFER_TIME
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
@@ -304,7 +304,7 @@ def _function(function: casadi.Function, arrays: frozenset[str]) -> str:
         lines.append(f"  (void){variable};")
     arguments = [context] if context else [f"const real {key}[]" for key in inputs]
     arguments += [f"real {key}[]" for key in outputs]
-    body = function_source(function, "", Types("real", call="REAL({})"), conditions=True).partition("{\n")[2]
+    body = function_source(function, "", "real", call="REAL({})", conditions=True).partition("{\n")[2]
     text = "\n".join([f"\nstatic void {name}({', '.join(arguments)})", "{", *lines, body])
     return re.sub(r"\btrue\b", "exact", text)  # a word of C++
 
