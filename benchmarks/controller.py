@@ -51,7 +51,7 @@ def step_times(folder: Path, real: str) -> tuple[float, float]:
     command = [*ZIG, "-target", native().triple, *flags, *defines, *files, "-o", "timer", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     case = paper_case()
-    start = [case.start.to_vector(), case.inputs.to_vector(), parameter_vector(case.platform)]
+    start = [case.start.to_vector(), np.concatenate(case.inputs), parameter_vector(case.platform)]
     first = np.loadtxt(folder / "measured.txt")
     numbers = "\n".join(repr(float(v)) for v in np.concatenate([*start, first]))
     done = subprocess.run([folder / "timer", "1000"], input=numbers, capture_output=True, text=True, check=True)

@@ -45,7 +45,7 @@ def compiled_timer(folder: Path) -> Path:
 def main() -> int:
     """Measure, print the table, and report missed targets."""
     case = paper_case()
-    x, u, p = case.start.to_vector(), case.inputs.to_vector(), parameter_vector(case.platform)
+    x, u, p = case.start.to_vector(), np.concatenate(case.inputs), parameter_vector(case.platform)
     k = Kernel()
     engine = PinocchioPlatform(case.platform, case.start, case.inputs)
     quaternion = pinocchio.SE3.Identity()

@@ -14,16 +14,16 @@ from itertools import repeat
 from pathlib import Path
 from threading import Event
 
-from gough_stewart.fmu_build.cache import BuildError, digest_of, digest_of_texts
+from gough_stewart.fmu_build.cache import BuildError, digest_of_texts
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
 from gough_stewart.fmu_build.mjcf import mjcf
-from gough_stewart.fmu_build.plant.plant_component import PLANT_STEM, plant_component
+from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_headers, start_block
 from gough_stewart.fmu_build.toolchain import FLAGS, Library, Target, chosen_names, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.installed import prebuilt_content
+from gough_stewart.model.process.installed import prebuilt
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
@@ -104,7 +104,7 @@ def build_units(
     """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; see `build` for arguments and errors."""
     folder, extra, systems = Path(out), extra_files or {}, chosen_targets(targets)
     versions = () if fmi is None else chosen_names("FMI version", fmi, VERSIONS)
-    check_output_folder(folder, [*extra, *(file_name(version, component.file_stem) for version in versions)])
+    check_output_folder(folder, [*extra, *(f"{component.file_stem}_fmi{version[0]}.fmu" for version in versions)])
     contents = {**unit_archives(component, versions, systems, progress), **extra}
     write_files(folder, contents)
     return [folder / name for name in contents]
@@ -124,9 +124,8 @@ def unit_archives(
     archives = dict[str, bytes]()
 
     def library(target: Target, version: str, block: bytes) -> bytes:
-        content = prebuilt_content(f"{target.name}/{code.name}", code.state)
-        if content is None:
-            content = code.kept(target, stop, compiler_of(target)).read_bytes()
+        carried = prebuilt(f"{target.name}/{code.name}", code.state)
+        content = code.kept(target, stop, compiler_of(target)).read_bytes() if carried is None else carried.content
         content = stamped(content, blank, block)
         report(f"FMI {version}: {target.name}")
         return content
@@ -154,7 +153,7 @@ def unit_archives(
                 files[f"binaries/darwin64/{name}.dylib"] = universal_binary(apple)
             if arm := files.get(f"binaries/aarch64-linux/{name}.so"):
                 files.setdefault(f"binaries/linux64/{name}.so", arm)
-        archives[file_name(version, component.file_stem)] = to_zip(files)
+        archives[f"{component.file_stem}_fmi{version[0]}.fmu"] = to_zip(files)
     return archives
 
 
@@ -190,18 +189,13 @@ def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[s
 def unit_library(component: UnitComponent) -> Library:
     """The description of the library of all units of a component's code, without start values and tokens."""
     code = sources(component)
-    state = digest_of(f"{FLAGS}{digest_of_texts(code.files)}".encode())[:24]
+    state = sha256(f"{FLAGS}{digest_of_texts(code.files)}".encode()).hexdigest()[:24]
     return Library(component.identifier, lambda: code, state)
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
     """Number of progress reports of `build_units`."""
     return len(chosen_names("FMI version", fmi, VERSIONS)) * (1 + len(chosen_targets(targets)))
-
-
-def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:
-    """`STEM_fmi2.fmu` or `STEM_fmi3.fmu`."""
-    return f"{stem}_fmi{fmi_version[0]}.fmu"
 
 
 def to_zip(contents: Mapping[str, bytes]) -> bytes:

@@ -3,10 +3,11 @@
 Also the errors of the build.
 """
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from importlib import resources
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -49,47 +50,35 @@ def kept(path: Path, make: Callable[[], bytes]) -> Path:
     Several processes may create it at the same time if its content is deterministic, since it is written atomically.
     `BuildError` if it differs from what was written, `OSError` if the cache cannot be written.
     """
-    digest = path.with_name(f"{path.name}.sha256")
-
-    def is_whole() -> bool:
-        try:
-            return digest.read_bytes() == digest_of(path.read_bytes()).encode()
-        except OSError:
-            return False
-
-    if not is_whole():
-        content = make()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, content)
-            write_whole(digest, digest_of(content).encode())
-        except OSError as error:
-            raise type(error)(
-                error.errno,
-                f"the cache cannot be written ({error.strerror}); set XDG_CACHE_HOME to a writable folder",
-                str(path.parent),
-            ) from error
-        if not is_whole():
-            raise BuildError(
-                f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space"
-            )
-    return path
-
-
-def digest_of(content: bytes) -> str:
-    """SHA-256 in hexadecimal."""
-    return hashlib.sha256(content).hexdigest()
+    digest_file = path.with_name(f"{path.name}.sha256")
+    for is_new in (False, True):
+        with suppress(OSError):
+            if digest_file.read_bytes() == sha256(path.read_bytes()).hexdigest().encode():
+                return path
+        if not is_new:
+            content = make()
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_whole(path, content)
+                write_whole(digest_file, sha256(content).hexdigest().encode())
+            except OSError as error:
+                raise type(error)(
+                    error.errno,
+                    f"the cache cannot be written ({error.strerror}); set XDG_CACHE_HOME to a writable folder",
+                    str(path.parent),
+                ) from error
+    raise BuildError(f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space")
 
 
 def digest_of_texts(files: Mapping[str, str]) -> str:
     """Digest of files by name, such as the C of a library."""
-    return digest_of("".join(f"{name}\0{text}\0" for name, text in sorted(files.items())).encode())
+    return sha256("".join(f"{name}\0{text}\0" for name, text in sorted(files.items())).encode()).hexdigest()
 
 
 def state_of_files(*packages: tuple[str, ...]) -> str:
     """Digest of some source files: each package's name, followed by those of its files."""
     texts = (resources.files(package).joinpath(name).read_bytes() for package, *names in packages for name in names)
-    return digest_of(b"".join(texts))
+    return sha256(b"".join(texts)).hexdigest()
 
 
 @cache
@@ -97,4 +86,4 @@ def state_of_sources() -> str:
     """Digest of all source files of FMUs and of the versions of the packages that build them."""
     installed = {name for name in _PACKAGES if find_spec(name.replace("-", "_")) is not None}
     versions = "".join(f"{name} {version(name) if name in installed else 'not installed'}\n" for name in _PACKAGES)
-    return digest_of(f"{versions}{state_of_texts()}".encode())[:24]
+    return sha256(f"{versions}{state_of_texts()}".encode()).hexdigest()[:24]

@@ -2,8 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import casadi
 import numpy as np
@@ -71,36 +70,21 @@ _TRUTHS = (
 )
 
 
-class Types(NamedTuple):
-    """The C types of a function: `real` for its arithmetic, `exceptions` of inputs and outputs that differ from it."""
-
-    real: str = "double"
-    exceptions: Mapping[str, str] = {}
-    # how a function of the C library is called in this arithmetic, from its name for double
-    call: str = "{}"
-
-    def __call__(self, name: str) -> str:
-        """The type of an input or output."""
-        return self.exceptions.get(name, self.real)
-
-    def cast(self, name: str, *, to_real: bool) -> str:
-        """The cast before a value that is read or written."""
-        return "" if self(name) == self.real else f"({self.real if to_real else self(name)})"
-
-
 def function_source(
     function: casadi.Function,
     declarator: str = "void kernel_",
-    types: Types = Types(),  # noqa: B008 - a tuple
+    real: str = "double",
     *,
+    call: str = "{}",
     conditions: bool = False,
     reciprocals: bool = True,
 ) -> str:
     """One CasADi SX Function as `void kernel_NAME(const double in0[], …, double out0[], …)`.
 
-    Literals are cast to the type of the arithmetic. With `conditions` conditional expressions are allowed, whose cost
-    does not depend on the condition; with `reciprocals` repeated divisions become multiplications, which are rounded
-    otherwise. `RuntimeError` if CasADi's code has a construct that is not known to be straight-line arithmetic.
+    `real` is the type of all numbers, to which literals are cast, and `call` how a function of the C library is called,
+    from its name. With `conditions` conditional expressions are allowed, whose cost does not depend on the condition;
+    with `reciprocals` repeated divisions become multiplications, which are rounded otherwise. `RuntimeError` if
+    CasADi's code has a construct that is not known to be straight-line arithmetic.
     """
     generator = casadi.CodeGenerator("kernel", {"with_export": False})
     generator.add(function)
@@ -110,26 +94,24 @@ def function_source(
     inputs, outputs = function.name_in(), function.name_out()
     # a name may be an input of one function and an output of another, but not both in one function
     body = bodies[0][1]
-    if types.real != "double":
-        body = re.sub(_LITERAL, rf"(({types.real})\g<0>)", body)
+    if real != "double":
+        body = re.sub(_LITERAL, rf"(({real})\g<0>)", body)
 
     for k, name in enumerate(inputs):
-        value = f"{types.cast(name, to_real=True)}{name}"
-        body = re.sub(rf"arg\[{k}\]\? arg\[{k}\]\[([0-9]+)\] : 0", rf"{value}[\1]", body)
+        body = re.sub(rf"arg\[{k}\]\? arg\[{k}\]\[([0-9]+)\] : 0", rf"{name}[\1]", body)
     for k, name in enumerate(outputs):
-        cast = types.cast(name, to_real=False)
-        body = re.sub(rf"if \(res\[{k}\]!=0\) res\[{k}\]\[([0-9]+)\]=", rf"{name}[\1]={cast}", body)
-    body = body.replace("casadi_real", types.real)
-    body = body.replace("casadi_inf", "HUGE_VAL" if types.real == "double" else f"(({types.real})HUGE_VAL)")
+        body = re.sub(rf"if \(res\[{k}\]!=0\) res\[{k}\]\[([0-9]+)\]=", rf"{name}[\1]=", body)
+    body = body.replace("casadi_real", real)
+    body = body.replace("casadi_inf", "HUGE_VAL" if real == "double" else f"(({real})HUGE_VAL)")
     body = body.replace("casadi_sq(", "sq(").replace("casadi_sign(", "sign(")
     for truth, compared in _TRUTHS:
         body = truth.sub(compared, body)
-    body = _CALL.sub(lambda match: types.call.format(match[1]), body)
-    body = with_reciprocals(body, types.real) if reciprocals else body
+    body = _CALL.sub(lambda match: call.format(match[1]), body)
+    body = with_reciprocals(body, real) if reciprocals else body
     leftover = re.search(r"casadi|\barg\b|\bres\b|\biw\b|\bif\b" + ("" if conditions else r"|\?"), body)
     if leftover:
         raise RuntimeError(f"{function.name()}: unknown construct '{leftover[0]}' in the generated code")
-    arguments = [f"const {types(name)} {name}[]" for name in inputs] + [f"{types(name)} {name}[]" for name in outputs]
+    arguments = [f"const {real} {name}[]" for name in inputs] + [f"{real} {name}[]" for name in outputs]
     return f"\n{declarator}{function.name()}({', '.join(arguments) or 'void'})\n{{\n{body}\n}}\n"
 
 
@@ -186,10 +168,9 @@ _KERNEL = "static __attribute__((noinline)) void kernel_"
 def in_lanes(function: casadi.Function, declarator: str = _KERNEL, *, exact: bool = False, call: str = "{}") -> str:
     """The C source of a CasADi Function on vectors of members; see `function_source` for errors.
 
-    With `exact` divisions and roots are rounded as NumPy's, without it divisors must be finite; `call` is how a
-    function of the C library is called, from its name.
+    With `exact` divisions and roots are rounded as NumPy's, without it divisors must be finite.
     """
-    text = function_source(function, declarator, Types("lanes", call=call), conditions=True, reciprocals=not exact)
+    text = function_source(function, declarator, "lanes", call=call, conditions=True, reciprocals=not exact)
     for scalar, vector in (*(_ROOTS if exact else _RECIPROCALS), *_ON_VECTORS):
         text = re.sub(scalar, vector, text)
     if leftover := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):

@@ -16,15 +16,13 @@ import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gough_stewart.fmu_build.cache import (
-    COMPILER,
     BuildError,
     cache_folder,
-    check_installed,
-    digest_of,
     digest_of_texts,
     kept,
     state_of_sources,
@@ -34,15 +32,13 @@ from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, Library, Target, compiler_of, native
 from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.kernel import new_block, processor_level
+from gough_stewart.model.kernel import kernel_library, new_block
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.installed import prebuilt_content, state_of_texts
+from gough_stewart.model.process.installed import prebuilt, state_of_texts
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8
 _NATIVE = "-mcpu=native"
-# Of x86-64 [x86-64 psABI, 3.1.1], by level: with AVX2, as nearly all since 2013, and with AVX-512.
-_LEVELS = {3: "-mcpu=x86_64_v3", 4: "-mcpu=x86_64_v4"}
 VECTOR_FLAGS = (
     *("-O3", _NATIVE, "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
     # fused operations are the same for all members; NaN is kept, since the checks look for it
@@ -80,19 +76,21 @@ class LanesLibrary(NamedTuple):
 
 def vector_library(name: str, sources: Callable[[], Sources], state: str = "", variant: Variant = IDEAL) -> Library:
     """A library in vectors of members; `state` is a digest of sources outside of this package."""
-    whole_state = digest_of(f"{state_of_texts()}\n{state}".encode())
+    whole_state = sha256(f"{state_of_texts()}\n{state}".encode()).hexdigest()
     return Library("-".join([name, *variant.parts]), sources, whole_state, VECTOR_FLAGS)
 
 
 def machine_code(library: Library) -> LanesLibrary:
     """A library in vectors for this processor, which came with the package, or is in the cache, or is compiled."""
-    target, most = native(), processor_level() or 0
-    # level 0: also of a wheel that was made for the processor at hand
-    for level in (0, *(level for level in (4, 3) if level <= most)):
-        content = prebuilt_content(carried_name(target, library.name, level), library.state)
-        if content is None:
+    target, kernel = native(), kernel_library()
+    # of x86-64, 1 to 4; 0 on others, and if it is not known
+    highest = 0 if kernel is None else int(kernel.processor_level())
+    # without a level: also of a wheel that was made for the processor at hand
+    for level in ("", *(f"-v{level}" for level in (4, 3) if level <= highest)):
+        carried = prebuilt(f"{target.name}/{library.name}{level}", library.state)
+        if carried is None:
             continue
-        digest = digest_of(content)
+        content, digest = carried.content, sha256(carried.content).hexdigest()
         try:
             place = cache_folder() / "unpacked" / digest[:24] / f"{library.name}{target.suffix}"
             path = kept(place, lambda content=content: content)  # type: ignore[misc]
@@ -100,30 +98,36 @@ def machine_code(library: Library) -> LanesLibrary:
             path = Path(_own_folder().name, f"{library.name}-{digest[:24]}{target.suffix}")
             write_whole(path, content)
         if _loads(path):
-            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest[:16]]
+            words = [target.name, *([f"x86-64{level}"] if level else []), digest[:16]]
             return LanesLibrary(path, " ".join(words))
-    check_installed(COMPILER)
-    processor = _processor()
+
+    # machine code depends on model and features of the processor
+    processor = f"{platform.machine()} {platform.processor()}"
+    cpuinfo = Path("/proc/cpuinfo")
+    if platform.system() == "Darwin":
+        command = ["sysctl", "-n", "machdep.cpu.brand_string"]
+        processor = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    elif cpuinfo.exists():
+        lines = (line.partition(":") for line in cpuinfo.read_text(encoding="utf-8").split("\n\n")[0].splitlines())
+        stated = ((name.strip(), value.strip()) for name, _, value in lines)
+        processor = "\n".join(f"{name}: {value}" for name, value in stated if name in _PROCESSOR)
     path = library.kept(target, processor=f"{state_of_sources()}\n{processor}")
     words = [name for name in _VECTOR_SETS if name in set(processor.split())]
-    return LanesLibrary(path, " ".join([target.name, *words, digest_of(path.read_bytes())[:16]]))
+    return LanesLibrary(path, " ".join([target.name, *words, sha256(path.read_bytes()).hexdigest()[:16]]))
 
 
-def flags_by_level(target: Target) -> dict[int, tuple[str, ...]]:
+def flags_by_level(target: Target) -> dict[str, tuple[str, ...]]:
     """The compiler's flags for the levels of processors of a target for which a wheel has machine code.
 
-    Levels are those of `kernel.processor_level`; level 0 is for all processors of a target. Those that compute
-    ensembles with AVX-512 run Linux; Apple's systems enable it late in a process, if at all.
+    By the ending of the library's name: of x86-64 [x86-64 psABI, 3.1.1] "-v3", with AVX2, as nearly all since 2013, and
+    "-v4", with AVX-512; "" for all processors of a target. Those that compute ensembles with AVX-512 run Linux; Apple's
+    systems enable it late in a process, if at all.
     """
     general = tuple(flag for flag in VECTOR_FLAGS if flag != _NATIVE)
     if not target.name.startswith("x86_64"):
-        return {0: general}
-    return {level: (_LEVELS[level], *general) for level in ((3, 4) if target.suffix == ".so" else (3,))}
-
-
-def carried_name(target: Target, name: str, level: int) -> str:
-    """The name of machine code in the manifest of prebuilt files."""
-    return f"{target.name}/{name}{f'-v{level}' if level else ''}"
+        return {"": general}
+    levels = (3, 4) if target.suffix == ".so" else (3,)
+    return {f"-v{level}": (f"-mcpu=x86_64_v{level}", *general) for level in levels}
 
 
 @cache
@@ -143,20 +147,6 @@ def _loads(path: Path) -> bool:
     return True
 
 
-@cache
-def _processor() -> str:
-    """Model and features of the processor, on which the machine code depends."""
-    try:
-        first = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0]
-    except OSError:
-        if platform.system() != "Darwin":
-            return f"{platform.machine()} {platform.processor()}"
-        command = ["sysctl", "-n", "machdep.cpu.brand_string"]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    lines = (line.partition(":") for line in first.splitlines())
-    return "\n".join(f"{name.strip()}: {value.strip()}" for name, _, value in lines if name.strip() in _PROCESSOR)
-
-
 # ---- many platforms, and their loop ---------------------------------------------------------------------------------
 
 
@@ -174,10 +164,10 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
     plant, legs = c_folder("plant"), function_source(traced_function("legs", variant))
     functions = [traced_function(name, variant) for name in ("derivatives", "outputs", "posed")]
     sizes = {
-        "N_STATES": interface.size_of(variant.states),
+        "N_STATES": variant.n_states,
         "N_INPUTS": interface.N_INPUTS,
-        "N_PARAMETERS": interface.size_of(variant.parameters),
-        "N_RESULTS": interface.size_of(variant.results),
+        "N_PARAMETERS": variant.n_parameters,
+        "N_RESULTS": variant.n_results,
         "N_SIGNALS": interface.N_SIGNALS,
     }
     if not variant.parts:
@@ -232,7 +222,9 @@ def law_library(function: Any) -> LanesLibrary:
     called = sorted(set(re.findall(r"\beach_(\w+)\(", text)))
     loops = "\n".join(f"{'OF_TWO' if name in _OF_TWO else 'OF_ONE'}({name})" for name in called)
     sources = _on_vectors("law", "law_step.h", f"{GENERATED}\n{sizes}\n\n{loops}\n{text}")
-    return machine_code(vector_library("law", lambda: sources, digest_of(sources.headers["law_step.h"].encode())))
+    return machine_code(
+        vector_library("law", lambda: sources, sha256(sources.headers["law_step.h"].encode()).hexdigest())
+    )
 
 
 class FoldKernel(NamedTuple):

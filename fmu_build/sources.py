@@ -15,7 +15,7 @@ from textwrap import fill
 
 from gough_stewart.fmu_build.cache import RUNNER, BuildError
 from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, Layout, Role, Sources, UnitComponent
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, size_of
+from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.platform import LARGEST_NUMBER
 
 GENERATED = "/* Generated from the table of variables: do not edit. */"
@@ -82,13 +82,13 @@ def model_header(component: UnitComponent) -> str:
         starts[name] = f"(START.numbers + {count})" if is_vector else f"START.numbers[{count}]"
         count += len(numbers)
     n_inputs, n_states = len(values["START_INPUTS"]), len(values["START_STATES"])
-    n_results = size_of(row.variable for row in before_time.of_role(Role.STATE, Role.RESULT))
+    n_results = sum(row.variable.size for row in before_time.of_role(Role.STATE, Role.RESULT))
     parameters = layout.of_role(*PARAMETER_ROLES)
     later = [row.first for row in parameters if row.first > time.first and row.variable.name not in component.settings]
     sizes = {
         "N_INPUTS": n_inputs,
         "N_STATES": n_states,
-        "N_OUTPUTS": size_of(row.variable for row in before_time.outputs()),
+        "N_OUTPUTS": sum(row.variable.size for row in before_time.outputs()),
         "N_RESULTS": n_results,
         "N_PARAMETERS": len(values["START_PARAMETERS"]),
         "N_SLOTS": layout.rows[-1].slots.stop,
@@ -100,8 +100,10 @@ def model_header(component: UnitComponent) -> str:
         "FIRST_STATE": n_inputs,
         "FIRST_RESULT": n_inputs,
         "FIRST_PARAMETER": n_inputs + n_results,
-        "N_OLDER_PARAMETERS": size_of(
-            row.variable for row in before_time.of_role(*PARAMETER_ROLES) if row.variable.name not in component.settings
+        "N_OLDER_PARAMETERS": sum(
+            row.variable.size
+            for row in before_time.of_role(*PARAMETER_ROLES)
+            if row.variable.name not in component.settings
         ),
         "FIRST_LATER_PARAMETER": min(later, default=sizes["N_SLOTS"]),
         "FIRST_DERIVATIVE": time.first - n_states,

@@ -16,16 +16,17 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
 from typing import IO, Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of, digest_of_texts, kept
+from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of_texts, kept
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.installed import this_machine
+from gough_stewart.model.process.installed import NOT_INSTALLED, THIS_MACHINE
 
 try:
     import fcntl
@@ -71,10 +72,11 @@ WEB_ASSEMBLY = Target("WebAssembly", "wasm32-wasi", "", ".wasm")
 
 def native() -> Target:
     """The target of this machine; `BuildError` if it is not among the targets."""
-    name = this_machine()
-    if name not in BY_NAME:
-        raise BuildError(f"this machine is {name}; expected one of {', '.join(BY_NAME)}; choose targets by name")
-    return BY_NAME[name]
+    if THIS_MACHINE not in BY_NAME:
+        raise BuildError(
+            f"this machine is {THIS_MACHINE}; expected one of {', '.join(BY_NAME)}; choose targets by name"
+        )
+    return BY_NAME[THIS_MACHINE]
 
 
 def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
@@ -135,14 +137,14 @@ class Compiler(NamedTuple):
 def zig() -> Compiler:
     """The compiler of the extra `compile`; `BuildError` if it is not installed."""
     if find_spec(COMPILER) is None:
-        raise BuildError(f"not installed: {COMPILER} (to compile); install the extra: {_REMEDY}")
+        raise BuildError(NOT_INSTALLED.format(f"{COMPILER} (to compile)"))
     command = (sys.executable, "-m", COMPILER, "cc")
     return Compiler(command, f"{COMPILER} {version(COMPILER)} {_UNORDERED}", is_zig=True)
 
 
 def compiler_of(target: Target) -> Compiler:
     """The compiler of a unit for a target; `BuildError` if `CC` names no program, or there is none."""
-    words, is_here = shlex.split(os.environ.get("CC", "")), target.name == this_machine()
+    words, is_here = shlex.split(os.environ.get("CC", "")), target.name == THIS_MACHINE
     if is_here and words:
         path = shutil.which(words[0])
         if path is None:
@@ -231,7 +233,7 @@ class Library:
     ) -> Path:
         """The file of the library, cached or compiled, see `cache.kept`; `processor` if it is for one only."""
         compiler = compiler or zig()
-        key = digest_of("\n".join([self.state, *self.flags, compiler.identity, processor]).encode())[:24]
+        key = sha256("\n".join([self.state, *self.flags, compiler.identity, processor]).encode()).hexdigest()[:24]
         path = cache_folder() / self.name / f"{key}-{target.name}" / f"{self.name}{target.suffix}"
         return kept(path, lambda: self.compiled(target, stop, compiler))
 

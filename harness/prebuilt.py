@@ -27,7 +27,6 @@ from gough_stewart.fmu_build.cache import COMPILER, check_installed
 from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.libraries import (
     VECTOR_FLAGS,
-    carried_name,
     flags_by_level,
     kernel_code,
     lanes_code,
@@ -85,13 +84,13 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
         unit = unit_library(plant_component(load_preset("liu2000")))
         name = f"{target.name}/{unit.name}"
         yield not_loaded_in_place(name + target.suffix, {name: unit.state}, partial(unit.compiled, target))
-        levels = {0: VECTOR_FLAGS} if only_here else flags_by_level(target)
+        levels = {"": VECTOR_FLAGS} if only_here else flags_by_level(target)
         for level, flags in levels.items():
             for library in (loop_code(), folds_code()):
-                name = carried_name(target, library.name, level)
+                name = f"{target.name}/{library.name}{level}"
                 states = {name: library.state}
                 if library.name == "loop":  # it contains the lanes
-                    states[carried_name(target, "lanes", level)] = lanes_code().state
+                    states[f"{target.name}/lanes{level}"] = lanes_code().state
                 compiled = partial(replace(library, flags=flags).compiled, target)
                 yield not_loaded_in_place(name + target.suffix, states, compiled)
 

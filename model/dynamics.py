@@ -38,7 +38,6 @@ from gough_stewart.model.friction import StickTerms, bristle_decay, bristle_fric
 from gough_stewart.model.interface import Inputs, State, Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
-    LegRates,
     condition_number_bound,
     jacobian_of_legs,
     joint_accelerations,
@@ -57,7 +56,6 @@ from gough_stewart.model.vectors import (
     greater,
     per_leg,
     skew,
-    transpose,
     where,
     without_warnings,
 )
@@ -68,6 +66,17 @@ Solve = Callable[[Array, Array], Array]
 LARGEST_CONDITION_NUMBER = 1e12
 # Of critical, for a leg's spring between the motor and a sixth of the platform: screws and joints have 1 to 5 %.
 LEG_DAMPING_RATIO = 0.02
+
+
+class EquationsOfMotion(NamedTuple):
+    """M [v̇; ω̇] + n = Jᵀ F + [f_ext; τ_ext], and what its legs add to it at their platform joints."""
+
+    mass_matrix: Array  # M (..., 6, 6)
+    needed: Array  # wrench n (..., 6) that inertia, weight and friction need at [v̇; ω̇] = 0
+    first_moment: Array  # h of the legs about B (..., 6) [kg m]
+    mass: Array  # at P, in all directions: t = I/L² (..., 6) [kg]
+    mass_along: Array  # at P, in addition along u: m2 + m_a − t (..., 6) [kg]
+    bias_force: Array  # b that the legs need at P when P̈ = 0 and F = 0 (..., 6, 3) [N]
 
 
 class Acceleration(NamedTuple):
@@ -135,8 +144,7 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     """
     rest = 0 * np.asarray(position)
     state, legs = State(position, orientation, rest, rest), leg_geometry(parameters, position, orientation)
-    M, _ = equations_of_motion(parameters, state, legs)
-    return M
+    return equations_of_motion(parameters, state, legs).mass_matrix
 
 
 @without_warnings
@@ -188,9 +196,9 @@ def inverse_dynamics(
     """
     state = State(*map(np.asarray, state))
     legs = leg_geometry(parameters, state.position, state.orientation)
-    M, n = equations_of_motion(parameters, state, legs)
+    M, n, *_ = equations_of_motion(parameters, state, legs)
     needed = apply(M, concatenate(acceleration)) + n
-    return solve(transpose(jacobian_of_legs(legs)), needed - np.asarray(external_wrench))
+    return solve(jacobian_of_legs(legs).mT, needed - np.asarray(external_wrench))
 
 
 def static_leg_forces(
@@ -239,70 +247,56 @@ def static_leg_forces(
     return inverse_dynamics(parameters, state, Acceleration(rest, rest), external_wrench, solve)
 
 
-def equations_of_motion(parameters: Parameters, state: State, legs: LegGeometry) -> tuple[Array, Array]:
-    """The mass matrix M (..., 6, 6), and the wrench n (..., 6) that inertia, weight and friction need at [v̇; ω̇] = 0.
+def equations_of_motion(parameters: Parameters, state: State, legs: LegGeometry) -> EquationsOfMotion:
+    """The mass matrix, the wrench that is needed without acceleration, and the terms of the legs in them.
+
+    b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
 
     G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m_i − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ, with m_i the mass along the axis of leg i: the
     platform with a point mass t_i at each P_i, one rigid body, and for each leg a dyad of its row of the leg Jacobian.
     """
-    R, omega, arm, u = matrix_from_orientation(state.orientation), state.angular_velocity, legs.arm, legs.direction
-    m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
-    _, _, t, beyond = _leg_moments(parameters, legs.length)
+    arm, u, L, rates = legs.arm, legs.direction, legs.length, rates_of_legs(legs, state)
+    R, omega, g = matrix_from_orientation(state.orientation), state.angular_velocity, parameters.gravity
 
-    # mass, first moment and inertia of that body about Op
+    # legs: first moment and transverse second moment about B, masses at P
+    m1, r1 = of_legs(parameters, "leg_lower_mass"), of_legs(parameters, "leg_lower_com")
+    m2, d = of_legs(parameters, "leg_upper_mass"), of_legs(parameters, "leg_upper_com")
+    m_a, s2 = of_legs(parameters, "leg_armature"), L - d
+    J = of_legs(parameters, "leg_lower_inertia") + of_legs(parameters, "leg_upper_inertia")
+    h, I = m1 * r1 + m2 * s2, m1 * r1 * r1 + J + m2 * s2 * s2
+    t = np.asarray(I * (1 / L) * (1 / L))
+    beyond = np.asarray(m2 + m_a - t)
+
+    # legs: bias force
+    du, dL, per_g, weight_axis = rates.direction_rate, rates.length_rate, h * (1 / L), g[..., None, :]
+    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * dot(u, weight_axis) + friction_force(parameters, dL)
+    along_du = 2 * dL * (1 / L) * (m2 * s2 - I * (1 / L))
+    b = np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * weight_axis)
+
+    # rigid body: mass, first moment and inertia about Op, tr(S) 1 − S with S = Σ m r rᵀ of point masses at r
+    m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
     tc, mr = t[..., None] * arm, m * r
     mass, first = m + t[..., None].sum(axis=-2), mr + tc.sum(axis=-2)
-    inertia = R @ parameters.platform_inertia @ transpose(R)
-    inertia = inertia + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, arm)
+    inertia = R @ parameters.platform_inertia @ R.mT
+    for moments, points in ((mr[..., None, :], r[..., None, :]), (tc, arm)):
+        xx, yy, zz, xy, xz, yz = (
+            (moments[..., i] * points[..., k]).sum(axis=-1) for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+        S = ((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy))
+        inertia = inertia + np.stack([np.stack(row, axis=-1) for row in S], axis=-2)
 
+    # the body's mass matrix, and a dyad for each leg
     wv, rows = skew(first), jacobian_of_legs(legs)
     top, bottom = concatenate([mass[..., None] * np.eye(3), -wv]), concatenate([wv, inertia])
-    rigid = transpose(concatenate([transpose(top), transpose(bottom)]))
-    M = np.asarray(rigid + transpose(rows) @ (beyond[..., None] * rows))
+    rigid = concatenate([top.mT, bottom.mT]).mT
+    M = np.asarray(rigid + rows.mT @ (beyond[..., None] * rows))
 
+    # what velocities, weight and friction need
     along = beyond * dot(u, centripetal(omega[..., None, :], arm))
-    needed = _bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * u
-    weight = m * parameters.gravity
+    needed, weight = b + along[..., None] * u, m * g
     force = centripetal(omega, first) + needed.sum(axis=-2) - weight
     torque = cross(omega, apply(inertia, omega)) + cross(arm, needed).sum(axis=-2) - cross(r, weight)
-    return M, concatenate([force, torque])
-
-
-def _leg_moments(parameters: Parameters, length: Array) -> tuple[Array, Array, Array, Array]:
-    """First moment h [kg m] and transverse second moment I [kg m²] of the legs about B at lengths L (..., 6) [m].
-
-    And the masses at P that they amount to [kg]: t = I/L² in all directions, and m2 + m_a − t in addition along u.
-    """
-    m1, r1 = of_legs(parameters, "leg_lower_mass"), of_legs(parameters, "leg_lower_com")
-    m2, s2 = of_legs(parameters, "leg_upper_mass"), length - of_legs(parameters, "leg_upper_com")
-    J = of_legs(parameters, "leg_lower_inertia") + of_legs(parameters, "leg_upper_inertia")
-    I = m1 * r1 * r1 + J + m2 * s2 * s2
-    t = np.asarray(I * (1 / length) * (1 / length))
-    return m1 * r1 + m2 * s2, I, t, np.asarray(m2 + of_legs(parameters, "leg_armature") - t)
-
-
-def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
-    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
-
-    b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
-    """
-    u, L, m2 = legs.direction, legs.length, of_legs(parameters, "leg_upper_mass")
-    du, dL, g = rates.direction_rate, rates.length_rate, parameters.gravity[..., None, :]
-    d, m_a = of_legs(parameters, "leg_upper_com"), of_legs(parameters, "leg_armature")
-    h, I, _, _ = _leg_moments(parameters, L)
-    per_g = h * (1 / L)
-    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * dot(u, g) + friction_force(parameters, dL)
-    along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
-    return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)
-
-
-def _points_inertia(moments: Array, arms: Array) -> Array:
-    """Inertia tr(S) 1 − S about Op (..., 3, 3), S = Σ m r rᵀ, of point masses at r (..., n, 3) with `moments` m r."""
-    xx, yy, zz, xy, xz, yz = (
-        (moments[..., a] * arms[..., b]).sum(axis=-1) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    )
-    rows = ((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy))
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return EquationsOfMotion(M, concatenate([force, torque]), h, t, beyond, b)
 
 
 @without_warnings
@@ -317,7 +311,6 @@ def plant_equations(
     and springs, not of bristles.
     """
     platform, parts = State.from_vector(x[..., :12]), interface.unpack(variant.states[4:], x[..., 12:])
-    rigid_side = platform_side(variant, parameters)
     legs = leg_geometry(parameters, platform.position, platform.orientation)
     rates = rates_of_legs(legs, platform)
 
@@ -337,14 +330,13 @@ def plant_equations(
         leg_force = k * stretch + leg_damping(parameters) * stretch_rate
         part_rates += [sliding, (motor_force - leg_force) / m_a]
 
-    M, n = equations_of_motion(rigid_side, platform, legs)
+    M, n, h, t, beyond, bias_force = equations_of_motion(platform_side(variant, parameters), platform, legs)
     external = concatenate([inputs.external_force, inputs.external_torque])
-    acceleration = solve(M, apply(transpose(jacobian_of_legs(legs)), leg_force) + external - n)
+    acceleration = solve(M, apply(jacobian_of_legs(legs).mT, leg_force) + external - n)
     linear, angular = acceleration[..., :3], acceleration[..., 3:]
     turning = orientation_rate_from_angular_velocity(platform.orientation, platform.angular_velocity)
 
-    u, (h, _, t, beyond) = legs.direction, _leg_moments(rigid_side, legs.length)
-    ddP = joint_accelerations(legs, platform.angular_velocity, linear, angular)
+    u, ddP = legs.direction, joint_accelerations(legs, platform.angular_velocity, linear, angular)
     inertia = t[..., None] * ddP + (beyond * dot(u, ddP))[..., None] * u
     twist = concatenate([platform.velocity, platform.angular_velocity])
     kinetic = 0.5 * dot(twist, apply(M, twist))
@@ -362,7 +354,7 @@ def plant_equations(
         "leg_velocity": rates.length_rate,
         "acceleration": linear,
         "angular_acceleration": angular,
-        "joint_force": leg_force[..., None] * u - inertia - _bias_force(rigid_side, legs, rates),
+        "joint_force": leg_force[..., None] * u - inertia - bias_force,
         "leg_force": leg_force,
         "kinetic_energy": kinetic,
         "potential_energy": potential,

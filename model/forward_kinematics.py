@@ -12,7 +12,6 @@ from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kinematics import (
     SINGULAR_CONDITION_NUMBER,
     conditioning_of_legs,
-    handedness_of_legs,
     jacobian_of_legs,
     leg_geometry,
 )
@@ -23,7 +22,7 @@ from gough_stewart.model.rotations import (
     nearest_angle,
     orientation_from_matrix,
 )
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, without_warnings
 
 # Bound of a Newton step: translation as a fraction of the platform's size, rotation in rad.
 LARGEST_STEP = 0.5
@@ -45,6 +44,7 @@ class ForwardKinematics:
     condition_number: float | FloatArray | None = None
 
 
+@without_warnings
 def forward_kinematics(
     platform: Platform,
     leg_length: FloatArray,
@@ -124,7 +124,8 @@ def forward_kinematics(
     R = matrix_from_orientation(o)
     o = nearest_angle(orientation_from_matrix(R), o)
     legs = leg_geometry(platform, t, o)
-    side, error = handedness_of_legs(legs), target - legs.length
+    J, error = jacobian_of_legs(legs), target - legs.length
+    side = np.sign(np.linalg.det(J))
     history = [float(np.abs(error).max())]
     close = tolerance * float(target.max())
 
@@ -133,7 +134,7 @@ def forward_kinematics(
             raise _no_pose(f"no convergence after {max_iterations} iterations", t, o, history)
         if not conditioning_of_legs(legs).condition_number < SINGULAR_CONDITION_NUMBER:
             raise _no_pose("the leg Jacobian is singular there", t, o, history)
-        step = np.linalg.solve(jacobian_of_legs(legs), error)
+        step = np.linalg.solve(J, error)
         # limit the step by the platform's size, then halve it until the lengths improve without a singular pose between
         size = max(np.linalg.norm(step[:3]) / platform.characteristic_length, np.linalg.norm(step[3:]))
         share = min(1.0, LARGEST_STEP / float(size))
@@ -146,9 +147,9 @@ def forward_kinematics(
             R_next = matrix_from_quaternion(quaternion) @ R
             o_next = nearest_angle(orientation_from_matrix(R_next), o)
             legs = leg_geometry(platform, t_next, o_next)
-            error_next = target - legs.length
+            J, error_next = jacobian_of_legs(legs), target - legs.length
             improves = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)
-            if improves and handedness_of_legs(legs) == side:
+            if improves and np.sign(np.linalg.det(J)) == side:
                 break
             share /= 2
         else:

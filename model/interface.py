@@ -126,6 +126,10 @@ class Variant:
     # the results in a unit's order: states, other outputs, locals
     unit_results: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
     parameters: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
+    # lengths of x, p and y
+    n_states: int = field(init=False, compare=False, repr=False)
+    n_parameters: int = field(init=False, compare=False, repr=False)
+    n_results: int = field(init=False, compare=False, repr=False)
     # parameters that may change during a run
     tunable: tuple[Variable, ...] = field(init=False, compare=False, repr=False)
     # scalar names of the results
@@ -147,6 +151,9 @@ class Variant:
             ("results", results),
             ("unit_results", (*states, *outputs, *LOCALS)),
             ("parameters", parameters),
+            ("n_states", sum(v.size for v in states)),
+            ("n_parameters", sum(v.size for v in parameters)),
+            ("n_results", sum(v.size for v in results)),
             ("tunable", tuple(v for v in parameters if v.variability == "tunable")),
             ("columns", tuple(name for v in results for name in v.scalar_names)),
             ("scales", tuple(v.nominal / NOMINAL for v in states for _ in range(v.size))),
@@ -210,10 +217,6 @@ class Inputs(NamedTuple):
         """Split a (..., 12) vector."""
         return cls(u[..., :6], u[..., 6:9], u[..., 9:])
 
-    def to_vector(self) -> Array:
-        """Join to a (..., 12) vector; leading axes broadcast."""
-        return concatenate(self)
-
 
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
     """Start values for a `Platform` by name, each in its shape; without computed variables, which have none."""
@@ -223,11 +226,6 @@ def start_values(variables: Iterable[Variable], platform: object) -> dict[str, A
             start = getattr(platform, v.start) if isinstance(v.start, str) else v.start
             starts[v.name] = np.broadcast_to(np.asarray(start, dtype=float), v.shape)
     return starts
-
-
-def size_of(variables: Iterable[Variable]) -> int:
-    """Length of the vector from `pack` for these variables."""
-    return sum(v.size for v in variables)
 
 
 def pack(variables: Iterable[Variable], values: Mapping[str, Array | float]) -> NDArray[np.float64]:
@@ -247,7 +245,7 @@ def unpack(variables: Iterable[Variable], vector: Array) -> dict[str, Array]:
 def places(variables: Iterable[Variable]) -> dict[str, NDArray[np.intp]]:
     """Positions of the elements of variables in the vector from `pack`, by name, in the variable's shape."""
     variables = tuple(variables)
-    return unpack(variables, np.arange(size_of(variables)))
+    return unpack(variables, np.arange(sum(v.size for v in variables)))
 
 
 def find(name: str) -> tuple[Variable, int | None]:

@@ -20,12 +20,12 @@ from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, N_INPUTS, Variant
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.installed import (
+    THIS_MACHINE,
     TRACER,
     check_installed,
     manifest,
     prebuilt,
     state_of_texts,
-    this_machine,
 )
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -42,7 +42,7 @@ _AGREES = 1e-12
 
 def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArray]]:
     """A block of zeros, and its parts by name in their order, as views; matrices column by column."""
-    n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
+    n, q, m = variant.n_states, variant.n_parameters, variant.n_results
     sizes = {"x": n, "u": N_INPUTS, "p": q, "xdot": n, "y": m}
     sizes |= {"A": n * n, "B": n * N_INPUTS, "C": m * n, "D": m * N_INPUTS}
     block = np.zeros(sum(sizes.values()))
@@ -55,10 +55,10 @@ def kernel_library() -> ctypes.PyDLL | None:
 
     It keeps the interpreter's lock: a call takes microseconds. It fails if it does not compute what came with it.
     """
-    path = prebuilt(f"{this_machine()}/kernel", state_of_texts())
-    if path is None:
+    carried = prebuilt(f"{THIS_MACHINE}/kernel", state_of_texts())
+    if carried is None:
         return None
-    shipped, (block, parts), gap = manifest().get("numbers", {}), new_block(), 0.0
+    path, shipped, (block, parts), gap = carried.path, manifest().get("numbers", {}), new_block(), 0.0
     for name in ("x", "u", "p"):
         parts[name][:] = shipped[name]
     try:
@@ -79,12 +79,6 @@ def kernel_library() -> ctypes.PyDLL | None:
     return library
 
 
-def processor_level() -> int | None:
-    """The level of x86-64 that this processor and its system support, 1 to 4; 0 on others, None if not known."""
-    library = kernel_library()
-    return None if library is None else int(library.processor_level())
-
-
 class Linearisation(NamedTuple):
     """Exact Jacobians of δẋ = A δx + B δu, δy = C δx + D δu."""
 
@@ -96,7 +90,7 @@ class Linearisation(NamedTuple):
 
 def parameter_vector(parameters: Parameters, variant: Variant = IDEAL) -> FloatArray:
     """The kernel's parameter vector p of a platform: its parameters in table order, flat, row by row."""
-    return interface.pack(variant.parameters, {v.name: getattr(parameters, v.name) for v in variant.parameters})
+    return interface.pack(variant.parameters, vars(parameters))
 
 
 class Kernel:

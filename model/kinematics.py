@@ -147,18 +147,25 @@ def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) ->
     return jacobian_of_legs(leg_geometry(parameters, position, orientation))
 
 
-def jacobian_of_legs(legs: LegGeometry) -> Array:
-    """Leg Jacobian J (..., 6, 6) of legs whose geometry is known: rows [u_iᵀ, (c_i × u_i)ᵀ]."""
-    return np.concatenate([legs.direction, cross(legs.arm, legs.direction)], axis=-1)
+def jacobian_of_legs(legs: LegGeometry, *, scaled: bool = False) -> Array:
+    """Leg Jacobian J (..., 6, 6) of legs whose geometry is known: rows [u_iᵀ, (c_i × u_i)ᵀ].
+
+    If `scaled`, with angles scaled to lengths: J diag(1, 1/ρ) [1], with ρ the root-mean-square distance of the platform
+    joints from Op.
+    """
+    moments = cross(legs.arm, legs.direction)
+    if scaled:
+        moments = moments / np.sqrt(dot(legs.arm, legs.arm).sum(axis=-1) / 6)[..., None, None]
+    return np.concatenate([legs.direction, moments], axis=-1)
 
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
     """Condition number and smallest singular value of the leg Jacobian, dimensionless.
 
-    J mixes 1 and m, so its angular columns are divided by ρ, the root-mean-square distance of the platform joints from
-    Op: L̇ = (J diag(1, 1/ρ)) [v; ρ ω]. Infinite and 0 where a leg of length 0 has no direction.
+    J mixes 1 and m, so it is scaled: L̇ = (J diag(1, 1/ρ)) [v; ρ ω]. Infinite and 0 where a leg of length 0 has no
+    direction.
     """
-    scaled, _ = scaled_jacobian_of_legs(legs)
+    scaled = jacobian_of_legs(legs, scaled=True)
     has_directions = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
     sigma = np.linalg.svd(np.where(has_directions[..., None, None], scaled, 0.0), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -178,19 +185,6 @@ def condition_number_bound(matrix: Array) -> Array:
     except np.linalg.LinAlgError:
         return np.full(np.shape(matrix)[:-2], np.inf)
     return np.asarray(np.linalg.norm(matrix, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1)))
-
-
-@without_warnings
-def handedness_of_legs(legs: LegGeometry) -> Array:
-    """sign(det J) (...): constant within an assembly mode, changes at singular poses; 0 or NaN there."""
-    return np.asarray(np.sign(np.linalg.det(jacobian_of_legs(legs))))
-
-
-def scaled_jacobian_of_legs(legs: LegGeometry) -> tuple[Array, Array]:
-    """Leg Jacobian with angles scaled to lengths, J diag(1, 1/ρ) (..., 6, 6) [1], and ρ (...) [m]."""
-    rho = np.sqrt(dot(legs.arm, legs.arm).sum(axis=-1) / 6)
-    moments = cross(legs.arm, legs.direction) / rho[..., None, None]
-    return np.concatenate([legs.direction, moments], axis=-1), rho
 
 
 def joint_angles(
@@ -223,7 +217,7 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
         raise StepError(f"leg_length[{leg + 1}]", float(legs.length[leg]), time, COLLAPSED)
-    scaled, _ = scaled_jacobian_of_legs(legs)
+    scaled = jacobian_of_legs(legs, scaled=True)
     sign = float(np.sign(np.linalg.det(scaled)))
     passed = handedness is not None and sign != handedness
     # the condition number itself would take longer than everything else here
@@ -245,11 +239,13 @@ def singular_pose(condition_number: float, time: float, *, passed: bool) -> Step
     )
 
 
+@without_warnings
 def side_of_singular_poses(platform: PlatformFields, legs: LegGeometry) -> FloatArray:
     """Sign of det J relative to that at home (...): 1 for the same sign, −1 for the opposite.
 
-    0 at a singular pose, NaN if a leg has no direction. The same sign is necessary, not sufficient, for a path from
-    home without a singular pose.
+    The sign is constant within an assembly mode, and changes at singular poses: 0 there, NaN if a leg has no direction.
+    The same sign is necessary, not sufficient, for a path from home without a singular pose.
     """
     home = leg_geometry(platform, platform.home_position, platform.home_orientation)
-    return np.asarray(handedness_of_legs(legs) * handedness_of_legs(home))
+    side, side_at_home = (np.sign(np.linalg.det(jacobian_of_legs(at))) for at in (legs, home))
+    return np.asarray(side * side_at_home)

@@ -27,11 +27,6 @@ class Platforms(Sequence[Platform]):
         self._base_of = np.arange(len(self._bases)) if base_of is None else base_of
         self._values = dict(values or {})
 
-    @classmethod
-    def of(cls, platforms: Sequence[Platform]) -> "Platforms":
-        """The platforms as `Platforms`; those that are, unchanged."""
-        return platforms if isinstance(platforms, Platforms) else cls(platforms)
-
     def having(self, values: Mapping[str, FloatArray]) -> "Platforms":
         """The same, with these parameters (N, *shape) by name; unchecked."""
         return Platforms(self._bases, self._base_of, {**self._values, **values})

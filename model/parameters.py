@@ -8,7 +8,7 @@ that the dynamics ignore is one entry in `PlatformFields`.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 from typing import Any, Generic, Literal, TypeVar
 
@@ -53,12 +53,12 @@ class Variable:
     # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
     part: Part | None = None
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of scalars."""
         return math.prod(self.shape)
 
-    @property
+    @cached_property
     def scalar_names(self) -> tuple[str, ...]:
         """FMI 2.0 names of the elements in row-major order; the name itself for a scalar."""
         if not self.shape:
@@ -225,12 +225,6 @@ def of_legs(parameters: Any, name: str, absent: float | None = None) -> Array:
         return np.asarray(per_leg(value) * getattr(parameters, FACTOR_OF[name]))
     value, shape = np.asarray(absent if value is None else value, dtype=float), np.shape(parameters.platform_mass)
     return np.broadcast_to(value if value.ndim > len(shape) else value[..., None], (*shape, 6))
-
-
-def in_words(name: str, value: Any) -> Any:
-    """The word for a value of a parameter that has words, such as `leg_friction_model`; any other value as it is."""
-    words = TABLE[name].words if name in TABLE else ()
-    return words[int(value)] if words else value
 
 
 def stack(parameters: Sequence[Parameters]) -> Parameters:

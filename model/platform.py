@@ -32,7 +32,6 @@ from gough_stewart.model.parameters import (
     TEXTS,
     PlatformFields,
     Variable,
-    in_words,
     of_legs,
 )
 from gough_stewart.model.platform_checks import by_leg
@@ -127,13 +126,13 @@ class Platform(PlatformFields):
 
     def _repr_html_(self) -> str:
         """In a notebook: every parameter with its value, unit and meaning."""
+        values = self.as_dict()
+        texts = " – ".join(html.escape(text) for text in map(values.pop, TEXTS) if text)
         rows = [
-            f"<tr><th scope=row>{name}</th><td>{_shown(in_words(name, getattr(self, name)))}</td>"
-            f"<td>{html.escape(unit_text(row.unit))}</td><td>{html.escape(row.description)}</td></tr>"
-            for name, row in TABLE.items()
-            if getattr(self, name) is not None
+            f"<tr><th scope=row>{name}</th><td>{_shown(value)}</td>"
+            f"<td>{html.escape(unit_text(TABLE[name].unit))}</td><td>{html.escape(TABLE[name].description)}</td></tr>"
+            for name, value in values.items()
         ]
-        texts = " – ".join(html.escape(text) for text in (getattr(self, name) for name in TEXTS) if text)
         heads = "".join(f"<th scope=col>{head}</th>" for head in ("parameter", "value", "unit", "meaning"))
         head = f"<caption>Platform {texts}</caption><thead><tr>{heads}</tr></thead>"
         return f"<table>{head}<tbody>{''.join(rows)}</tbody></table>"
@@ -259,7 +258,8 @@ class Platform(PlatformFields):
     def as_dict(self) -> dict[str, Any]:
         """All fields by name, in file order: texts, words, floats, arrays; without limits that are not set."""
         values = {name: getattr(self, name) for name in (*TEXTS, *TABLE)}
-        return {name: in_words(name, value) for name, value in values.items() if value is not None}
+        values |= {name: row.words[int(values[name])] for name, row in TABLE.items() if row.words}
+        return {name: value for name, value in values.items() if value is not None}
 
 
 # help() lists the parameters from the table

@@ -14,7 +14,7 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.friction import static_friction
 from gough_stewart.model.kinematics import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER, conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, Bound, Parameters, PlatformFields, of_legs
-from gough_stewart.model.vectors import Array, FloatArray, real_array, transpose
+from gough_stewart.model.vectors import Array, FloatArray, real_array
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
 INERTIA_SLACK = 1e-9
@@ -58,7 +58,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
 
     if "platform_inertia" in concerned:
         J, field = platform.platform_inertia, "platform_inertia"
-        asymmetry = np.abs(J - transpose(J))
+        asymmetry = np.abs(J - J.mT)
         if refused(asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1))):
             a, b = divmod(int(asymmetry.argmax()), 3)
             elements = f"[{a + 1},{b + 1}] = {J[a, b]:g} but [{b + 1},{a + 1}] = {J[b, a]:g} kg m²"

@@ -32,33 +32,19 @@ _PAIRS = np.array([*combinations(range(6), 2)])
 
 def platform_hints(platform: PlatformFields) -> tuple[str, ...]:
     """One line for each thing that looks like a mistake."""
-    hints, kinds, (i, j) = _unit_hints(platform), [], _PAIRS.T
-    # joints that legs share: exact in textbooks, while real joints have a size
-    for kind, points in (("base", platform.base_points), ("platform", platform.platform_points)):
-        pairs = ", ".join(f"{a + 1} and {b + 1}" for a, b in _PAIRS[shared_joints(points)[i, j]])
-        if pairs:
-            kinds.append(f"a {kind} joint (legs {pairs})")
-    if kinds:
-        hints.append(
-            f"legs share {' and '.join(kinds)}; real joints need room: give each leg its own point, some joint "
-            "diameters from the other, unless yours are compound joints; whether legs that share a joint collide is "
-            "not looked at"
-        )
-    return (*hints, *_joint_order_hints(platform), *_friction_hints(platform))
+    base, mass, (i, j) = platform.base_points, platform.platform_mass, _PAIRS.T
 
-
-def _unit_hints(platform: PlatformFields) -> list[str]:
-    """Lengths, inertias, mass and gravity as a CAD program writes them: in mm, kg mm² or g mm², g, and mm/s²."""
-    points, mass = platform.platform_points - platform.platform_points.mean(axis=0), platform.platform_mass
+    # lengths, inertias, mass and gravity as a CAD program writes them: in mm, kg mm² or g mm², g, and mm/s²
+    points = platform.platform_points - platform.platform_points.mean(axis=0)
     radius, pull = float(np.linalg.norm(points, axis=1).mean()), float(np.linalg.norm(platform.gravity))
     length = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
-    hints = [f"gravity is {pull:.4g} m/s2; expected about 9.81, or 0: is it in mm/s2?"] if pull > _MOST_GRAVITY else []
-    if mass < _LEAST_DENSITY * radius**3:
-        joints = f"legs are {length:.4g} m long and joints {radius:.4g} m from the platform's middle"
-        # radii of gyration would be compared in two units
-        return [*hints, f"{joints}, with a mass of {mass:.4g} kg: are lengths in mm? Expected m, and inertias in kg m2"]
     gyration = float(np.sqrt(np.linalg.eigvalsh(platform.platform_inertia)[-1] / mass))
-    if not _LEAST_RATIO < gyration / radius < _MOST_RATIO:
+    hints = [f"gravity is {pull:.4g} m/s2; expected about 9.81, or 0: is it in mm/s2?"] if pull > _MOST_GRAVITY else []
+    is_in_mm = mass < _LEAST_DENSITY * radius**3
+    if is_in_mm:
+        joints = f"legs are {length:.4g} m long and joints {radius:.4g} m from the platform's middle"
+        hints.append(f"{joints}, with a mass of {mass:.4g} kg: are lengths in mm? Expected m, and inertias in kg m2")
+    elif not _LEAST_RATIO < gyration / radius < _MOST_RATIO:
         is_large = gyration > radius
         question = (
             "is it in kg mm2 or g mm2? Expected kg m2" if is_large else f"is a mass of {mass:.4g} in g? Expected kg"
@@ -69,25 +55,32 @@ def _unit_hints(platform: PlatformFields) -> list[str]:
         )
     for part in ("lower", "upper"):
         part_mass, inertia = (float(getattr(platform, f"leg_{part}_{name}")) for name in ("mass", "inertia"))
-        if inertia > part_mass * (_MOST_OF_LEG * length) ** 2:
+        # with lengths in mm, radii of gyration would be compared in two units
+        if not is_in_mm and inertia > part_mass * (_MOST_OF_LEG * length) ** 2:
             hints.append(
                 f"leg_{part}_inertia is that of a rod longer than the legs, {length:.4g} m, with {part_mass:.4g} kg: "
                 "is it in kg mm2 or g mm2? Expected kg m2"
             )
-    return hints
 
+    # joints that legs share: exact in textbooks, while real joints have a size
+    kinds = []
+    for kind, joints_of_kind in (("base", base), ("platform", platform.platform_points)):
+        pairs = ", ".join(f"{a + 1} and {b + 1}" for a, b in _PAIRS[shared_joints(joints_of_kind)[i, j]])
+        if pairs:
+            kinds.append(f"a {kind} joint (legs {pairs})")
+    if kinds:
+        hints.append(
+            f"legs share {' and '.join(kinds)}; real joints need room: give each leg its own point, some joint "
+            "diameters from the other, unless yours are compound joints; whether legs that share a joint collide is "
+            "not looked at"
+        )
 
-def _joint_order_hints(platform: PlatformFields) -> list[str]:
-    """Legs that nearly touch at home, and an order of joints that conditions them far better.
-
-    The order of the joints is the pairing of base and platform joints; a permuted list often still assembles. Another
-    order must keep the legs' distance and the stroke. Legs that share a joint touch there, and are left out.
-    """
-    base, hints = platform.base_points, []
+    # the order of joints pairs those of base and platform, and a permuted list often still assembles: legs that nearly
+    # touch at home, except where they share a joint
     remedy = "check the order of base_points and platform_points: joint i of one belongs to joint i of the other"
-    orders, (i, j) = np.array(list(permutations(range(6)))), _PAIRS.T
-    joints: Any = SimpleNamespace(base_points=base, platform_points=platform.platform_points[orders])
-    legs = leg_geometry(joints, platform.home_position, platform.home_orientation)
+    orders = np.array(list(permutations(range(6))))
+    joints_in_order: Any = SimpleNamespace(base_points=base, platform_points=platform.platform_points[orders])
+    legs = leg_geometry(joints_in_order, platform.home_position, platform.home_orientation)
     meet = shared_joints(base)[i, j] | shared_joints(platform.platform_points)[orders[:, i], orders[:, j]]
     pair, share = _closest(base, base + legs.vector[0], meet[0])
     if share < _CLOSEST:
@@ -95,6 +88,8 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
             f"legs {pair[0] + 1} and {pair[1] + 1} come within {100 * share:.2g} % of their length of each other at "
             f"home, so real legs would collide; {remedy}"
         )
+
+    # another order that conditions the legs far better, and keeps their distance and the stroke
     numbers = conditioning_of_legs(legs).condition_number
     low, high = of_legs(platform, "leg_length_min", 0.0), of_legs(platform, "leg_length_max", np.inf)
     fits = np.all((legs.length >= low) & (legs.length <= high), axis=-1)
@@ -102,10 +97,28 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
     for k in better[_BETTER * numbers[better] <= numbers[0]]:
         if fits[k] and _closest(base, base + legs.vector[k], meet[k])[1] >= _CLOSEST:
             order = ", ".join(str(joint + 1) for joint in orders[k])
-            numbers_text = f"a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g}"
-            named = f"the leg Jacobian has {numbers_text} with the platform joints in the order {order}; {remedy}"
-            return [*hints, named]
-    return hints
+            hints.append(
+                f"the leg Jacobian has a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g} with "
+                f"the platform joints in the order {order}; {remedy}"
+            )
+            break
+
+    # LuGre friction that is not passive, σ1 < σ2 F_c/(F_s − F_c), in the leg where that is most exceeded: N. Barahanov,
+    # R. Ortega, "Necessary and sufficient conditions for passivity of the LuGre friction model", IEEE Trans. Automatic
+    # Control 45(4), 2000
+    if platform.leg_friction_model == LUGRE:
+        law = law_of_bristles(Variant.of(platform), platform)
+        excess = law.static - law.coulomb
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = np.where(excess > 0, law.viscous * law.coulomb / excess, np.inf)
+        if not (law.damping < bound).all():
+            k = int(np.argmax(law.damping - bound))
+            hints.append(
+                f"LuGre friction is not passive: its bristles' damping is {law.damping[k]:.3g} N s/m, and passive is "
+                f"below sigma2 F_c/(F_s - F_c) = {bound[k]:.3g} N s/m, so that it may drive a leg for a moment; lower "
+                "leg_bristle_damping or leg_static_friction, or use leg_friction_model = 'elasto_plastic'"
+            )
+    return tuple(hints)
 
 
 def _closest(base: FloatArray, tip: FloatArray, meet: NDArray[np.bool_]) -> tuple[FloatArray, float]:
@@ -125,25 +138,3 @@ def _closest(base: FloatArray, tip: FloatArray, meet: NDArray[np.bool_]) -> tupl
     shares = np.where(meet, np.inf, shares)
     k = int(shares.argmin())
     return _PAIRS[k], float(shares[k])
-
-
-def _friction_hints(platform: PlatformFields) -> list[str]:
-    """LuGre friction that is not passive: σ1 < σ2 F_c/(F_s − F_c), in the leg where that is most exceeded.
-
-    The condition of N. Barahanov, R. Ortega, "Necessary and sufficient conditions for passivity of the LuGre friction
-    model", IEEE Trans. Automatic Control 45(4), 2000.
-    """
-    if platform.leg_friction_model != LUGRE:
-        return []
-    law = law_of_bristles(Variant.of(platform), platform)
-    excess = law.static - law.coulomb
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bound = np.where(excess > 0, law.viscous * law.coulomb / excess, np.inf)
-    if (law.damping < bound).all():
-        return []
-    k = int(np.argmax(law.damping - bound))
-    return [
-        f"LuGre friction is not passive: its bristles' damping is {law.damping[k]:.3g} N s/m, and passive is below "
-        f"sigma2 F_c/(F_s - F_c) = {bound[k]:.3g} N s/m, so that it may drive a leg for a moment; lower "
-        "leg_bristle_damping or leg_static_friction, or use leg_friction_model = 'elasto_plastic'"
-    ]

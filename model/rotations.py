@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from gough_stewart.model.errors import OrientationError
-from gough_stewart.model.vectors import Array, Scalars, arctan2, cross, dot, less, rounded, skew, transpose, where
+from gough_stewart.model.vectors import Array, Scalars, arctan2, cross, dot, less, rounded, skew, where
 
 # Closer to ±90° than this, double precision cannot separate roll and yaw [rad].
 PITCH_MARGIN = 1e-6
@@ -74,7 +74,7 @@ def orientation_from_matrix(rotation: Array) -> Array:
     rotation = np.asarray(rotation, dtype=float)
     if rotation.shape[-2:] != (3, 3):
         raise OrientationError(f"rotation has shape {rotation.shape}; expected (..., 3, 3)")
-    defect = np.abs(rotation @ transpose(rotation) - np.eye(3)).max(initial=0.0)
+    defect = np.abs(rotation @ rotation.mT - np.eye(3)).max(initial=0.0)
     if not defect < 1e-8 or np.any(np.linalg.det(rotation) < 0):
         raise OrientationError(
             f"not a rotation matrix: |R Rᵀ − 1| = {defect:.3g}; expected orthonormal columns and determinant +1"

@@ -392,7 +392,7 @@ class CompiledStepper:
         layout = (c_size_t * 13)()
         library.stepper_layout(layout)
         self._memory = memory = np.zeros(-(-layout[0] // 8))
-        n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
+        n, q, m = variant.n_states, variant.n_parameters, variant.n_results
         # in the order of c/stepper/stepper.c: time, internal step, handedness, largest step; u, x, p, y; failure
         sizes = (1, 1, 1, 1, N_INPUTS, n, q, m, 1, 1)
         views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:11], sizes, strict=True)]
@@ -464,8 +464,7 @@ class ScipyStepper:
     largest_step = 0.0
 
     def __init__(self, variant: Variant, tolerance: float) -> None:
-        n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
-        self.x, self.u, self.p = np.zeros(n), np.zeros(N_INPUTS), np.zeros(q)
+        self.x, self.u, self.p = np.zeros(variant.n_states), np.zeros(N_INPUTS), np.zeros(variant.n_parameters)
         self.input_rates = np.zeros(N_INPUTS)
         self.internal_step: float | None = None
         self._variant, self._tolerance, self._kernel = variant, tolerance, Kernel(variant)

@@ -40,13 +40,7 @@ import numpy as np
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import equations_of_motion, grip_of_legs, plant_equations
 from gough_stewart.model.interface import IDEAL, N_INPUTS, N_STATES, Inputs, State, Variant
-from gough_stewart.model.kinematics import (
-    LegGeometry,
-    jacobian_of_legs,
-    leg_geometry,
-    rates_of_legs,
-    scaled_jacobian_of_legs,
-)
+from gough_stewart.model.kinematics import LegGeometry, jacobian_of_legs, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
@@ -86,7 +80,7 @@ def traced_function(name: str, variant: Variant = IDEAL) -> casadi.Function:  # 
             return _function(name, (x, p), **{key: _column(getattr(grip, key))})
         case "legs":
             _, state, legs = _legs(variant)
-            scaled, rho = scaled_jacobian_of_legs(legs)
+            scaled, rho = jacobian_of_legs(legs, scaled=True), np.sqrt(dot(legs.arm, legs.arm).sum(axis=-1) / 6)
             length, rates = _column(legs.length), _column(rates_of_legs(legs, state).length_rate)
             results = {"length": length, "length_rate": rates, "jacobian": _column(scaled), "rho": _column(rho)}
             return _function(name, (x, p), **results)
@@ -118,7 +112,7 @@ def traced_function(name: str, variant: Variant = IDEAL) -> casadi.Function:  # 
 @cache
 def _symbols_of(variant: Variant) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
     """The symbols x, u, p of a variant."""
-    n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
+    n, q = variant.n_states, variant.n_parameters
     return casadi.SX.sym("x", n), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", q)
 
 
@@ -151,7 +145,7 @@ def _split() -> tuple[casadi.SX, Callable[[casadi.SX], casadi.SX]]:
     """
     x, u, _ = _symbols_of(IDEAL)
     parameters, state, legs = _legs(IDEAL)
-    M, n = equations_of_motion(parameters, state, legs)
+    M, n, *_ = equations_of_motion(parameters, state, legs)
     D, LT, order = casadi.ldl(casadi.vertcat(*(casadi.horzcat(*row) for row in M[0])))
     rate = _column(orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity))
     J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))

@@ -52,13 +52,10 @@ def number(value: object, unit: str) -> float:
     """A quantity as a number in SI units; `ValueError` unless it is finite, or a string with a unit of this kind."""
     if type(value) is float and abs(value) <= LARGEST:  # of many members most are, and the checks below are slow
         return value
-    if unit == PLAIN:
-        try:
-            return float(real_array(value, ()))
-        except ValueError:
-            raise ValueError("expected a number") from None
-    expected = f"expected a number of {unit}, or a string with one of the units {', '.join(UNITS[unit])}"
-    if isinstance(value, str):
+    expected, is_plain = "expected a number", unit == PLAIN
+    if not is_plain:
+        expected += f" of {unit}, or a string with one of the units {', '.join(UNITS[unit])}"
+    if isinstance(value, str) and not is_plain:
         parts = _QUANTITY.fullmatch(value.strip())
         typed = "" if parts is None else unit_typed(parts[2])
         if parts is None or typed not in UNITS[unit]:
@@ -69,7 +66,7 @@ def number(value: object, unit: str) -> float:
             size = float(real_array(value, ()))
         except ValueError:
             raise ValueError(expected) from None
-    if not abs(size) <= LARGEST:  # NaN, or so large that its square and cube would overflow
+    if not (is_plain or abs(size) <= LARGEST):  # NaN, or so large that its square and cube would overflow
         raise ValueError(f"expected a number of at most {LARGEST:g} in SI units")
     return size
 

@@ -66,11 +66,6 @@ def concatenate(parts: Sequence[Array]) -> Array:
     return np.concatenate([np.broadcast_to(part, (*leading, part.shape[-1])) for part in parts], axis=-1)
 
 
-def transpose(matrix: Array) -> Array:
-    """Transpose of the last two axes."""
-    return np.swapaxes(matrix, -1, -2)
-
-
 def per_leg(value: Scalars) -> Array:
     """One value for all six legs: (...) to (..., 1), which broadcasts against (..., 6)."""
     return np.asarray(value)[..., None]

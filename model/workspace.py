@@ -24,13 +24,12 @@ from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     joint_angles,
     leg_geometry,
-    scaled_jacobian_of_legs,
     side_of_singular_poses,
 )
 from gough_stewart.model.parameters import Parameters, of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
-from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
+from gough_stewart.model.vectors import Array, FloatArray, apply
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
 CHUNK = 4096
@@ -236,7 +235,7 @@ def compliance(parameters: Parameters, position: Array, orientation: Array) -> A
         raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
     J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
     inverse = np.linalg.inv(J)
-    return np.asarray(inverse @ (transpose(inverse) / k[..., :, None]))
+    return np.asarray(inverse @ (inverse.mT / k[..., :, None]))
 
 
 def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray, J: FloatArray) -> list[FloatArray]:
@@ -257,8 +256,8 @@ def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray
     frequency = np.zeros(len(J))
     M = mass_matrix(platform_side(Variant(springs=True), platform), position[regular], orientation[regular])
     J = root[:, None] * J[regular]
-    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
-    squares = np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
+    mobility = np.nan_to_num(J @ np.linalg.solve(M, J.mT))
+    squares = np.linalg.eigvalsh((mobility + mobility.mT) / 2)[:, 0]
     frequency[regular] = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
     return [*stiffness, frequency]
 
@@ -270,7 +269,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     speed = payload = force_margin = None
     if platform.leg_velocity_max is not None:
         with np.errstate(all="ignore"):
-            rows, _ = scaled_jacobian_of_legs(legs)
+            rows = jacobian_of_legs(legs, scaled=True)
             speed = np.nan_to_num((platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1))).min(axis=-1))
     if platform.actuator_force_max is not None:
         payload, force_margin = np.zeros((2, len(position)))

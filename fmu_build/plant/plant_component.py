@@ -39,7 +39,7 @@ from gough_stewart.model.interface import (
     Variant,
 )
 from gough_stewart.model.platform import Platform, load_preset
-from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_texts
+from gough_stewart.model.process.installed import TRACER, prebuilt, state_of_texts
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = PLANT_STEM = "gough_stewart"
@@ -164,11 +164,11 @@ def _code(variant: Variant) -> Sources:
 
 def _traced_once(name: str, variant: Variant, trace: Callable[[], bytes]) -> bytes:
     """What is traced from the equations: that of ideal plants may have come with the package, else from the cache."""
-    content = prebuilt_content(name, state_of_texts()) if variant == IDEAL else None
-    if content is None:
-        folder = "-".join([state_of_sources(), *variant.parts])
-        content = kept(cache_folder() / "traced" / folder / name, trace).read_bytes()
-    return content
+    carried = prebuilt(name, state_of_texts()) if variant == IDEAL else None
+    if carried is not None:
+        return carried.content
+    folder = "-".join([state_of_sources(), *variant.parts])
+    return kept(cache_folder() / "traced" / folder / name, trace).read_bytes()
 
 
 @cache

@@ -40,7 +40,7 @@ class ReferenceRun(NamedTuple):
 def reference_runs(platform: Platform) -> tuple[ReferenceRun, ...]:
     """The paper's open loop on this platform, and varying inputs, by SciPy; a run ends before a singular pose."""
     case = case_of(platform)
-    constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
+    constant = np.tile(np.concatenate(case.inputs), (len(case.time), 1))
     home = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
     # static leg forces ± 10 %, each leg at its own frequency, with an external wrench that rises and falls
     turns = case.time[:, None] / case.duration * np.arange(1, 7)

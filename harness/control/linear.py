@@ -23,7 +23,7 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import holding_motor_position, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.interface import SLIDING, Variant, size_of
+from gough_stewart.model.interface import SLIDING, Variant
 from gough_stewart.model.kinematics import LARGEST_PITCH, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray, real_array
@@ -334,7 +334,7 @@ def loop_transfer(
     # those of elastic legs, or of an ideal platform; sliding legs have no bristles
     variant = Variant.of(platform.with_parameters(SLIDING))
     under_way = delay + (1 if rest else 0)
-    states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + len(controller.system.A)
+    states = variant.n_states + 6 * (lag > 0) + 6 * under_way + len(controller.system.A)
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {under_way} samples of {sample_time:g} s gives a linear loop of {states} states; expected at "

@@ -61,7 +61,7 @@ from gough_stewart.harness.report.words import listed, number_text, percent, sen
 from gough_stewart.harness.results.metric_folds import AXES
 from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
-from gough_stewart.model.kinematics import condition_number_bound, leg_geometry, scaled_jacobian_of_legs
+from gough_stewart.model.kinematics import condition_number_bound, jacobian_of_legs, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.units import number
 from gough_stewart.model.vectors import first_of_largest
@@ -195,7 +195,7 @@ class MotionCheck:
         motion = Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
         with np.errstate(all="ignore"):  # a leg of length 0 has no direction
             legs = leg_geometry(self.platform, motion.position, motion.orientation)
-            regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
+            regular = condition_number_bound(jacobian_of_legs(legs, scaled=True)) < LARGEST_CONDITION_NUMBER
             loads = loads_of_legs(self.platform, motion, legs, regular, ("velocity", "force", "power"))
             by_motion = {
                 "stroke": ("m", np.asarray(legs.length)),

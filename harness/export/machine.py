@@ -10,13 +10,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache import digest_of
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.by_hand import HAND_FILTERS, Smoothing
 from gough_stewart.harness.control.component import N_FAULTS, Notch
@@ -144,7 +144,8 @@ def all_fields() -> tuple[BlockField, ...]:
 @cache
 def version(variant: Variant = IDEAL) -> int:
     """Of the layout of blocks: a digest of all fields, and of the parts of the plant, which give sizes."""
-    return int(digest_of(" ".join([f"{_VERSION} {all_fields()}", *variant.parts]).encode())[:12], 16)
+    text = " ".join([f"{_VERSION} {all_fields()}", *variant.parts])
+    return int(sha256(text.encode()).hexdigest()[:12], 16)
 
 
 # ---- a run as a block ----

@@ -1,10 +1,8 @@
 """The C of machines: c/machine with generated headers, for this computer and as WebAssembly."""
 
 from functools import cache
-from importlib import resources
-from pathlib import Path
 
-from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
+from gough_stewart.fmu_build.cache import COMPILER, check_installed
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import loop_sources, machine_library
 from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines
@@ -13,28 +11,26 @@ from gough_stewart.harness.export.machine import HEAD, N_MOTION, ROOM, all_field
 from gough_stewart.harness.loop.libraries import components_header
 from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.process.installed import TRACER, digest_of_files, prebuilt_content, state_of_texts
+from gough_stewart.model.process.installed import TRACER, prebuilt, state_of_texts
 
 # In the manifest of prebuilt files.
 MACHINE = "machine.wasm"
-# Packages besides the model and its units from which the C is made.
-_TRACED = tuple(f"gough_stewart.harness.{name}" for name in ("control", "export", "loop", "motion", "plants"))
+# Packages from which the C is made.
+_TRACED = ("fmu_build", "model", *(f"harness.{name}" for name in ("control", "export", "loop", "motion", "plants")))
 
 
 def shipped_wasm(variant: Variant = IDEAL) -> bytes:
     """The C as WebAssembly: what came with the package, that of ideal plants, else from the cache, else compiled."""
-    content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
-    if content is None:
-        check_installed(TRACER, COMPILER)
-        content = machine_library(machine_c(variant), WEB_ASSEMBLY).kept(WEB_ASSEMBLY).read_bytes()
-    return content
+    carried = None if variant.parts else prebuilt(MACHINE, machine_texts())
+    if carried is not None:
+        return carried.content
+    check_installed(TRACER, COMPILER)
+    return machine_library(machine_c(variant), WEB_ASSEMBLY).kept(WEB_ASSEMBLY).read_bytes()
 
 
-@cache
 def machine_texts() -> str:
     """The state of all sources that the C depends on, for `prebuilt`."""
-    modules = (path for package in _TRACED for path in Path(str(resources.files(package))).glob("*.py"))
-    return digest_of(f"{state_of_texts()}{digest_of_files(modules)}".encode())
+    return state_of_texts(*_TRACED)
 
 
 @cache

@@ -51,7 +51,7 @@ def plan_header() -> str:
 
     # what follows from a motion (18), and a pose with its rates, and the platform's parameters
     vector = casadi.SX.sym("motion", N_MOTION)
-    p = casadi.SX.sym("platform", interface.size_of(interface.PLATFORM_PARAMETERS))
+    p = casadi.SX.sym("platform", interface.N_PARAMETERS)
     ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
     by_name = {v.name: p[a:b] for v, a, b in zip(interface.PLATFORM_PARAMETERS, ends, ends[1:], strict=False)}
     parameters: Any = symbols.parameters_of(by_name)

@@ -24,7 +24,6 @@ from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.interface import State
 from gough_stewart.model.kinematics import leg_jacobian
@@ -80,7 +79,7 @@ class Traced(NamedTuple):
 @interrupts_held_back()
 def traced(designed: Designed) -> Traced:
     """All functions of a designed controller."""
-    measured = interface.size_of(designed.measured)
+    measured = sum(variable.size for variable in designed.measured)
     platform = {v.name: casadi.SX.sym(v.name, v.size) for v in designed.platform_parameters}
     of_motion = {"motion": casadi.SX.sym("motion", N_MOTION), **platform}
     homes = None, home_of(designed.platform)
@@ -270,7 +269,7 @@ def _references(
 
 def _law(designed: Designed, home: Home | None) -> tuple[casadi.Function | None, casadi.Function]:
     """The start and the step of a law."""
-    law, measured = designed.law, casadi.SX.sym("measured", interface.size_of(designed.measured))
+    law, measured = designed.law, casadi.SX.sym("measured", sum(variable.size for variable in designed.measured))
     inputs = {
         "time": casadi.SX.sym("time"),
         "motion": casadi.SX.sym("motion", N_MOTION),

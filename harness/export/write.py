@@ -20,7 +20,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gough_stewart.fmu_build.cache import BuildError
-from gough_stewart.fmu_build.codegen import Types, function_source
+from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
 from gough_stewart.harness.control.component import TRANSFER_TIME
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
@@ -41,7 +41,6 @@ from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.open import ModelPlant
-from gough_stewart.model import interface
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import LARGEST_NUMBER
@@ -191,10 +190,10 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
         "SEES_ZEROS": bool((designed.first_measured * is_place).any() or first_pose.any()),
         # also where the legs are in their range in a pose of zeros
         "ZERO_IS_A_REFERENCE": not designed.reference_inputs or bool(((legs >= low) & (legs <= high)).all()),
-        "N_MEASURED": interface.size_of(designed.measured),
+        "N_MEASURED": sum(variable.size for variable in designed.measured),
         "N_STATES": law.numel_out("next") if law is not None and "next" in law.name_out() else 0,
         "N_COEFFICIENTS": 0 if functions.coefficients is None else functions.coefficients.numel_out(0),
-        "N_WATCHED": interface.size_of(designed.watched),
+        "N_WATCHED": sum(variable.size for variable in designed.watched),
         **{"SAFE_ZERO": 0, "SAFE_FEEDFORWARD": 1, "SAFE_START": 2, "SAFE_FORCE": safe},
     }
     return {name: int(value) for name, value in switches.items()}
@@ -305,7 +304,7 @@ def _function(function: casadi.Function, arrays: frozenset[str]) -> str:
         lines.append(f"  (void){variable};")
     arguments = [context] if context else [f"const real {key}[]" for key in inputs]
     arguments += [f"real {key}[]" for key in outputs]
-    body = function_source(function, "", Types("real", call="REAL({})"), conditions=True).partition("{\n")[2]
+    body = function_source(function, "", "real", call="REAL({})", conditions=True).partition("{\n")[2]
     text = "\n".join([f"\nstatic void {name}({', '.join(arguments)})", "{", *lines, body])
     return re.sub(r"\btrue\b", "exact", text)  # a word of C++
 

@@ -44,7 +44,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.process.toml import toml_item
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.vectors import FloatArray, apply, dot, transpose
+from gough_stewart.model.vectors import FloatArray, apply, dot
 
 Criterion = Literal["determinant", "trace"]
 ESTIMATE = ("platform_mass", "platform_com", "platform_inertia", *PER_LEG)
@@ -310,8 +310,8 @@ def _row_functions(
     if platform.joint_angle_max is not None:
         # cosines of the angles of the joints from home
         at_home = leg_geometry(platform, platform.home_position, platform.home_orientation).direction
-        in_platform = apply(transpose(matrix_from_orientation(platform.home_orientation))[None], at_home)
-        turned = apply(transpose(matrix_from_orientation(state.orientation))[:, None], legs.direction)
+        in_platform = apply(matrix_from_orientation(platform.home_orientation).mT[None], at_home)
+        turned = apply(matrix_from_orientation(state.orientation).mT[:, None], legs.direction)
         cosines = casadi.vertcat(*dot(legs.direction, at_home)[0], *dot(turned, in_platform)[0])
         limited.append((cosines, np.cos(platform.joint_angle_max), np.inf))
     for limit, values in (

@@ -34,7 +34,7 @@ from gough_stewart.model.kinematics import (
 from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, Parameters, of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
-from gough_stewart.model.vectors import Array, FloatArray, apply, cross, dot, transpose
+from gough_stewart.model.vectors import Array, FloatArray, apply, cross, dot
 
 # Quantities of a log, not of the platform: shape and unit. Their nominal value is 0, that of a gain 1.
 OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {
@@ -229,8 +229,8 @@ def regressor(platform: Platform, motion: FloatArray) -> FloatArray:
     fixed = np.concatenate([np.ravel(getattr(platform, name)) for name in _FIXED])
     [wrenches] = _evaluated(wrenches_function(), motion, np.tile(fixed, (len(motion), 1)))
     legs = leg_geometry(platform, state.position, state.orientation)
-    columns = transpose(wrenches.reshape(len(motion), -1, 6))
-    inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), columns)
+    columns = wrenches.reshape(len(motion), -1, 6).mT
+    inertial = np.linalg.solve(jacobian_of_legs(legs).mT, columns)
     # friction acts along the actuator, only on its own leg
     friction = np.split(friction_columns(platform, rates_of_legs(legs, state).length_rate), 2, axis=-1)
     return np.concatenate([inertial, *(column[..., None] * np.eye(6) for column in friction)], axis=-1)
@@ -334,7 +334,7 @@ def _equations() -> casadi.Function:
     parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, symbols(p)))
     legs = leg_geometry(parameters, state.position, state.orientation)
     needed = inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)
-    G = casadi.vertcat(*(needed - apply(transpose(jacobian_of_legs(legs)), symbols(F))).reshape(-1))
+    G = casadi.vertcat(*(needed - apply(jacobian_of_legs(legs).mT, symbols(F))).reshape(-1))
     of_legs = (legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration))
     h = casadi.vertcat(*np.concatenate(of_legs, axis=1).reshape(-1))
     J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))

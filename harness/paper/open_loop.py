@@ -43,7 +43,7 @@ class Trajectory:
 def run_kernel(case: OpenLoopCase, rtol: float = 1e-12) -> Trajectory:
     """Integrate the kernel by DOP853, the reference of all comparisons; a StepError if it cannot continue."""
     kernel, platform = Kernel(), case.platform
-    p, u, time = parameter_vector(platform), case.inputs.to_vector(), case.time
+    p, u, time = parameter_vector(platform), np.concatenate(case.inputs), case.time
     has_friction = platform.leg_viscous_friction != 0 or platform.leg_coulomb_friction != 0
 
     def derivative(_t: float, x: Array) -> Array:

@@ -215,7 +215,7 @@ def reproduce(
             "comparison.json": (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode(),
             **units,
         }
-        inputs = np.tile(case.inputs.to_vector(), (len(kernel.time), 1))
+        inputs = np.tile(np.concatenate(case.inputs), (len(kernel.time), 1))
         metadata = {
             "title": case.title,
             "plant": "task-space kernel under DOP853",

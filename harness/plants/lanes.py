@@ -55,7 +55,7 @@ class LaneArrays:
 
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
-        n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        n_states, n_parameters = variant.n_states, variant.n_parameters
         self._rows = {name: rows.ravel() for name, rows in interface.places(variant.parameters).items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
@@ -142,7 +142,7 @@ class BatchPlant(Plant):
                 f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for "
                 "each"
             )
-        self._platforms = Platforms.of(platforms)
+        self._platforms = platforms if isinstance(platforms, Platforms) else Platforms(platforms)
         self._variant = variant = Variant.of(platforms[0])
         for field, has_part in (
             ("leg_friction_model", self._platforms.field("leg_friction_model") != SMOOTH),
@@ -179,7 +179,8 @@ class BatchPlant(Plant):
         for variable in variant.parameters:
             batch.put_parameter(variable.name, self._platforms.field(variable.name))
         batch.states[: interface.N_STATES] = batch.padded(np.stack([start.to_vector() for start in starts]))
-        self._place_motors(np.ones(batch.states.shape[1], dtype=bool))
+        if variant.springs:
+            self._place_motors(np.ones(batch.states.shape[1], dtype=bool))
         position, orientation = (
             batch.padded(self._platforms.field(name)).T for name in ("home_position", "home_orientation")
         )
@@ -246,7 +247,7 @@ class BatchPlant(Plant):
         self._platforms = platforms
         for name, new in changed.items():
             self.batch.put_parameter(name, new)
-        if not self._begun:
+        if self._variant.springs and not self._begun:
             self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
 
     def signals(self) -> FloatArray:
@@ -320,8 +321,6 @@ class BatchPlant(Plant):
 
     def _place_motors(self, members: BoolArray) -> None:
         """Place the motors of these members (M,) where they hold the pose at rest, moving with it."""
-        if not self._variant.springs:
-            return
         x = self.batch.states
 
         def motors_of(columns: Any) -> FloatArray:

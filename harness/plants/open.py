@@ -14,7 +14,7 @@ from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, State, Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.process.installed import this_machine
+from gough_stewart.model.process.installed import THIS_MACHINE
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.stepping import Integrator, SteppingModel
 from gough_stewart.model.vectors import FloatArray
@@ -96,7 +96,7 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None, variant
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             return build(folder, fmi=[fmi_version], platform=platform_of(variant), progress=progress)[0].read_bytes()
 
-    state = "-".join((state_of_sources(), this_machine(), *variant.parts))
+    state = "-".join((state_of_sources(), THIS_MACHINE, *variant.parts))
     return kept(cache_folder() / "fmus" / state / f"gough_stewart_fmi{fmi_version[0]}.fmu", built)
 
 

@@ -18,7 +18,7 @@ from gough_stewart.model.vectors import FloatArray
 # In the order of the results, so the vector of all signals is the first part of `Plant.results()`.
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
-SIZE = interface.size_of(VARIABLES)
+SIZE = interface.N_SIGNALS
 # What is known of a reference.
 REFERENCES = (*VARIABLES, interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 # The legs' lengths and velocities, the last of them; of elastic legs also at the motors' side, from this column on.

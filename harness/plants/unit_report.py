@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _CAUSALITIES = ("input", "output", "parameter", "local")
 
 
-def unit_report(
+def unit_report(  # noqa: PLR0915 – sections of the report in their order
     platform: Platform,
     versions: Sequence[str],
     targets: Sequence[str],
@@ -51,12 +51,13 @@ def unit_report(
             outcome = f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"
     verdict = Verdict(sentence([*built, outcome if versions else None]), "bad" if failed else "good", told)
 
+    component = plant_component(platform)
     units = {version: name for version in versions for name in files if name.endswith(f"fmi{version[0]}.fmu")}
     steps = [f"Look at the model: `python -m mujoco.viewer --mjcf={name}`" for name in models]
     kinds = dict.fromkeys(models, "for MuJoCo; its comment says what it leaves out")
     for version, name in units.items():
         kinds[name] = f"FMI {version}, Co-Simulation and Model Exchange, with the compiled code for {systems}"
-        force = 1.05 * float(plant_component(platform).starts["actuator_force"].flat[0])
+        force = 1.05 * float(component.starts["actuator_force"].flat[0])
         values, push = (
             f"--start-values 'actuator_force[1]' {force:.6g} ",
             "push leg 1 with 5 % more than it needs to stand",
@@ -72,7 +73,29 @@ def unit_report(
             )
     sections.append(Section("Next step", tuple(map(Note, steps)), detail=True))
     if units:
-        sections.append(Section("Variables", (_variables(platform, versions),), detail=True))
+        # all variables but time and derivatives: inputs, outputs, parameters, local ones
+        shown = [row for row in component.layout.rows if row.derivative_of is None and row.variable.name != "time"]
+        shown.sort(key=lambda row: _CAUSALITIES.index(row.variable.causality))
+        lines, ends = list[tuple[Cell, ...]](), list[int]()
+        for k, row in enumerate(shown):
+            variable, start = row.variable, component.starts.get(row.variable.name)
+            size = " × ".join(map(str, variable.shape)) or "1"
+            text = "" if start is None else plain_text(start.reshape(variable.shape or (1,)) + 0.0)  # no negative zero
+            slots = f"{row.first} to {row.slots[-1]}" if len(row.slots) > 1 else f"{row.first}"
+            references = {"2.0": slots, "3.0": str(row.reference)}
+            unit = "" if variable.unit == "1" else unit_text(variable.unit)
+            lines.append((variable.name, variable.causality, size, unit, *(references[v] for v in versions), text))
+            if k + 1 < len(shown) and shown[k + 1].variable.causality != variable.causality:
+                ends.append(k)
+        heads = ("variable", "causality", "elements", "unit", *(f"in FMI {v}" for v in versions), "start")
+        note = (
+            "SI units; value references of a variable in FMI 3.0, and of its elements in FMI 2.0, where each is a "
+            "variable of its own, such as actuator_force[1] or base_points[6,3]."
+        )
+        table = Table(
+            "", tuple(map(Column, heads)), tuple(lines), first_shown=ends[1] + 1, group_ends=tuple(ends), note=note
+        )
+        sections.append(Section("Variables", (table,), detail=True))
     return Report(
         f"FMU of {platform.name}" if versions else f"Model of {platform.name} for MuJoCo",
         verdict,
@@ -81,28 +104,3 @@ def unit_report(
         numbers=(*numbers, *told),
         files=tuple(File(name, kinds.get(name, "")) for name in files),
     )
-
-
-def _variables(platform: Platform, versions: Sequence[str]) -> Table:
-    """All variables but time and derivatives: inputs, outputs, parameters, local ones."""
-    component = plant_component(platform)
-    described = [row for row in component.layout.rows if row.derivative_of is None and row.variable.name != "time"]
-    described.sort(key=lambda row: _CAUSALITIES.index(row.variable.causality))
-    rows, ends = list[tuple[Cell, ...]](), list[int]()
-    for k, row in enumerate(described):
-        variable, start = row.variable, component.starts.get(row.variable.name)
-        size = " × ".join(map(str, variable.shape)) or "1"
-        text = "" if start is None else plain_text(start.reshape(variable.shape or (1,)) + 0.0)  # no negative zero
-        slots = f"{row.first} to {row.slots[-1]}" if len(row.slots) > 1 else f"{row.first}"
-        references = {"2.0": slots, "3.0": str(row.reference)}
-        unit = "" if variable.unit == "1" else unit_text(variable.unit)
-        rows.append((variable.name, variable.causality, size, unit, *(references[v] for v in versions), text))
-        if k + 1 < len(described) and described[k + 1].variable.causality != variable.causality:
-            ends.append(k)
-    heads = ("variable", "causality", "elements", "unit", *(f"in FMI {v}" for v in versions), "start")
-    note = (
-        "SI units; value references of a variable in FMI 3.0, and of its elements in FMI 2.0, where each is a variable "
-        "of its own, such as actuator_force[1] or base_points[6,3]."
-    )
-    columns = tuple(map(Column, heads))
-    return Table("", columns, tuple(rows), first_shown=ends[1] + 1, group_ends=tuple(ends), note=note)

@@ -30,7 +30,7 @@ from gough_stewart.model.rotations import (
     orientation_from_matrix,
     quaternion_rate,
 )
-from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew, transpose
+from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew
 
 
 class Configuration(NamedTuple):
@@ -155,9 +155,9 @@ def solve(
         m, J_t = (of_legs(parameters, f"leg_{part}_{name}")[..., None] for name in ("mass", "inertia"))
         # R diag(J_x, J, J) Rᵀ = J 1 + (J_x − J) u uᵀ
         J = J_t[..., None] * np.eye(3) + (axial_inertia - J_t[..., None]) * outer(u, u)
-        A_legs += m[..., None] * transpose(v) @ v + w.T @ J @ w
-        b = m[..., None] * transpose(v) @ dv + w.T @ skew(omega) @ J @ w
-        D_legs += apply(transpose(v), m * g + along) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
+        A_legs += m[..., None] * v.mT @ v + w.T @ J @ w
+        b = m[..., None] * v.mT @ dv + w.T @ skew(omega) @ J @ w
+        D_legs += apply(v.mT, m * g + along) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
     A_legs[..., 3, 3] += of_legs(parameters, "leg_armature")
     for i in range(6):
         K[..., 4 * i : 4 * i + 4, 4 * i : 4 * i + 4] = A_legs[..., i, :, :]
@@ -166,7 +166,7 @@ def solve(
     # platform: A_p = [[J_p − m r~ r~, m r~], [−m r~, m 1]],  D_p = [M_p − m r~ â − ω~ J_p ω; F_p − m â],
     # â = −g + ω×(ω×r), r = 0_R_p r_G; (17)
     omega_p, R, mass = y[..., 24:27], configuration.rotation, np.asarray(parameters.platform_mass)[..., None]
-    r, J = apply(R, parameters.platform_com), R @ parameters.platform_inertia @ transpose(R)
+    r, J = apply(R, parameters.platform_com), R @ parameters.platform_inertia @ R.mT
     mr, a_hat = mass[..., None] * skew(r), cross(omega_p, cross(omega_p, r)) - parameters.gravity
     K[..., 24:27, 24:27], K[..., 24:27, 27:30] = J - mr @ skew(r), mr
     K[..., 27:30, 24:27], K[..., 27:30, 27:30] = -mr, mass[..., None] * np.eye(3)
@@ -177,7 +177,7 @@ def solve(
     # constraints
     Phi_q, rate, residual = constraints(parameters, configuration, y)
     alpha, beta = baumgarte
-    K[..., :30, 30:], K[..., 30:, :30] = transpose(Phi_q), Phi_q
+    K[..., :30, 30:], K[..., 30:, :30] = Phi_q.mT, Phi_q
     D[..., 30:] = -apply(rate, y) - 2 * alpha * apply(Phi_q, y) - beta**2 * residual
     x = np.linalg.solve(K, D[..., None])[..., 0]
     return KaneSolution(x[..., :30], x[..., 30:48].reshape(*x.shape[:-1], 6, 3))

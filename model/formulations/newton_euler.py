@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.model.parameters import Parameters, of_legs
-from gough_stewart.model.vectors import Array, apply, centripetal, cross, dot, outer, per_leg, skew, transpose
+from gough_stewart.model.vectors import Array, apply, centripetal, cross, dot, outer, per_leg, skew
 
 # Columns of one leg's 24 unknowns.
 _A1, _ALPHA1, _A2, _ALPHA2 = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
@@ -55,7 +55,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     e1 = np.cross(u, identity[np.argmin(np.abs(u), axis=-1)])
     e1 = e1 / np.linalg.norm(e1, axis=-1, keepdims=True)
     across = np.stack([e1, cross(u, e1)], axis=-1)  # two unit vectors across u, as columns
-    onto = transpose(across)
+    onto = across.mT
     G1 = of_legs(p, "leg_lower_com")[..., None] * u  # from B
     G2 = (L - of_legs(p, "leg_upper_com"))[..., None] * u
     G1_B, G1_G2, G2_P = -G1, G2 - G1, l - G2
@@ -123,7 +123,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
 
     # the platform's balance about G takes f_P at P_i and the external wrench at Op
     m = np.broadcast_to(p.platform_mass, n)[..., None]
-    J = rotation @ p.platform_inertia @ transpose(rotation)
+    J = rotation @ p.platform_inertia @ rotation.mT
     K, k = np.zeros((*n, 150, 150)), np.zeros((*n, 150))
     for i in range(6):
         rows, joint = slice(24 * i, 24 * i + 24), slice(24 * i + 21, 24 * i + 24)

@@ -10,14 +10,14 @@ import lzma
 import os
 import platform
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from gough_stewart.model.errors import EnvironmentVariableError, NotInstalledError
 
@@ -27,14 +27,17 @@ PREBUILT = Path(str(resources.files("gough_stewart").joinpath("prebuilt")))
 MANIFEST = "manifest.json"
 # Ending of files that are not loaded where they are: xz makes them a fifth smaller than the wheel's deflate.
 PACKED = ".xz"
-_NOT_INSTALLED = "not installed: {}; install the extra: pip install 'gough-stewart[compile]'"
-_PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+NOT_INSTALLED = "not installed: {}; install the extra: pip install 'gough-stewart[compile]'"
+# Processor and system of this machine, such as `x86_64-linux`: FMI 3.0's platform tuple, if it is supported.
+_PROCESSOR = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+THIS_MACHINE = f"{_PROCESSOR}-{platform.system().lower()}"
 
 
-def this_machine() -> str:
-    """Processor and system of this machine, such as `x86_64-linux`: FMI 3.0's platform tuple, if it is supported."""
-    processor = platform.machine().lower()
-    return f"{_PROCESSORS.get(processor, processor)}-{platform.system().lower()}"
+class CarriedFile(NamedTuple):
+    """A file that came with the package."""
+
+    path: Path
+    content: bytes  # unpacked
 
 
 def manifest_line(file: str, content: bytes, state: str) -> dict[str, str]:
@@ -42,41 +45,33 @@ def manifest_line(file: str, content: bytes, state: str) -> dict[str, str]:
     return {"file": file, "state": state, "sha256": sha256(content).hexdigest()}
 
 
-def prebuilt(name: str, state: str) -> Path | None:
+def prebuilt(name: str, state: str) -> CarriedFile | None:
     """The file of a name, made of sources of this state; None if there is none, with a warning if it is damaged."""
     line: Mapping[str, str] | None = manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
         return None
-    path, is_whole = PREBUILT / line["file"], False
+    path, content = PREBUILT / line["file"], b""
     with suppress(OSError):
-        is_whole = sha256(path.read_bytes()).hexdigest() == line["sha256"]
-    if not is_whole:
+        content = path.read_bytes()
+    if sha256(content).hexdigest() != line["sha256"]:
         warnings.warn(f"{path} is damaged and is not used; install the package again", stacklevel=2)
-    return path if is_whole else None
-
-
-def prebuilt_content(name: str, state: str) -> bytes | None:
-    """The content of the packed file of a name, made of sources of this state; None if there is none."""
-    path = prebuilt(name, state)
-    return None if path is None else unpacked(path.read_bytes())
+        return None
+    return CarriedFile(path, _unpacked(content) if path.suffix == PACKED else content)
 
 
 # the units of both FMI versions have the libraries of five targets in common
-unpacked = lru_cache(maxsize=8)(lzma.decompress)
+_unpacked = lru_cache(maxsize=8)(lzma.decompress)
 
 
 @cache
-def state_of_texts() -> str:
-    """Digest of all source files of the model and of its units."""
-    folders = (Path(str(resources.files(f"gough_stewart.{name}"))) for name in ("fmu_build", "model"))
+def state_of_texts(*packages: str) -> str:
+    """Digest of names and contents of all source files of some packages, by default `model` and `fmu_build`."""
+    folders = (Path(str(resources.files(f"gough_stewart.{name}"))) for name in packages or ("fmu_build", "model"))
     paths = (path for folder in folders for path in folder.rglob("*"))
-    return digest_of_files(path for path in paths if path.is_file() and path.parent.name != "__pycache__")
-
-
-def digest_of_files(paths: Iterable[Path]) -> str:
-    """Digest of names and contents, in an order that is the same on all systems."""
+    files = (path for path in paths if path.is_file() and path.parent.name != "__pycache__")
     digest = sha256()
-    for path in sorted(paths, key=lambda path: path.as_posix()):
+    # in an order that is the same on all systems
+    for path in sorted(files, key=lambda path: path.as_posix()):
         content = path.read_bytes()
         digest.update(f"{path.name} {len(content)}\n".encode())
         digest.update(content)
@@ -98,7 +93,7 @@ def check_installed(uses: Mapping[str, str]) -> None:
     missing = [package for package in uses if find_spec(package) is None]
     if missing:
         packages = " and ".join(f"{package} ({uses[package]})" for package in missing)
-        raise NotInstalledError(_NOT_INSTALLED.format(packages))
+        raise NotInstalledError(NOT_INSTALLED.format(packages))
 
 
 @contextmanager
@@ -109,7 +104,7 @@ def tracer_is_named() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if error.name != TRACER:
             raise
-        raise NotInstalledError(_NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None
+        raise NotInstalledError(NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None
 
 
 @cache

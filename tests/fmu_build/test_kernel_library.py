@@ -15,7 +15,7 @@ import pytest
 from gough_stewart.fmu_build.toolchain import native
 from gough_stewart.harness.prebuilt import write_prebuilt
 from gough_stewart.model import kernel
-from gough_stewart.model.kernel import FUNCTIONS, PREFIX, kernel_library, processor_level
+from gough_stewart.model.kernel import FUNCTIONS, PREFIX, kernel_library
 from gough_stewart.model.process import installed
 from tests.support.uneven import UNEVEN
 
@@ -69,7 +69,7 @@ def test_it_evaluates_as_casadi() -> None:
             {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave"},
             {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
         )
-        assert processor_level() == 1 + next((k for k in range(3) if not needs[k] <= flags), 3)
+        assert library.processor_level() == 1 + next((k for k in range(3) if not needs[k] <= flags), 3)
 
 
 def _other_number(_folder: Path, manifest: dict[str, Any]) -> None:

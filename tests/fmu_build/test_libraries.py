@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,6 +11,7 @@ from gough_stewart.fmu_build import libraries, toolchain
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import machine_code, vector_library
 from gough_stewart.fmu_build.toolchain import BY_NAME, FLAGS, WEB_ASSEMBLY, Compiler, Library, compiler_of, native, zig
+from gough_stewart.model.process.installed import CarriedFile
 
 LINUX, WINDOWS = BY_NAME["x86_64-linux"], BY_NAME["x86_64-windows"]
 
@@ -64,11 +66,14 @@ def test_a_processor_takes_the_highest_level_that_it_has_and_that_loads(
 ) -> None:
     """Expected: by hand; with AVX2 only, or without it, never the code for AVX-512."""
     library = vector_library("loop", lambda: Sources({}, {}), "own")
-    by_name = {(f"x86_64-linux/{name}", library.state): content for name, content in carried.items()}
+    by_name = {
+        (f"x86_64-linux/{name}", library.state): CarriedFile(Path(name), content) for name, content in carried.items()
+    }
     monkeypatch.setattr(libraries, "native", lambda: LINUX)
     monkeypatch.setattr(libraries, "_loads", lambda path: path.read_bytes() != b"broken")
-    monkeypatch.setattr(libraries, "processor_level", lambda: level)
-    monkeypatch.setattr(libraries, "prebuilt_content", lambda name, state: by_name.get((name, state)))
+    kernel = None if level is None else SimpleNamespace(processor_level=lambda: level)
+    monkeypatch.setattr(libraries, "kernel_library", lambda: kernel)
+    monkeypatch.setattr(libraries, "prebuilt", lambda name, state: by_name.get((name, state)))
     code = machine_code(library)
     assert code.path.read_bytes() == expected
     assert ("x86-64-v" in code.features) == expected.startswith(b"level")
@@ -109,5 +114,11 @@ def test_the_order_of_compilers_is_cc_zig_and_the_systems(tmp_path: Path, monkey
     ]
     stripped = ["-s" in Compiler(("cc",), "").commands("u", [], "h", each, FLAGS)[0] for each in BY_NAME.values()]
     assert stripped == [True, True, True, False, False]
-    assert [[*libraries.flags_by_level(target)] for target in BY_NAME.values()] == [[3, 4], [0], [3], [3], [0]]
+    assert [[*libraries.flags_by_level(target)] for target in BY_NAME.values()] == [
+        ["-v3", "-v4"],
+        [""],
+        ["-v3"],
+        ["-v3"],
+        [""],
+    ]
     assert last == [*aim, "-O3", "-shared", "-s", "-I", "h", "0.obj", "1.obj", "-o", "u.dll", "-lm"]

@@ -17,9 +17,9 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
     condition_number_bound,
+    jacobian_of_legs,
     joint_angles,
     leg_geometry,
-    scaled_jacobian_of_legs,
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray, first_of_largest
@@ -109,7 +109,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
     """
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, motion.position, motion.orientation)
-        regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
+        regular = condition_number_bound(jacobian_of_legs(legs, scaled=True)) < LARGEST_CONDITION_NUMBER
         loads = loads_of_legs(platform, motion, legs, regular)
         v, a, force, power = (loads[name] for name in LOADS)
         length = np.asarray(legs.length)

@@ -16,11 +16,11 @@ from gough_stewart.model.kinematics import (
     LegGeometry,
     condition_number_bound,
     conditioning_of_legs,
+    jacobian_of_legs,
     joint_angles,
     leg_accelerations,
     leg_geometry,
     rates_of_legs,
-    scaled_jacobian_of_legs,
     side_of_singular_poses,
 )
 from gough_stewart.model.platform import Platform
@@ -202,7 +202,7 @@ def shares_along(
     pose = (rows.position, rows.orientation)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction; its condition number is not finite
         legs = leg_geometry(platform, *pose)
-        condition_number = condition_number_bound(scaled_jacobian_of_legs(legs)[0])
+        condition_number = condition_number_bound(jacobian_of_legs(legs, scaled=True))
         if not (condition_number <= largest_condition_number).all():
             condition_number = np.asarray(conditioning_of_legs(legs).condition_number)
         side = side_of_singular_poses(platform, legs)
