@@ -7,7 +7,6 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.real_platforms import SIX, SIX_SPRINGS
-from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import experiment_of
 
 LOOP = {"duration": 0.05, "sample_time": 5e-3, "delay": 1}
@@ -80,21 +79,6 @@ def test_the_stroke_margin_is_that_of_the_leg_that_is_nearest_to_its_own_end(end
     ends = length.min(axis=0) - away if end == "leg_length_min" else length.max(axis=0) + away
     run = gs.run(experiment_of("pd", loop=LOOP), {f"platform.parameters.{end}": ends.tolist()})
     assert gs.metrics(run)["stroke"]["margin"] == pytest.approx(0.35, abs=1e-9)
-
-
-def test_a_run_stops_where_one_leg_leaves_its_own_stroke() -> None:
-    """Expected: the row in which the record of a run that goes on leaves it."""
-    length = gs.run(experiment_of("pd", loop=LOOP))["leg_length"]
-    home = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
-    falls = length[0] - length[-1]
-    leg = int(np.argmax(np.where(home > length[0], falls, -np.inf)))
-    low = np.full(6, 2.3)
-    low[leg] = length[0, leg] - 0.4 * falls[leg]
-    settings = {"limits.stroke": "stop", "platform.parameters.leg_length_min": low.tolist()}
-    run = gs.run(experiment_of("pd", loop=LOOP), settings)
-    assert run.metadata["outcome"]["status"] == "stopped"
-    assert run.metadata["outcome"]["cause"].startswith(f"leg {leg + 1} is ")
-    assert len(run["time"]) == int((length[:, leg] < low[leg]).argmax()) + 1
 
 
 def test_a_motion_is_held_against_each_legs_limits() -> None:

@@ -50,20 +50,22 @@ def test_the_second_philox_gives_the_published_answers(key: list[int], counter: 
     assert philox(key, counter) == expected
 
 
-@pytest.mark.parametrize("seed", [6, 0])
-def test_readings_have_the_noise_of_their_elements(seed: int) -> None:
-    """Expected: σ times the numbers of seed, reading and element, of signals of three and six elements."""
-    deviations = {name: 1e-3 * (k + 1) for k, name in enumerate(SIGNALS)}
-    sensors = {"noise": deviations, "seed": seed}
+@pytest.mark.parametrize(("seed", "every"), [(6, 1), (0, 1), (6, 2)], ids=["seed 6", "seed 0", "slower encoders"])
+def test_readings_have_the_noise_of_their_elements(seed: int, every: int) -> None:
+    """Expected: σ times the numbers of seed, reading and element, of signals of three and six elements; then steps."""
+    deviations, coarse = {name: 1e-3 * (k + 1) for k, name in enumerate(SIGNALS)}, "leg_velocity"
+    sensors: dict[str, Any] = {"noise": deviations, "seed": seed, "quantisation": {coarse: 2e-3}}
+    sensors |= {"sample_time": every * 5e-3} if every > 1 else {}
     loop = {"duration": 0.755, "sample_time": 5e-3, "plant_step": 5e-3}
     record = gs.run(experiment_of("pd", loop=loop, sensors=sensors), controller=lambda _sample: np.full(6, 47.0))
     element = 0
     for name, deviation in deviations.items():
-        noise = record[f"measured.{name}"] - record[name]
-        for column in range(noise.shape[1]):
+        read, true = record[f"measured.{name}"], record[name]
+        for column in range(read.shape[1]):
             for k in (0, 1, 63, 64, 150):
-                expected = deviation * number_of(seed, k, element)
-                assert noise[k, column] == pytest.approx(expected, rel=2e-7, abs=1e-14), (k, name, column)
+                reading = true[k // every * every, column] + deviation * number_of(seed, k // every, element)
+                expected = 2e-3 * np.round(reading / 2e-3) if name == coarse else reading
+                assert read[k, column] == pytest.approx(expected, abs=1e-6 * deviation), (k, name, column)
             element += 1
 
 
