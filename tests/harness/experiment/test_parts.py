@@ -114,17 +114,7 @@ def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> No
     assert replaced.metadata["replaced"] == ["controller"]
 
 
-def test_an_injection_is_in_the_record_and_in_the_command() -> None:
-    """Expected: a function of the nominal time, in six legs apart; without it no such column."""
-
-    def wave(time: float) -> Any:
-        return 10 * np.sin(30 * time + np.arange(6))
-
-    with_it, without = gs.run("heave_step", HOLD, injection=wave), run()
-    expected = np.array([wave(0.002 * (min(k, 19) // 2)) for k in range(21)])
-    assert with_it["controller.injection"] == pytest.approx(expected)
-    assert "controller.injection" not in without
-    assert with_it["controller.force"][0] - without["controller.force"][0] == pytest.approx(expected[0])
+def test_an_injection_of_another_shape_is_refused() -> None:
     with pytest.raises(gs.GoughStewartError, match=r"the injection at time 0 s has shape \(3,\)"):
         gs.run("heave_step", HOLD, injection=lambda _time: [1.0, 2.0, 3.0])
 
