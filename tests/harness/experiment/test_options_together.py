@@ -19,23 +19,13 @@ from tests.support.documented_loop import Documented, simulate
 from tests.support.foreign_controller import NAMES, foreign_controller
 from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
+from tests.support.uneven_loops import LEG, TASK
 
 pytestmark = pytest.mark.usefixtures("units_in_process")
 
 
 DURATION, SAMPLE_TIME = 0.1, 0.005
 _STEPS = 5  # of the plant in a sample time, where it has several
-# Six different gains, of legs and of axes.
-LEG_GAINS = {
-    "kp": [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0],
-    "kd": [110.0, 140.0, 95.0, 125.0, 150.0, 105.0],
-    "ki": [900.0, 1500.0, 700.0, 1100.0, 2000.0, 800.0],
-}
-TASK_GAINS = {
-    "kp": [6000.0, 7500.0, 9000.0, 5200.0, 4100.0, 3300.0],
-    "kd": [520.0, 610.0, 700.0, 430.0, 390.0, 310.0],
-    "ki": [5000.0, 8000.0, 9000.0, 4500.0, 3000.0, 2500.0],
-}
 ALONG = np.array([0.021, -0.017, 0.026, 0.031, -0.024, 0.035])
 OPTIONS: dict[str, list[Any]] = {
     "type": ["pd", "pid"],
@@ -153,7 +143,7 @@ def _pose_about(row: dict[str, Any]) -> FloatArray:
 def _expected(row: dict[str, Any], readings: FloatArray | None, samples: Sequence[int] | None = None) -> Documented:
     options = {
         **row,
-        **(TASK_GAINS if row["space"] == "task" else LEG_GAINS),
+        **(TASK if row["space"] == "task" else LEG),
         "sample_time": SAMPLE_TIME,
         "duration": DURATION,
         "along": ALONG,
@@ -185,7 +175,7 @@ def _unit(row: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _controller(row: dict[str, Any]) -> dict[str, Any]:
     """The table of a PD or PID."""
-    gains, stated = TASK_GAINS if row["space"] == "task" else LEG_GAINS, row["gains"] == "stated"
+    gains, stated = TASK if row["space"] == "task" else LEG, row["gains"] == "stated"
     plain = ("type", "space", "derivative_on", "discretisation", "feedforward")
     kinds: list[dict[str, Any]] = [{"bandwidth": "1.9 Hz", "damping_ratio": 0.85}, {"integral_time": "310 ms"}]
     if stated:

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,38 +14,19 @@ from scipy.spatial.transform import Rotation
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.documented_loop import friction_of, motion_of
+from tests.support.experiments import written
+from tests.support.lagrangian import forces_along, legs_along
 from tests.support.uneven import UNEVEN
 
 H, STEPS, HERTZ, PHASE = 5e-3, 180, 1.1, 0.3
 # Of five axes: a check of all six goes through four times as many phases.
 ALONG = np.array([0.0, -0.16, 0.2, 0.05, -0.08, 0.07])
 HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
-LIMITS = {"leg_velocity_max": 1.3, "leg_acceleration_max": 5.0, "actuator_power_max": 400.0, "joint_angle_max": 0.3}
-FILE = f"""
-title = "sway"
-limits.condition_number = 40
-platform.file = "uneven.toml"
-{chr(10).join(f"platform.parameters.{name} = {value}" for name, value in LIMITS.items())}
-controller = {{ type = "pd", bandwidth = 1.5 }}
-actuators.force_limit = "0.25 kN"
-loop = {{ duration = {STEPS * H}, sample_time = {2 * H}, plant_step = {H} }}
-[reference]
-type = "sine"
-position_amplitude = {ALONG[:3].tolist()}
-orientation_amplitude = {ALONG[3:].tolist()}
-frequency = {HERTZ}
-phase = {PHASE}
-"""
-
-
-def pose_at(time: FloatArray) -> Pose:
-    """The sine about home."""
-    w = 2 * np.pi * HERTZ
-    turn = w * time + PHASE
-    s = np.sin(turn), w * np.cos(turn), -(w**2) * np.sin(turn)
-    q, rate, acceleration = (np.outer(each, ALONG) for each in s)
-    return Pose(HOME + q, rate, acceleration)
+LIMITS: dict[str, Any] = {"leg_velocity_max": 1.3, "leg_acceleration_max": 5.0, "actuator_power_max": 400.0}
+LIMITS |= {"joint_angle_max": 0.3}
+SINE = {"type": "sine", "position_amplitude": ALONG[:3].tolist(), "orientation_amplitude": ALONG[3:].tolist()}
+pose_at = motion_of({"reference": "sine", "along": ALONG, "frequency": HERTZ, "phase": PHASE}, HOME)
 
 
 class Motion:
@@ -56,10 +38,7 @@ class Motion:
         d = 1e-5
         before, after = (legs_along(UNEVEN, pose_at(self.time + sign * d))[1] for sign in (-1, 1))
         self.acceleration = (after - before) / (2 * d)
-        friction = UNEVEN.leg_viscous_friction * UNEVEN.leg_viscous_friction_factor * self.velocity
-        smooth = np.tanh(self.velocity / UNEVEN.leg_friction_velocity)
-        friction = friction + UNEVEN.leg_coulomb_friction * UNEVEN.leg_coulomb_friction_factor * smooth
-        self.force = forces_along(UNEVEN, pose_at(self.time)) + friction
+        self.force = forces_along(UNEVEN, pose_at(self.time)) + friction_of(UNEVEN, self.velocity)
         self.power = self.force * self.velocity
         q = pose_at(self.time).q
         home = self._directions(HOME[None])
@@ -137,9 +116,15 @@ class Said:
     """What the command made."""
 
     def __init__(self, folder: Path) -> None:
-        gs.save_platform(UNEVEN, folder / "uneven.toml")
-        self.experiment = folder / "sway.toml"
-        self.experiment.write_text(FILE)
+        gs.save_platform(replace(UNEVEN, **LIMITS), folder / "uneven.toml")
+        made = {
+            **{"title": "sway", "platform": {"file": "uneven.toml"}, "limits": {"condition_number": 40}},
+            "reference": {**SINE, "frequency": HERTZ, "phase": PHASE},
+            "controller": {"type": "pd", "bandwidth": 1.5},
+            "actuators": {"force_limit": "0.25 kN"},
+            "loop": {"duration": STEPS * H, "sample_time": 2 * H, "plant_step": H},
+        }
+        self.experiment = written(made, folder / "sway.toml")
         done = invoke("check", str(self.experiment), "--out", str(folder / "out"))
         assert done.exit_code == 3  # a limit is missed
         self.output = done.stdout
