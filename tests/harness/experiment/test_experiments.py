@@ -27,7 +27,6 @@ GAINS = {"type": "pd", "proportional_gain": 1, "derivative_gain": 1}
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"titel": "y"}, "titel: unknown key (= 'y'); did you mean 'title'?"),
     ({"loop.latency": 1}, "loop.latency: unknown key (= 1)"),
-    ({"reference": {"type": "sine", "frequency": 1, "fase": 2}}, "reference.fase: unknown key (= 2); did you mean 'ph"),
     ({"controller.damping": 1}, "controller.damping: unknown key (= 1); did you mean 'damping_ratio'?"),
     # a key that is named like its kind, and one that another kind has
     ({"controller.pd": 3}, "controller.pd: unknown key (= 3); expected one of type, feedforward, space, bandwidth, d"),
@@ -47,6 +46,13 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"reference.at": 0}, "reference.at: is 0; expected > 0 s"),
     ({"controller.bandwidth": "2 rad"}, "controller.bandwidth: is '2 rad'; expected a number of Hz, or a string with"),
     ({"plant.tolerance": "1e-10"}, "plant.tolerance: is '1e-10'; expected a number"),
+    *(
+        ({f"{key}.tolerance": value}, f"{key}.tolerance: is {value}; expected")
+        for key in ("plant", "ensemble")
+        for value in (0, -1e-9, np.nan, np.inf)
+    ),
+    ({"reference.at": 1.01e12}, "reference.at: is 1010000000000.0; expected a number of at most 1e+12 in SI units"),
+    ({"start.velocity": ["-2e15 mm/s", 0, 0]}, "start.velocity: is ['-2e15 mm/s', 0, 0]; value 1 of 3: expected a num"),
     ({"start.velocity": [1e200, 0, 0]}, "start.velocity: is [1e+200, 0, 0]; value 1 of 3: expected a number of at mo"),
     ({"reference.position_change": [0, 1]}, "reference.position_change: is [0, 1]; expected a list of 3 [m]; found 2"),
     ({"reference.position_change": 0.05}, "reference.position_change: is 0.05; expected a list of 3 [m]; found one v"),
@@ -127,7 +133,6 @@ def test_what_is_no_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
 
 
 PID = {"controller.type": "pid", "controller.integral_time": 0.5}
-SINE = {"type": "sine", "frequency": 1000, "position_amplitude": [0, 0, 0.01]}
 # What is set in a good experiment that cannot run so, and the message from the part on.
 IMPOSSIBLE: list[tuple[dict[str, Any], str]] = [
     ({"platform": {"preset": "motionbase"}}, "platform: preset 'motionbase'.*did you mean 'motion_base'"),
@@ -136,10 +141,7 @@ IMPOSSIBLE: list[tuple[dict[str, Any], str]] = [
     ({"platform": {"file": "uneve.toml"}}, "platform: .*cannot read.*; did you mean 'uneven.toml'?"),
     ({"platform.parameters.platform_mass": -3}, "platform: platform_mass: is -3"),
     ({"platform.parameters.mass": 3}, "platform: mass: no such parameter"),
-    ({"loop.plant_step": 0.0003}, "loop: plant_step 0.0003 s does not divide sample_time"),
-    ({"loop.duration": 1.0005}, "loop: plant_step 0.001 s does not divide duration"),
     ({"loop.duration": 1e9}, "loop: duration 1e.09 s has 1e.12 plant steps"),
-    ({"loop.delay": 1000, "loop.duration": 0.5}, "loop: delay of 1000 samples in a run of 0.5 s"),
     ({"loop.sample_time": 0.5, "loop.duration": 2}, "controller: .*time constant"),
     ({**PID, "controller.integral_time": 0.001}, "controller: integral_time is 0.001 s; expected more than"),
     ({"controller.type": "pid"}, "controller: a PID needs an integral_time"),
@@ -147,13 +149,14 @@ IMPOSSIBLE: list[tuple[dict[str, Any], str]] = [
     ({"controller": {"type": "python", "file": "nothing.py"}}, "controller: nothing.py: no such file"),
     ({"reference": {"type": "file", "file": "no.csv"}}, "reference: .*no.csv"),
     ({"loop.delay": 500, "loop.duration": 0.5}, "loop: delay of 500 samples in a run of 0.5 s"),
-    ({"reference": {**SINE, "frequency": 500}}, "reference: frequency of 500 Hz.*less than half the sample rate, 500"),
-    ({"reference": SINE}, "reference: frequency of 1000 Hz.*less than half the sample rate, 500 Hz"),
+    (
+        {"reference": {"type": "sine", "frequency": 500}},
+        "reference: frequency of 500 Hz.*less than half the sample",
+    ),
     ({"reference": None}, "reference: is missing; a controller needs one, for instance type = 'hold'"),
     ({"change": [{"at": 1, "parameters": {"leg_lower_mass": 3}}]}, "change: leg_lower_mass: cannot change during a"),
     ({"change": [{"at": 1, "parameters": {"gravity": 1}, "factors": {"gravity": 2}}]}, "change: gravity: is in par"),
     ({"change": [{"at": 1, "parameters": {"platform_mass": -1}}]}, "change: platform_mass: is -1"),
-    ({"change": [{"at": 0.10005, "factors": {"platform_mass": 2}}]}, "change: a change at 0.10005 s; expected.*mult"),
     ({"disturbance": [{"at": 3, "duration": 0.1}]}, "disturbance: a disturbance at 3 s"),
     ({"disturbance": [{"at": 1, "duration": 4.9e-4}]}, "disturbance: a disturbance of 0.00049 s"),
     ({"injection": {"type": "chirp", "leg": 1, "band": [4, 50], "amplitude": 1, "period": 1.5}}, "injection: a run of"),
