@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import casadi
 import control
 import numpy as np
 import pytest
@@ -196,26 +195,3 @@ def test_warnings_of_a_users_arithmetic_are_seen_in_a_run_and_not_in_an_ensemble
     ensemble = {"members": 2, "platform_mass": {"normal": "1 kg"}}
     found = gs.ensemble(experiment_of("pd", **TABLES, ensemble=ensemble), controller=divides, workers=1)
     assert found.members["outcome"].to_list() == ["completed"] * 2
-
-
-@pytest.mark.parametrize("plant", ["model", "fmu3"])
-def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory(plant: Any) -> None:
-    """Expected: of every sample its own readings, reference and time, and a memory that has counted from zero."""
-    names = ("memory", "reference_leg_length", "time", "leg_velocity", "leg_length")
-    memory, wanted, time = casadi.SX.sym("m", 2, 3), casadi.SX.sym("r", 6), casadi.SX.sym("t")
-    velocity, length = casadi.SX.sym("v", 6), casadi.SX.sym("l", 6)
-    stiffness, damping = 1e4 * np.arange(1.0, 7), 100.0 * np.arange(7.0, 1, -1)
-    force = stiffness * (wanted - length) - damping * velocity + 50 * time + casadi.vec(memory)
-    counted = memory + np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    inputs, outputs = [memory, wanted, time, velocity, length], ["memory_next", "actuator_force"]
-    function = casadi.Function("law", inputs, [counted, force], list(names), outputs)
-    settings = {"loop.duration": 0.06, "loop.sample_time": 2e-3, "loop.plant_step": 1e-3, "loop.delay": 1}
-    record = gs.run("circle", settings, controller=function, plant=plant)
-    rows = slice(0, -1, 2)
-    samples = np.arange(len(record["time"][rows]))[:, None]
-    error = record["reference.leg_length"][rows] - record["measured.leg_length"][rows]
-    expected = stiffness * error - damping * record["measured.leg_velocity"][rows] + 50 * record["time"][rows][:, None]
-    expected += samples * np.array([1.0, 4.0, 2.0, 5.0, 3.0, 6.0])
-    found = (record["controller.force"] - record["controller.feedforward"])[rows]
-    assert len(samples) == 30
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)

@@ -172,9 +172,9 @@ def linear() -> Any:
 
 
 def traced() -> casadi.Function:
-    """The same as a CasADi function."""
-    r, y, memory = (casadi.SX.sym(name, 6) for name in ("r", "y", "memory"))
-    outputs = [K * (r - y) + KI * memory, memory + r - y]
+    """The same as a CasADi function, whose memory is a matrix."""
+    r, y, memory = casadi.SX.sym("r", 6), casadi.SX.sym("y", 6), casadi.SX.sym("memory", 2, 3)
+    outputs = [K * (r - y) + KI * casadi.vec(memory), memory + casadi.reshape(r - y, 2, 3)]
     names = ["reference_leg_length", "leg_length", "memory"], ["actuator_force", "memory_next"]
     return casadi.Function("law", [r, y, memory], outputs, *names)
 
@@ -209,7 +209,7 @@ def commands_of(
     ("controller", "plant", "host"),
     [
         *((linear(), "model", "compiled"), (linear(), "scipy", "Python"), (linear(), "fmu3", "Python")),
-        *((traced(), "model", "compiled"), (Integral, "model", "Python")),
+        *((traced(), "model", "compiled"), (traced(), "scipy", "Python"), (Integral, "model", "Python")),
     ],
 )
 def test_the_command_follows_while_it_is_off_and_begins_there(controller: Any, plant: str, host: str) -> None:

@@ -70,25 +70,10 @@ DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
 OTHERS = {"disturbance": [{"at": 0, "duration": 1e-3, "force": [10, 20, 30]}], "sensors.noise": {"leg_length": 2e-6}}
 
 
-def _nested(key: str, value: Any) -> dict[str, Any]:
-    for name in reversed(key.split(".")):
-        value = {name: value}
-    return dict(value)
-
-
-def _merged(tables: list[dict[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for table in tables:
-        for key, value in table.items():
-            both = isinstance(found.get(key), dict) and isinstance(value, dict)
-            found[key] = _merged([found[key], value]) if both else value
-    return found
-
-
 @pytest.fixture(scope="module", params=["latin_hypercube", "sobol"])
 def layered(request: pytest.FixtureRequest) -> dict[str, Any]:
     """Draws of which each element has one in each of N layers of equal probability."""
-    ensemble = _merged([_nested(key, how) for key, (how, _) in DISTRIBUTIONS.items()])
+    ensemble = {key: how for key, (how, _) in DISTRIBUTIONS.items()}
     return table_of({"members": N, "sampling": request.param, **ensemble}, **OTHERS)
 
 
