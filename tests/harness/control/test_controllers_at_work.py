@@ -34,7 +34,6 @@ SETTINGS = {"controller.feedforward": "computed_torque"}
 
 
 def injected(time: float) -> FloatArray:
-    """Another force on each leg."""
     return np.asarray(3 * np.sin(40 * time + np.arange(6)))
 
 
@@ -44,7 +43,6 @@ def run_of(controller: Any, plant: Any = None, **tables: Any) -> gs.Record:
 
 
 def at_samples(record: gs.Record, name: str) -> FloatArray:
-    """The first row of each sample."""
     return np.asarray(record[name][: -1 : round(T / STEP)])
 
 

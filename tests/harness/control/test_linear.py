@@ -115,12 +115,3 @@ def test_an_integrator_is_a_mode_of_frequency_zero_and_a_delay_is_none() -> None
     assert [(mode.eigenvalue, mode.damping_ratio) for mode in modes(system)] == [(0, 1.0), (-2, 1.0), (3, -1.0)]
     assert [mode.frequency for mode in modes(system)] == pytest.approx([0, 1 / np.pi, 1.5 / np.pi])
     assert len(modes(control.ss(control.tf([1], [1, -0.5, 0, 0], 0.1)))) == 1
-
-
-def test_coulomb_friction_is_left_out_unless_it_is_asked_for() -> None:
-    """Expected: its slope F/v at rest, 100 N over 1 mm/s, would damp the linear platform a hundred times over."""
-    platform = load_preset("motion_base")
-    assert modes(linearise(platform, coulomb_friction=True))[-1].eigenvalue.real < -80
-    smooth = platform.with_parameters({"leg_coulomb_friction": 0.0})
-    for each in (platform, smooth):
-        assert modes(linearise(each))[-1].frequency < 2

@@ -33,7 +33,6 @@ LOOP: dict[str, Any] = {"reference": SINE, "controller": {"type": "open_loop", "
 
 
 def loop_of(**tables: Any) -> gs.Experiment:
-    """The uneven platform about home, without noise; two samples late."""
     clocks = {"duration": 0.15, "sample_time": T, "plant_step": T / 3, "delay": 2}
     return experiment(UNEVEN, SINE, controller=LOOP["controller"], loop=clocks, limits={"reference": "warn"}, **tables)
 

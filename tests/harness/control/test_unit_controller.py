@@ -30,7 +30,6 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def described(unit: Path, target: Path, *changes: tuple[str, str]) -> Path:
-    """The same unit with another description."""
     with zipfile.ZipFile(unit) as old, zipfile.ZipFile(target, "w") as new:
         for name in old.namelist():
             content = old.read(name)
@@ -46,7 +45,6 @@ def experiment(controller: Mapping[str, object], **loop: float) -> gs.Experiment
 
 
 def opened(path: Path, names: Mapping[str, str] = NAMES, sample_time: float = 2e-3, **parameters: Any) -> Any:
-    """The unit in this process."""
     return UnitController(path, names, parameters, is_foreign=False).open(sample_time)
 
 

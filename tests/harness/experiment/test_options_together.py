@@ -174,7 +174,6 @@ def _unit(row: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _controller(row: dict[str, Any]) -> dict[str, Any]:
-    """The table of a PD or PID."""
     gains, stated = TASK if row["space"] == "task" else LEG, row["gains"] == "stated"
     plain = ("type", "space", "derivative_on", "discretisation", "feedforward")
     kinds: list[dict[str, Any]] = [{"bandwidth": "1.9 Hz", "damping_ratio": 0.85}, {"integral_time": "310 ms"}]

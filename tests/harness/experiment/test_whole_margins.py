@@ -31,7 +31,6 @@ def report(found: gs.LoopMargins) -> Any:
 
 
 def leg_loop(whole: Any, leg: int) -> Any:
-    """Cut at one leg."""
     return 1 / np.linalg.inv(np.eye(6) + whole)[:, leg, leg] - 1
 
 

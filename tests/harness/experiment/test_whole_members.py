@@ -48,7 +48,6 @@ MEMBERS = 11
 
 
 def experiment(**ensemble: Any) -> gs.Experiment:
-    """A short run of an uneven loop."""
     return experiment_of(
         "pd",
         plant={"parameters": PLANT, "tolerance": 1e-10},
@@ -71,7 +70,6 @@ def experiment(**ensemble: Any) -> gs.Experiment:
 
 @pytest.fixture(scope="module")
 def many() -> gs.Ensemble:
-    """All members at once."""
     return gs.ensemble(experiment(**VARIED, worst=0), workers=1)
 
 

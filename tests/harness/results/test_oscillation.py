@@ -40,7 +40,6 @@ def record_of(error: Floats, motion: Floats | None = None, **sensors: Any) -> gs
 
 
 def found_in(record: gs.Record | Floats, motion: Floats | None = None, **sensors: Any) -> dict[str, Any] | None:
-    """What `gs.metrics` says of the loop."""
     whole = record if isinstance(record, gs.Record) else record_of(record, motion, **sensors)
     oscillation: dict[str, Any] | None = gs.metrics(whole)["outcome"]["oscillation"]
     return oscillation

@@ -59,7 +59,6 @@ def record() -> gs.Record:
 
 @pytest.fixture(scope="module")
 def saved(record: gs.Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its CSV with its metadata."""
     folder = tmp_path_factory.mktemp("saved")
     written(record, folder)
     (folder / "record.parquet").unlink()

@@ -33,7 +33,6 @@ TROUBLE = experiment_of(
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
-    """The command, and its files."""
     folder = tmp_path_factory.mktemp("whole")
     out = folder / "out"
     return invoke("run", str(written(TROUBLE, folder / "trouble.toml")), "--out", str(out), "--json"), out
@@ -41,13 +40,11 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
 
 @pytest.fixture(scope="module")
 def record(done: tuple[Result, Path]) -> gs.Record:
-    """The record that the command has written."""
     return gs.read_record(done[1])
 
 
 @pytest.fixture(scope="module")
 def expected(record: gs.Record) -> dict[str, Any]:
-    """Its metrics by definition."""
     return defined_metrics(record.table, PARAMETERS | LIMITS)
 
 
