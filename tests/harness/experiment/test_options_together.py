@@ -19,7 +19,7 @@ from tests.support.documented_loop import Documented, simulate
 from tests.support.foreign_controller import NAMES, foreign_controller
 from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
-from tests.support.uneven_loops import LEG, TASK
+from tests.support.uneven_loops import LEG, TASK, experiment_of
 
 pytestmark = pytest.mark.usefixtures("units_in_process")
 
@@ -169,7 +169,7 @@ def _expected(row: dict[str, Any], readings: FloatArray | None, samples: Sequenc
 def _unit(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The table of somebody else's controller, F = k (L_r − L), under its own names."""
     unit = foreign_controller(folder / "theirs.fmu")
-    of_unit = {"type": "fmu", "file": unit.name, "names": NAMES, "parameters": {"gain": _UNIT_GAIN}}
+    of_unit = {"type": "fmu", "file": str(unit), "names": NAMES, "parameters": {"gain": _UNIT_GAIN}}
     return {**of_unit, "feedforward": row["feedforward"]}
 
 
@@ -189,7 +189,6 @@ def _controller(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
-    gs.save_platform(UNEVEN, folder / "uneven.toml")
     what = "amplitude" if row["reference"] == "sine" else "change"
     reference = {"type": row["reference"], "time_scale": row["scales"][0], "amplitude_scale": row["scales"][1]}
     reference |= {f"position_{what}": ALONG[:3].tolist(), f"orientation_{what}": ALONG[3:].tolist()}
@@ -199,8 +198,6 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
         reference |= {"position": _ABOUT[:3].tolist(), "orientation": _ABOUT[3:].tolist()}
     quantisation = {"leg_length": row["quantisation"]} if row["quantisation"] else {}
     values: dict[str, Any] = {
-        "title": "options together",
-        "platform": {"file": "uneven.toml"},
         "plant": {"tolerance": 1e-11},
         "reference": reference,
         "controller": _unit(row, folder) if row["type"] == "fmu" else _controller(row),
@@ -233,11 +230,11 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
     if row["injection"]:
         values["injection"] = {"type": "chirp", "mode": "pitch", "amplitude": 8, "band": [30, 80], "period": "30 ms"}
     if row["host"] != "member":
-        return gs.run(gs.Experiment(**values).from_file("options", folder), plant=row["host"])
+        return gs.run(experiment_of("pd", **values), plant=row["host"])
     # of a spread far below what is compared
     spread = {"factor": {"uniform": [1 - 1e-13, 1 + 1e-13]}}
     values["ensemble"] = {"members": 4, "tolerance": 1e-11, "platform_mass": spread}
-    return gs.run(gs.Experiment(**values).from_file("options", folder), member=2)
+    return gs.run(experiment_of("pd", **values), member=2)
 
 
 def _samples(record: gs.Record) -> list[int]:
