@@ -204,19 +204,12 @@ def test_channels_have_the_actions_for_which_they_have_a_gain(derivative_on: Any
     assert H[:, :6] == pytest.approx(np.diag(wanted), abs=1e-12)
     assert H[:, 6:12] == pytest.approx(-np.diag(kp + ki / s + derivative), abs=1e-12)
     assert H[:, 12:] == pytest.approx(np.diag((ki > 0) / (Tt * s)), abs=1e-12)
-    assert system.nstates == 6
-
-
-def test_names_fit_the_plants() -> None:
-    """Expected: the interface's names, so that python-control's interconnect joins them by name."""
-    system = pid(PID_GAINS)
-    assert system.output_labels == [f"actuator_force[{k}]" for k in range(1, 7)]
-    for gains, kinds in ((PID_GAINS, 3), (PD_GAINS, 2)):
-        names = ("reference_leg_length", "leg_length", "limit_excess")[:kinds]
-        assert pid(gains).input_labels == [f"{name}[{k}]" for name in names for k in range(1, 7)]
-    discrete = sampled(system, T)
-    assert (discrete.input_labels, discrete.output_labels) == (system.input_labels, system.output_labels)
-    assert discrete.name == system.name == "controller"
+    # names by which python-control's interconnect joins them with a plant, also once they are sampled
+    names = [f"{name}[{k}]" for name in ("reference_leg_length", "leg_length", "limit_excess") for k in range(1, 7)]
+    forces = [f"actuator_force[{k}]" for k in range(1, 7)]
+    for each in (system, sampled(system, T)):
+        assert (each.nstates, each.name, each.input_labels, each.output_labels) == (6, "controller", names, forces)
+    assert pid(PD_GAINS).input_labels == names[:12]
 
 
 def test_defaults_follow_from_the_gains() -> None:

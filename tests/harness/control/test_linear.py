@@ -80,22 +80,6 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
     assert trim(paper, external_wrench=0.0).inputs.tolist() == trim(paper).inputs.tolist()
 
 
-def test_ranges_and_elements_are_joined_by_name(paper: Platform) -> None:
-    """Expected: as the docstring says; a name of two indices is known to python-control as an element only."""
-    plant = plant_system(paper, ("joint_force", "leg_length"))
-    point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
-
-    def picked(outputs: str) -> list[float]:
-        found = control.interconnect([plant], inplist=["plant.actuator_force"], outlist=[outputs], check_unused=False)
-        return list(found.output(0, point.state, point.inputs[:6]))
-
-    everything = plant.output(0, *point)
-    assert picked("plant.leg_length[2:4]") == pytest.approx(everything[[19, 20]])
-    assert picked("plant.joint_force[2,1]") == pytest.approx(everything[[3]])
-    with pytest.raises(ValueError, match=r"couldn't find .*plant\.joint_force"):
-        picked("plant.joint_force")
-
-
 def test_modes_of_an_oscillator() -> None:
     """Expected: s² + 2 ζ ω s + ω², and the same sampled; an overdamped one has two."""
     omega, zeta = 2 * np.pi * 3, 0.2

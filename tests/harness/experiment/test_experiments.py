@@ -46,20 +46,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"reference.at": 0}, "reference.at: is 0; expected > 0 s"),
     ({"controller.bandwidth": "2 rad"}, "controller.bandwidth: is '2 rad'; expected a number of Hz, or a string with"),
     ({"plant.tolerance": "1e-10"}, "plant.tolerance: is '1e-10'; expected a number"),
-    *(
-        ({f"{key}.tolerance": value}, f"{key}.tolerance: is {value}; expected")
-        for key in ("plant", "ensemble")
-        for value in (0, -1e-9, np.nan, np.inf)
-    ),
+    *(({f"{key}.tolerance": value}, f"{key}.tolerance: is {value}; expected")
+      for key in ("plant", "ensemble") for value in (0, -1e-9, np.nan, np.inf)),
     ({"reference.at": 1.01e12}, "reference.at: is 1010000000000.0; expected a number of at most 1e+12 in SI units"),
     ({"start.velocity": [1e200, 0, 0]}, "start.velocity: is [1e+200, 0, 0]; value 1 of 3: expected a number of at mo"),
     ({"reference.position_change": [0, 1]}, "reference.position_change: is [0, 1]; expected a list of 3 [m]; found 2"),
     ({"reference.position_change": 0.05}, "reference.position_change: is 0.05; expected a list of 3 [m]; found one v"),
-    (
-        {"disturbance": [PUSH, {**PUSH, "force": [1, 2, "3 m"]}]},
-        "disturbance.2.force: is [1, 2, '3 m']; value 3 of 3: expected a number of N, or a string with one of the "
-        "units N, kN; found the unit 'm'",
-    ),
+    ({"disturbance": [PUSH, {**PUSH, "force": [1, 2, "3 m"]}]}, "disturbance.2.force: is [1, 2, '3 m']; value 3 of 3: "
+     "expected a number of N, or a string with one of the units N, kN; found the unit 'm'"),
     # words, whole numbers, signals
     ({"controller.feedforward": "magic"}, "controller.feedforward: is 'magic'; expected 'none', 'gravity' or 'comp"),
     ({"limits.condition_number": 1}, "limits.condition_number: is 1; expected"),
@@ -83,19 +77,30 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"controller.model": {"platform_mass": 3}}, "controller: the key model was removed: controllers use the nominal"),
     ({"change": [{"at": 1}]}, "change.1: has no effect; expected parameters, factors, or settings of the loop"),
     ({"change": [{"at": 1, "factors": {"gravity": 2}}, {"at": "x", "factors": {"gravity": 2}}]}, "change.2.at: is 'x'"),
+    # what changes, and what fails
+    ({"change": [{"at": 1, "noise": {"leg_length": -1}}]}, "change.1.noise: leg_length"),
+    *(({"change": [{"at": 1, **more, "manual_force": [1.0] * 6}]},
+       "change.1: manual_force acts while the controller is off; expected enabled =")
+      for more in ({}, {"enabled": True})),
+    *(({"fault": [{"at": 1, **fault}]}, f"fault.1{says}") for fault, says in (
+        ({}, ": has no effect; expected cut, a list of legs, or freeze, a table of signals"),
+        ({"cut": [0]}, ".cut: is [0]; no leg 0; expected numbers from 1 to 6"),
+        ({"cut": [3, 3]}, ".cut: is [3, 3]; is [3, 3]; expected each number once"),
+        ({"freeze": {"position": [4]}}, ".freeze: no element of position 4; expected numbers from 1 to 3"),
+        ({"freeze": {"length": [4]}}, ".freeze: no signal 'length'; expected position, orientation"),
+        ({"freeze": {"position": []}}, ".freeze: position is []; expected numbers from 1 to 3"),
+        ({"freeze": [1]}, ".freeze: is [1]; expected a table of signals"),
+    )),
     # several faults, in their order
-    (
-        {"loop": {"duration": 0, "dely": 1}, "sensors": {"seed": "x"}, "change": [{"at": 1, "values": {}}]},
-        "loop.duration: is 0; expected > 0 s; loop.dely: unknown key (= 1); did you mean 'delay'?; "
-        "sensors.seed: is 'x'; expected a whole number; "
-        "change.1.values: unknown key (= {}); expected one of at, parameters, factors, controller, delay, force_limit, "
-        "noise, quantisation",
-    ),
+    ({"loop": {"duration": 0, "dely": 1}, "sensors": {"seed": "x"}, "change": [{"at": 1, "values": {}}]},
+     "loop.duration: is 0; expected > 0 s; loop.dely: unknown key (= 1); did you mean 'delay'?; sensors.seed: is 'x'; "
+     "expected a whole number; change.1.values: unknown key (= {}); expected one of at, parameters, factors, "
+     "controller, delay, force_limit, noise, quantisation"),
     ({"require": {"force.peak": "800 N"}}, "require: the requirement 'force.peak 800 N' cannot be read; expected PATH"),
     ({"require": {"force.peak": 800}}, "require: force.peak is 800; expected a condition, such as '<= 1 mm', or a li"),
     ({"require": {"force": {"peak": ["<= 1 N", 3]}}}, "require: force.peak is ['<= 1 N', 3]; expected a condition"),
     ({"plant.parameters": {"platform_mass": "12 mm"}}, "plant.parameters: platform_mass is '12 mm'; expected a numbe"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("settings", "says"), WRONG)
@@ -158,10 +163,18 @@ IMPOSSIBLE: list[tuple[dict[str, Any], str]] = [
     ({"change": [{"at": 1, "parameters": {"leg_lower_mass": 3}}]}, "change: leg_lower_mass: cannot change during a"),
     ({"change": [{"at": 1, "parameters": {"gravity": 1}, "factors": {"gravity": 2}}]}, "change: gravity: is in par"),
     ({"change": [{"at": 1, "parameters": {"platform_mass": -1}}]}, "change: platform_mass: is -1"),
+    ({"change": [{"at": 0.0, "delay": 2}]}, r"change\.1: at is 0 s, where settings are those of the tables"),
+    ({"change": [{"at": 0.1, "controller": {"type": "pd", "bandwidth": 3, "space": "task"}}]},
+     "change: .*has the structure .*; expected that of the experiment's"),
+    ({"change": [{"at": 0.1, "controller": {"type": "open_loop"}}]}, "change: .*expected that of the experiment's"),
+    ({"fault": [{"at": 5, "cut": [1]}]}, "fault: a fault at 5 s; expected a time from 0 to 2 s"),
+    ({"fault": [{"at": 0.0505, "cut": [1]}]}, "fault: a fault at 0.0505 s; expected.*multiple"),
+    ({"fault": [{"at": 0.1, "duration": 1e-9, "cut": [1]}]}, "fault: a fault of 1e-09 s at 0.1 s; expected at least"),
+    ({"fault": [{"at": 0.1, "duration": 0.0205, "cut": [1]}]}, "fault: the end of a fault at 0.1205 s; expected.*mult"),
     ({"disturbance": [{"at": 3, "duration": 0.1}]}, "disturbance: a disturbance at 3 s"),
     ({"disturbance": [{"at": 1, "duration": 4.9e-4}]}, "disturbance: a disturbance of 0.00049 s"),
     ({"injection": {"type": "chirp", "leg": 1, "band": [4, 50], "amplitude": 1, "period": 1.5}}, "injection: a run of"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("settings", "says"), IMPOSSIBLE)
