@@ -92,14 +92,12 @@ WEAK = {"actuators": {"lag": {"choice": ["0 ms", "2 ms", "5 ms"]}, "force_limit"
 SWITCH = [{"at": 0.037, "enabled": False}, {"at": 0.081, "enabled": True}]
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "plain": ({"loop": CLOCKS}, {"platform_mass": {"uniform": [9, 14]}}),
-    "rate limit alone": (
-        {"loop": CLOCKS, "actuators": {"force_limit": "none", "rate_limit": "700 N/s"}},
-        {"platform_mass": {"uniform": [9, 14]}},
-    ),
+    "rate limit alone": ({"loop": CLOCKS, "actuators": {"force_limit": "none", "rate_limit": "700 N/s"}},
+                         {"platform_mass": {"uniform": [9, 14]}}),
     # a flip of a quantised reading is no rounding
     "all": ({**ALL, "sensors": {**ALL["sensors"], "quantisation": {}}}, {**MANY, **WEAK}),
     "switched off and on": ({"loop": CLOCKS, "change": SWITCH}, {"change.1.at": {"choice": [0.0, 0.037]}}),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)

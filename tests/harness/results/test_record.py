@@ -129,12 +129,9 @@ TABLES: dict[str, tuple[dict[str, Any], int | None, str]] = {
     "the same time": ({"time": [1.0, 2.0, 2.0]}, None, f"time in row 3 is 2.0; {TIMES}"),
     "an infinite time": ({"time": [1.0, float("inf")]}, None, f"time in row 2 is inf; {TIMES}"),
     "no time": ({"time": [float("nan"), 1.0]}, None, f"time in row 1 is nan; {TIMES}"),
-    "a row too many": (
-        {"time": [1.0, 2.0]},
-        1,
-        "has 2 rows, but the run had 1; the file is incomplete or from another run",
-    ),
-}
+    "a row too many": ({"time": [1.0, 2.0]}, 1, "has 2 rows, but the run had 1; the file is incomplete or from another "
+                       "run"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", TABLES)
