@@ -48,6 +48,7 @@ def test_signals_have_the_interfaces_names(paper: Platform) -> None:
     assert plant.state_labels[3] == "orientation[1]"
     assert plant.input_labels[6] == "external_force[1]"
     assert plant.output_labels[-2:] == ["leg_length[6]", "kinetic_energy"]
+    assert plant_system(paper, "joint_force").output_labels[:4:3] == ["joint_force[1,1]", "joint_force[2,1]"]
     assert linear.output_labels == [f"leg_length[{k}]" for k in range(1, 7)]
     assert (linear.state_labels, linear.input_labels) == (plant.state_labels, plant.input_labels)
     assert plant.name == linear.name == "plant"
