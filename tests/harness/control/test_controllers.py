@@ -251,27 +251,18 @@ def test_a_matrix_of_transfer_functions_drops_in() -> None:
     assert response(LinearController(control.tf(num, den, T)).system, z) == pytest.approx(expected)
 
 
-IMPROPER = {
-    "discrete": control.tf([9e3, 8e4], [1], T),
-    "continuous": control.tf([9e3, 8e4], [1]),
-    "one of 36 elements": control.tf(
-        [[[1, 2, 3] if i == j == 4 else [1, 0.5] for j in range(6)] for i in range(6)],
-        [[[1, -0.5] for _ in range(6)] for _ in range(6)],
-        T,
-    ),
-}
-
-
-@pytest.mark.parametrize("name", IMPROPER)
-def test_a_transfer_function_with_more_zeros_than_poles_is_refused_with_the_remedy(name: str) -> None:
+def test_a_transfer_function_with_more_zeros_than_poles_is_refused_with_the_remedy() -> None:
     """Expected: one line; what it recommends is kp + kd s/(Tf s + 1), at 2 Hz within the error of Tustin's rule."""
-    says = r"improper transfer function, of degree (1|2) over (0|1), which"
+    zeros, poles = np.reshape([[1.0, 0.5]] * 36, (6, 6, 2)).tolist(), np.reshape([[1.0, -0.5]] * 36, (6, 6, 2)).tolist()
+    zeros[4][4] = [1.0, 2.0, 3.0]
     uses: list[Any] = [lambda C: gs.run("heave_step", {"loop.duration": 0.01}, controller=C), lambda C: sampled(C, T)]
-    for use in uses:
-        with pytest.raises(GoughStewartError, match=says) as e:
-            use(IMPROPER[name])
-        assert "\n" not in str(e.value)
-        assert "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)" in str(e.value)
+    # sampled, continuous, and one of 36 elements
+    for improper in (control.tf([9e3, 8e4], [1], T), control.tf([9e3, 8e4], [1]), control.tf(zeros, poles, T)):
+        for use in uses:
+            with pytest.raises(GoughStewartError, match=r"improper transfer function, of degree . over ., which") as e:
+                use(improper)
+            assert "\n" not in str(e.value)
+            assert "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)" in str(e.value)
     kp, kd, Tf, s = 8e4, 9e3, 5e-3, 4j * np.pi
     filtered = sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), 1e-3)
     assert filtered(np.exp(s * 1e-3)) == pytest.approx(kp + kd * s / (Tf * s + 1), rel=1e-3)
