@@ -44,7 +44,6 @@ def matrices(orientation: FloatArray) -> FloatArray:
 
 
 def file_of(folder: Path, header: str, *columns: FloatArray, first: list[str] | None = None) -> Path:
-    """A table as an instrument writes it."""
     rows = np.column_stack(columns)
     lead = [f"{t:.3f}" for t in TIME] if first is None else first
     lines = [f"{lead[k]}," + ",".join(f"{value:.12g}" for value in row) for k, row in enumerate(rows)]
@@ -54,7 +53,6 @@ def file_of(folder: Path, header: str, *columns: FloatArray, first: list[str] | 
 
 
 def read(path: Path, **keys: Any) -> Any:
-    """The motion that a file means."""
     return motion_of(UNEVEN, path.parent, type="file", file=path.name, **keys)
 
 

@@ -1,6 +1,5 @@
 """Every unit, bound and message of quantities, from a table written for the test."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -71,30 +70,10 @@ def test_units_are_written_as_people_write_them_and_read_so(unit: str, text: str
         assert number(f"2.5 {text}", kind) == number(f"2.5 {unit}", kind)
 
 
-@pytest.mark.parametrize(
-    ("value", "unit", "message"),
-    [
-        ("three m", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm"),
-        ("3 kg", "m",
-         "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm; found the unit 'kg'"),
-        (True, "N", "expected a number of N, or a string with one of the units N, kN"),
-        (1.01e12, "N", "expected a number of at most 1e+12 in SI units"),
-        (-1.01e12, "N", "expected a number of at most 1e+12 in SI units"),
-        ("-2e9 kN", "N", "expected a number of at most 1e+12 in SI units"),
-        (math.nan, "N", "expected a number of at most 1e+12 in SI units"),
-        ("3", PLAIN, "expected a number"),
-        (True, PLAIN, "expected a number"),
-    ],
-)  # fmt: skip
-def test_what_is_no_quantity_says_what_is_one(value: Any, unit: str, message: str) -> None:
-    """Expected: the whole text, and the bound from both sides."""
-    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the text is what is looked at
-        number(value, unit)
-    assert str(caught.value) in (
-        message,
-        message.replace("of at most 1e+12 in SI units", "of N, or a string with one of the units N, kN"),
-    )
+def test_a_number_has_at_most_1e12_si_units() -> None:
     assert number(1e12, "N") == -number("-1e9 kN", "N") == 1e12
+    with pytest.raises(ValueError, match="at most"):
+        number("-1.01e9 kN", "N")
 
 
 # The types of fields: unit, size (0 for a number), and what bounds them.

@@ -81,7 +81,6 @@ CELLS = text(";").splitlines()
 
 
 def changed(row: int, old: str, new: str) -> str:
-    """A line of the table with another text."""
     lines = list(CELLS)
     assert old in lines[row]
     lines[row] = lines[row].replace(old, new)

@@ -13,9 +13,16 @@ import gough_stewart as gs
 def experiment_from(values: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> gs.Experiment:
     """The experiment of a file with these values, which names its other files by absolute paths; None is left out."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "experiment.toml")
-        path.write_text(tomlkit.dumps(_plain(values)), encoding="utf-8")
-        return gs.load_experiment(path, settings or {})
+        return gs.load_experiment(written(values, Path(folder, "experiment.toml")), settings or {})
+
+
+def written(experiment: gs.Experiment | Mapping[str, Any], path: Path) -> Path:
+    """The file of an experiment, or of such values."""
+    values = (
+        experiment.model_dump(mode="json", exclude_unset=True) if isinstance(experiment, gs.Experiment) else experiment
+    )
+    path.write_text(tomlkit.dumps(_plain(values)), encoding="utf-8")
+    return path
 
 
 def _plain(value: Any) -> Any:

@@ -48,6 +48,7 @@ def test_signals_have_the_interfaces_names(paper: Platform) -> None:
     assert plant.state_labels[3] == "orientation[1]"
     assert plant.input_labels[6] == "external_force[1]"
     assert plant.output_labels[-2:] == ["leg_length[6]", "kinetic_energy"]
+    assert plant_system(paper, "joint_force").output_labels[:4:3] == ["joint_force[1,1]", "joint_force[2,1]"]
     assert linear.output_labels == [f"leg_length[{k}]" for k in range(1, 7)]
     assert linearise(paper, outputs=iter(["leg_length"])).output_labels == linear.output_labels
     assert (linear.state_labels, linear.input_labels) == (plant.state_labels, plant.input_labels)
@@ -81,22 +82,6 @@ def test_poses_that_no_platform_has_are_refused(paper: Platform, function: Calla
     assert trim(paper, external_wrench=0.0).inputs.tolist() == trim(paper).inputs.tolist()
 
 
-def test_ranges_and_elements_are_joined_by_name(paper: Platform) -> None:
-    """Expected: as the docstring says; a name of two indices is known to python-control as an element only."""
-    plant = plant_system(paper, ("joint_force", "leg_length"))
-    point = trim(paper, position=np.array([0.1, 0.0, 3.0]))
-
-    def picked(outputs: str) -> list[float]:
-        found = control.interconnect([plant], inplist=["plant.actuator_force"], outlist=[outputs], check_unused=False)
-        return list(found.output(0, point.state, point.inputs[:6]))
-
-    everything = plant.output(0, *point)
-    assert picked("plant.leg_length[2:4]") == pytest.approx(everything[[19, 20]])
-    assert picked("plant.joint_force[2,1]") == pytest.approx(everything[[3]])
-    with pytest.raises(ValueError, match=r"couldn't find .*plant\.joint_force"):
-        picked("plant.joint_force")
-
-
 def test_modes_of_an_oscillator() -> None:
     """Expected: s² + 2 ζ ω s + ω², and the same sampled; an overdamped one has two."""
     omega, zeta = 2 * np.pi * 3, 0.2
@@ -116,12 +101,3 @@ def test_an_integrator_is_a_mode_of_frequency_zero_and_a_delay_is_none() -> None
     assert [(mode.eigenvalue, mode.damping_ratio) for mode in modes(system)] == [(0, 1.0), (-2, 1.0), (3, -1.0)]
     assert [mode.frequency for mode in modes(system)] == pytest.approx([0, 1 / np.pi, 1.5 / np.pi])
     assert len(modes(control.ss(control.tf([1], [1, -0.5, 0, 0], 0.1)))) == 1
-
-
-def test_coulomb_friction_is_left_out_unless_it_is_asked_for() -> None:
-    """Expected: its slope F/v at rest, 100 N over 1 mm/s, would damp the linear platform a hundred times over."""
-    platform = load_preset("motion_base")
-    assert modes(linearise(platform, coulomb_friction=True))[-1].eigenvalue.real < -80
-    smooth = platform.with_parameters({"leg_coulomb_friction": 0.0})
-    for each in (platform, smooth):
-        assert modes(linearise(each))[-1].frequency < 2

@@ -49,6 +49,10 @@ LATE = (
     "from __future__ import annotations\nfrom dataclasses import dataclass\ndef make(platform, T):\n @dataclass\n"
     " class C:\n  a: float = 8.0\n return lambda sample: [C().a] * 6\n"
 )
+CASADI = (
+    "import casadi\ndef make(platform, T, n=9.0):\n y = casadi.SX.sym('y', 6)\n"
+    " return casadi.Function('law', [y], [0 * y + n], ['leg_length'], ['actuator_force'])\n{}"
+)
 LINEAR = "import control, numpy as np\n{} = control.ss([], [], [], np.zeros((6, 6)), True)\n"
 
 
@@ -69,6 +73,8 @@ LINEAR = "import control, numpy as np\n{} = control.ss([], [], [], np.zeros((6, 
          {"factory": "make", "parameters": {"a": 4, "b": 2}}, 6),
         (OF_DATA, {"name": "C", "parameters": {"a": 7.0}}, 7),
         (LATE, {"factory": "make"}, 8),
+        (CASADI.format("law = make(0, 1)"), {"name": "law"}, 9),
+        (CASADI.format(""), {"factory": "make", "parameters": {"n": 4.5}}, 4.5),
         (LINEAR.format("controller"), {}, 0),
         ("import gough_stewart as gs\n" + LINEAR.format("it") + "controller = gs.LinearController(it)", {}, 0),
         ("def make(platform, T):\n " + LINEAR.format("it").replace("\n", "\n ") + "return it", {"factory": "make"}, 0),
@@ -140,28 +146,19 @@ def test_each_run_executes_the_file_and_the_modules_beside_it(tmp_path: Path) ->
         assert forces(file) == [[1, 2] * 3, [2, 4] * 3, [3, 6] * 3]
 
 
-def test_helpers_of_one_name_in_two_folders_do_not_meet(tmp_path: Path) -> None:
-    """Expected: each its own, in turn, also where a factory imports late, and no trace for others."""
-    text = "import aside, plain.leaf\naside.seen = 5\ndef make(platform, T):\n import aside as late, pack.part\n"
-    text += " return lambda sample: [aside.n, late.n, pack.part.n, plain.leaf.n, late.seen, 0]\n"
+def test_modules_packages_and_relative_imports_are_those_beside_each_file(tmp_path: Path) -> None:
+    """Expected: each file its own, in turn, also where a factory imports late, and no trace for others."""
+    text = "import aside, plain.leaf\nfrom pack import deep\nfrom pack.deep.end import *\naside.seen = 5\n"
+    text += "def make(platform, T):\n import aside as late, pack.part\n"
+    text += " return lambda sample: [aside.n, late.n + deep.end.z - z, pack.part.n, plain.leaf.n, late.seen, z]\n"
     before = set(sys.modules)
     for n in (1, 2, 1):
-        one = f"n = {n}"
-        file = write(tmp_path / str(n), mine=text, aside=one, plain__leaf=one, pack____init__="", pack__part=one)
-        assert at_first(file, factory="make") == [n, n, n, n, 5, 0]
+        one, part = f"n = {n}", "from .deep.end import z\nn = z - 6\n"
+        inside = {"pack____init__": "from . import part\nfrom .deep import end\n", "pack__part": part}
+        file = write(tmp_path / str(n), mine=text, aside=one, plain__leaf=one, **inside)
+        write(tmp_path / str(n) / "pack", deep____init__="", deep__end=f"z = {n} + 6\n")
+        assert at_first(file, factory="make") == [n, n, n, n, 5, n + 6]
     assert not {"aside", "pack", "pack.part", "plain", "plain.leaf"} & (set(sys.modules) - before)
-
-
-def test_packages_beside_a_file_and_relative_imports_work(tmp_path: Path) -> None:
-    file = write(
-        tmp_path,
-        mine="import pack.part\nfrom pack import part as p, deep\nfrom pack.deep.end import *\n"
-        "def controller(sample): return [pack.part.a, p.a, deep.end.z, z, 0, 0]\n",
-        pack____init__="from . import part\nfrom .deep import end\n",
-        pack__part="from .deep.end import z\na = z + 1\n",
-    )
-    write(tmp_path / "pack", deep____init__="", deep__end="z = 5\n")
-    assert at_first(file) == [6, 6, 5, 5, 0, 0]
 
 
 def test_a_module_beside_the_file_comes_before_an_installed_one_but_never_before_this_package(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from tests.support.fmu_plants import Fmu
 from tests.support.foreign_controller import FAILS_AT, MOST, NAMES, REFUSES, foreign_controller
 
-GAIN = 3e4
 # a moving reference, the plant stepped finer than the controller, damping by friction, so that P alone is stable
 LOOP = {"duration": 0.2, "sample_time": 2e-3, "plant_step": 5e-4, "delay": 1}
 SETTINGS = {
@@ -31,7 +30,6 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def described(unit: Path, target: Path, *changes: tuple[str, str]) -> Path:
-    """The same unit with another description."""
     with zipfile.ZipFile(unit) as old, zipfile.ZipFile(target, "w") as new:
         for name in old.namelist():
             content = old.read(name)
@@ -47,23 +45,7 @@ def experiment(controller: Mapping[str, object], **loop: float) -> gs.Experiment
 
 
 def opened(path: Path, names: Mapping[str, str] = NAMES, sample_time: float = 2e-3, **parameters: Any) -> Any:
-    """The unit in this process."""
     return UnitController(path, names, parameters, is_foreign=False).open(sample_time)
-
-
-def law(sample: gs.Sample) -> object:
-    """The same, not by the unit."""
-    return GAIN * (sample.reference["leg_length"] - sample.measured["leg_length"])
-
-
-def test_a_unit_closes_the_loop_as_the_same_law_in_python(theirs: Path) -> None:
-    """Expected: a Python function, one sample late through the loop's delay."""
-    choice = {"type": "fmu", "file": str(theirs), "names": NAMES, "parameters": {"gain": GAIN}}
-    found, expected = gs.run(experiment(choice)), gs.run(experiment({"type": "open_loop"}), controller=law)
-    assert found.metadata["outcome"]["status"] == "completed"
-    assert np.abs(expected["controller.force"]).max() > 100
-    assert np.array_equal(found["controller.force"], expected["controller.force"])
-    assert np.array_equal(found["position"], expected["position"])
 
 
 def test_a_unit_without_a_delay_is_refused_with_the_remedy(theirs: Path) -> None:

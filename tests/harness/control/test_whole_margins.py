@@ -43,7 +43,6 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 
 def crossings(of: Callable[[float], float], values: FloatArray, omega: FloatArray) -> FloatArray:
-    """Where a function changes its sign."""
     after = np.flatnonzero(values[:-1] * values[1:] < 0)
     return np.array([brentq(of, omega[i], omega[i + 1], xtol=1e-12) for i in after])
 

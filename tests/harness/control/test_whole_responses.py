@@ -39,11 +39,11 @@ class Case:
             plant={},
             injection={**injection, "settle": self.settle},
             sensors={"noise": {"leg_length": SIGMA}, "seed": 3},
-            platform=_without_coulomb_friction(),
             loop={"duration": round(given["periods"] * PERIOD / self.T) * self.T, "sample_time": self.T}
             | {"plant_step": given["plant_step"], "delay": self.options["delay"]},
         )
-        self.record = gs.run(experiment, {"controller.feedforward": "gravity"})
+        frictionless = {"platform.parameters.leg_coulomb_friction": 0.0}
+        self.record = gs.run(experiment, {"controller.feedforward": "gravity", **frictionless})
         self.found = gs.frf(self.record)
         self.n = round(PERIOD / self.T)
         # what the excited channel is, from directions of the legs and arms of the joints
@@ -66,12 +66,6 @@ class Case:
         """A column of the commands, one row a sample: what was commanded at a sample stands in all of its rows."""
         every = round(self.T / self.record.metadata["plant_step"])
         return np.asarray(self.record[name][:-1:every])
-
-
-def _without_coulomb_friction() -> dict[str, Any]:
-    platform = experiment_of("pd").platform.model_dump(exclude_unset=True)
-    platform["parameters"] |= {"leg_coulomb_friction": 0.0}
-    return dict(platform)
 
 
 @pytest.fixture(scope="module", params=RUNS)

@@ -1,5 +1,6 @@
 """Motions of experiments held against the limits of their platform, and experiments whose motion fits."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from tests.support.uneven import PARAMETERS
+from tests.support import motions
+from tests.support.uneven import UNEVEN
 
 ALONG = {"position_amplitude": [0.1, -0.16, 0.2], "orientation_amplitude": [0.05, -0.08, 0.07]}
 SWAY: dict[str, Any] = {"type": "sine", **ALONG, "frequency": 1.1, "phase": 0.3, "fade_in": 0.4}
@@ -16,16 +18,13 @@ HEAVE = {**SWAY, "position_amplitude": [0, 0, 0.2], "orientation_amplitude": [0,
 WIDE: dict[str, float] = {"leg_velocity_max": 3.0, "leg_acceleration_max": 30.0, "actuator_power_max": 2000.0}
 
 
-def experiment(stated: dict[str, float] = WIDE, folder: Path = Path(), **tables: Any) -> gs.Experiment:
+def experiment(
+    stated: dict[str, float] = WIDE, folder: Path = Path(), reference: dict[str, Any] = SWAY
+) -> gs.Experiment:
     """Of the uneven platform that states these limits beside its own; plant steps of 4 ms."""
-    values = {
-        "title": "sway",
-        "platform": {"parameters": {**PARAMETERS, **stated}},
-        "reference": SWAY,
-        "controller": {"type": "pd", "bandwidth": 1.5},
-        "loop": {"duration": 1.2, "sample_time": 0.008, "plant_step": 0.004},
-    }
-    return gs.Experiment(**(values | tables)).from_file("sway.toml", folder)
+    loop = {"duration": 1.2, "sample_time": 0.008, "plant_step": 0.004}
+    stating: dict[str, Any] = stated
+    return motions.experiment(replace(UNEVEN, **stating), reference, folder, loop=loop)
 
 
 FITS: dict[str, tuple[dict[str, float], Literal["time", "amplitude"]]] = {
@@ -132,7 +131,7 @@ def test_a_static_force_beyond_its_limit_is_helped_by_nothing() -> None:
     assert verdict(found).endswith("; no slower and no smaller motion fits")
     for fit in ("time", "amplitude"):
         with pytest.raises(
-            gs.GoughStewartError, match=rf"sway.toml: no {fit}_scale makes the motion fit; actuator_force_max is"
+            gs.GoughStewartError, match=rf"motion.toml: no {fit}_scale makes the motion fit; actuator_force_max is"
         ):
             found.fitted(fit)
     with pytest.raises(gs.GoughStewartError, match="neither slower nor smaller helps"):

@@ -1,7 +1,6 @@
 """What a plan says of a controller from Python: another part of its code or values gives another one, nothing else."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import control
@@ -87,40 +86,16 @@ def test_values_of_objects_that_cannot_be_pickled_count_too() -> None:
     assert fingerprint(laws[0]) == fingerprint(laws[1]) != fingerprint(laws[2])
 
 
-LINEAR = gs.LinearController(
-    control.ss(np.diag([0.5, 0.2]), np.ones((2, 12)), np.ones((6, 2)), np.zeros((6, 12)), 1e-3),
-    ("leg_length", "leg_velocity"),
-)
-
-
-def changed(system: Any, name: str) -> Any:
-    """Another matrix of this name, or another sample time."""
-    parts = {part: np.asarray(getattr(system, part)) for part in "ABCD"} | {"dt": system.dt}
-    return control.ss(*(2 * value + 1e-3 if part == name else value for part, value in parts.items()))
-
-
 def test_matrices_sample_time_signals_and_space_of_a_linear_controller_count() -> None:
     """Expected: as a system and as a controller; the same matrices have the same."""
-    system, of_lengths = LINEAR.system, replace(LINEAR, signals=("leg_length",))
-    assert fingerprint(system) == fingerprint(control.ss(system))
-    systems = [system, *(changed(system, name) for name in ("A", "B", "C", "D", "dt"))]
-    controllers = [replace(LINEAR, system=one) for one in systems]
-    controllers += [replace(LINEAR, signals=LINEAR.signals[::-1]), of_lengths, replace(of_lengths, space="task")]
-    assert len({fingerprint(one) for one in (*systems, *controllers)}) == len(systems) + len(controllers)
-
-
-def test_it_begins_with_the_name_of_what_it_is_of() -> None:
-    """Expected: the class of systems, whose objects have no name; the words of other objects; and 16 digits."""
-    names = compiled(SOURCE)
-    for thing, words in (
-        (LINEAR, "LinearController"),
-        (LINEAR.system, "StateSpace"),
-        (names["law"], "object of class Law"),
-        (names["Law"], "class Law"),
-        (names["function"], "of_law.<locals>.law()"),
-        ("mine.fmu", "mine.fmu"),
-        (Path("a/mine.fmu"), "a/mine.fmu"),
-    ):
-        said, _, digits = fingerprint(thing).rpartition(", ")
-        assert said == words
-        assert len(digits) == 16
+    parts: dict[str, Any] = {"A": np.diag([0.5, 0.2]), "B": np.ones((2, 12)), "C": np.ones((6, 2))}
+    parts |= {"D": np.zeros((6, 12)), "dt": 1e-3}
+    systems = [control.ss(*(parts | {name: 2 * parts[name] + 1e-3}).values()) for name in parts]
+    both = gs.LinearController(control.ss(*parts.values()), ("leg_length", "leg_velocity"))
+    lengths = replace(both, signals=("leg_length",))
+    controllers = [replace(both, system=one) for one in systems]
+    controllers += [both, replace(both, signals=both.signals[::-1]), lengths, replace(lengths, space="task")]
+    assert fingerprint(both.system) == fingerprint(control.ss(both.system))
+    assert len({fingerprint(one) for one in (both.system, *systems, *controllers)}) == 15
+    assert fingerprint(both).startswith("LinearController, ")
+    assert fingerprint(compiled(SOURCE)["law"]).startswith("object of class Law, ")

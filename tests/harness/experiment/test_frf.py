@@ -13,22 +13,17 @@ import gough_stewart as gs
 from gough_stewart import metrics
 from tests.support.commands import invoke
 from tests.support.uneven import PARAMETERS
+from tests.support.uneven_loops import experiment_of
 
 PARTS = {**PARAMETERS, "leg_coulomb_friction": 0.0}
+PD = {"type": "pd", "bandwidth": 1.5, "derivative_filter": 0.002, "feedforward": "gravity"}
+LOOP = {"duration": 2.5, "sample_time": 2e-3, "plant_step": 1e-3, "delay": 1}
 
 
 def uneven_run(injection: dict[str, Any], **tables: Any) -> gs.Record:
     """PD about the home pose of an uneven platform, one sample late."""
-    values: dict[str, Any] = {
-        "title": "uneven",
-        "platform": {"preset": "liu2000", "parameters": PARTS},
-        "plant": {"tolerance": 1e-9},
-        "reference": {"type": "hold"},
-        "controller": {"type": "pd", "bandwidth": 1.5, "derivative_filter": 0.002, "feedforward": "gravity"},
-        "loop": {"duration": 2.5, "sample_time": 2e-3, "plant_step": 1e-3, "delay": 1},
-        "injection": injection,
-    }
-    return gs.run(gs.Experiment(**values | tables))
+    values = {"platform": {"parameters": PARTS}, "plant": {"tolerance": 1e-9}, "reference": {"type": "hold"}}
+    return gs.run(experiment_of("pd", **values | {"controller": PD, "loop": LOOP, "injection": injection} | tables))
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 import gough_stewart as gs
@@ -150,22 +149,6 @@ def test_a_machine_that_cannot_hold_its_start_is_alone_impossible() -> None:
     assert found["outcome"][1] == "impossible"
     assert "leg Jacobian has condition number" in str(found["cause"][1])
     assert found["outcome"][0] != "impossible"
-
-
-def test_members_start_with_forces_within_their_own_limits() -> None:
-    """Expected: the forces that hold each machine by statics, cut off at each member's own limit."""
-    limits = {"force_limit": {"choice": ["1.5 kN", "1.6 kN", "9 kN"]}}
-    varied = {"members": 9, "platform_com": {"normal": "0.2 m"}, "actuators": limits}
-    settings = {**SHORT, "limits.reference": "warn", "ensemble": varied}
-    cut = set[bool]()
-    for k in range(9):
-        record = gs.run("heave_tolerances", settings, member=k)
-        machine = gs.Platform(**record.metadata["machine"])
-        held = gs.static_leg_forces(machine, record["position"][0], record["orientation"][0])
-        limit = record.metadata["experiment"]["actuators"]["force_limit"]
-        assert record["actuator_force"][0] == pytest.approx(np.clip(held, -limit, limit), rel=1e-9)
-        cut.add(bool((np.abs(held) > limit).any()))
-    assert cut == {True, False}
 
 
 def test_belief_and_machine_vary_each_for_itself() -> None:

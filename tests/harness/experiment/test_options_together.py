@@ -19,23 +19,13 @@ from tests.support.documented_loop import Documented, simulate
 from tests.support.foreign_controller import NAMES, foreign_controller
 from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
+from tests.support.uneven_loops import LEG, TASK, experiment_of
 
 pytestmark = pytest.mark.usefixtures("units_in_process")
 
 
 DURATION, SAMPLE_TIME = 0.1, 0.005
 _STEPS = 5  # of the plant in a sample time, where it has several
-# Six different gains, of legs and of axes.
-LEG_GAINS = {
-    "kp": [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0],
-    "kd": [110.0, 140.0, 95.0, 125.0, 150.0, 105.0],
-    "ki": [900.0, 1500.0, 700.0, 1100.0, 2000.0, 800.0],
-}
-TASK_GAINS = {
-    "kp": [6000.0, 7500.0, 9000.0, 5200.0, 4100.0, 3300.0],
-    "kd": [520.0, 610.0, 700.0, 430.0, 390.0, 310.0],
-    "ki": [5000.0, 8000.0, 9000.0, 4500.0, 3000.0, 2500.0],
-}
 ALONG = np.array([0.021, -0.017, 0.026, 0.031, -0.024, 0.035])
 OPTIONS: dict[str, list[Any]] = {
     "type": ["pd", "pid"],
@@ -153,7 +143,7 @@ def _pose_about(row: dict[str, Any]) -> FloatArray:
 def _expected(row: dict[str, Any], readings: FloatArray | None, samples: Sequence[int] | None = None) -> Documented:
     options = {
         **row,
-        **(TASK_GAINS if row["space"] == "task" else LEG_GAINS),
+        **(TASK if row["space"] == "task" else LEG),
         "sample_time": SAMPLE_TIME,
         "duration": DURATION,
         "along": ALONG,
@@ -179,13 +169,12 @@ def _expected(row: dict[str, Any], readings: FloatArray | None, samples: Sequenc
 def _unit(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The table of somebody else's controller, F = k (L_r − L), under its own names."""
     unit = foreign_controller(folder / "theirs.fmu")
-    of_unit = {"type": "fmu", "file": unit.name, "names": NAMES, "parameters": {"gain": _UNIT_GAIN}}
+    of_unit = {"type": "fmu", "file": str(unit), "names": NAMES, "parameters": {"gain": _UNIT_GAIN}}
     return {**of_unit, "feedforward": row["feedforward"]}
 
 
 def _controller(row: dict[str, Any]) -> dict[str, Any]:
-    """The table of a PD or PID."""
-    gains, stated = TASK_GAINS if row["space"] == "task" else LEG_GAINS, row["gains"] == "stated"
+    gains, stated = TASK if row["space"] == "task" else LEG, row["gains"] == "stated"
     plain = ("type", "space", "derivative_on", "discretisation", "feedforward")
     kinds: list[dict[str, Any]] = [{"bandwidth": "1.9 Hz", "damping_ratio": 0.85}, {"integral_time": "310 ms"}]
     if stated:
@@ -200,7 +189,6 @@ def _controller(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
-    gs.save_platform(UNEVEN, folder / "uneven.toml")
     what = "amplitude" if row["reference"] == "sine" else "change"
     reference = {"type": row["reference"], "time_scale": row["scales"][0], "amplitude_scale": row["scales"][1]}
     reference |= {f"position_{what}": ALONG[:3].tolist(), f"orientation_{what}": ALONG[3:].tolist()}
@@ -210,8 +198,6 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
         reference |= {"position": _ABOUT[:3].tolist(), "orientation": _ABOUT[3:].tolist()}
     quantisation = {"leg_length": row["quantisation"]} if row["quantisation"] else {}
     values: dict[str, Any] = {
-        "title": "options together",
-        "platform": {"file": "uneven.toml"},
         "plant": {"tolerance": 1e-11},
         "reference": reference,
         "controller": _unit(row, folder) if row["type"] == "fmu" else _controller(row),
@@ -244,11 +230,11 @@ def _recorded(row: dict[str, Any], folder: Path) -> gs.Record:
     if row["injection"]:
         values["injection"] = {"type": "chirp", "mode": "pitch", "amplitude": 8, "band": [30, 80], "period": "30 ms"}
     if row["host"] != "member":
-        return gs.run(gs.Experiment(**values).from_file("options", folder), plant=row["host"])
+        return gs.run(experiment_of("pd", **values), plant=row["host"])
     # of a spread far below what is compared
     spread = {"factor": {"uniform": [1 - 1e-13, 1 + 1e-13]}}
     values["ensemble"] = {"members": 4, "tolerance": 1e-11, "platform_mass": spread}
-    return gs.run(gs.Experiment(**values).from_file("options", folder), member=2)
+    return gs.run(experiment_of("pd", **values), member=2)
 
 
 def _samples(record: gs.Record) -> list[int]:

@@ -63,22 +63,6 @@ def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:
     assert pose[jump] - pose[jump - 1] == pytest.approx([0, 0, 0.01], abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"at": 0.0, "delay": 2}, "at is 0 s, where settings are those of the tables"),
-        ({"at": 0.1}, "has no effect; expected parameters, factors, or settings"),
-        ({"at": 0.1, "controller": {**PD, "space": "task"}}, "has the structure .*; expected that of the experiment's"),
-        ({"at": 0.1, "controller": {"type": "open_loop"}}, "expected that of the experiment's"),
-        ({"at": 0.1, "noise": {"leg_length": -1}}, "noise"),
-    ],
-)
-def test_changes_of_settings_that_cannot_be_are_refused(change: dict[str, Any], said: str) -> None:
-    """Expected: the value found, and what would be right."""
-    with pytest.raises(gs.GoughStewartError, match=said):
-        gs.run("heave_step", {**AT_REST, "change": [change]})
-
-
 def test_settings_change_beside_any_plant_but_not_in_an_ensemble() -> None:
     """Expected: beside SciPy's plant the commands of the compiled one, to its tolerance; members say so."""
     changes = {**AT_REST, "change": [{"at": 0.1, "delay": 2, "controller": {**PD, "bandwidth": 2.0}}]}

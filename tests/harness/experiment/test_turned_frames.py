@@ -115,18 +115,6 @@ def test_checks_runs_and_metrics_are_those_of_the_unturned_machine(
             assert gap < limits[", " not in path], (frame, path)
 
 
-def test_a_path_through_half_a_turn_is_that_through_zero() -> None:
-    """Expected: the check of the machine as shipped, from a yaw of −5° to 6° around home, 0 between knots."""
-    poses = [[0, 0, 0, 0, 0, np.radians(yaw)] for yaw in (-5, 6)]
-    path = {"type": "path", "relative_to": "home", "timing": 4.0, "poses": poses}
-    changes = {"reference": path, "loop.duration": 4.0, "loop.sample_time": 0.004}
-    found = [
-        shown(gs.check("heave_step", machine("heave_step", frame) | changes).report())
-        for frame in (AS_SHIPPED, HALF, BACK)
-    ]
-    assert max(max(gaps(other, found[0]).values()) for other in found[1:]) < 1e-8
-
-
 # Frame, what is swept of the turned machine, and of that as shipped.
 SWEEPS: tuple[tuple[Frame, dict[str, Any], dict[str, Any]], ...] = (
     (BACK, {"yaw": None, "z": (1.9, 2.2)}, {"yaw": None, "z": (1.9, 2.2)}),

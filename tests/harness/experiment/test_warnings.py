@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import tomlkit
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
+from tests.support.experiments import written
 from tests.support.uneven import PARAMETERS, UNEVEN
 from tests.support.uneven_loops import experiment_of
 
@@ -30,8 +30,7 @@ def said_of(folder: Path, **tables: Any) -> tuple[list[str], gs.Record]:
     """What the command notes of a run of the uneven platform without Coulomb friction, and its record."""
     parameters = {**PARAMETERS, "leg_coulomb_friction": 0.0, **tables.pop("parameters", {})}
     values = {**AT_REST, "platform": {"parameters": parameters}, **tables}
-    (folder / "x.toml").write_text(tomlkit.dumps({k: v for k, v in values.items() if v is not None}))
-    done = invoke("run", str(folder / "x.toml"), "--out", str(folder / "out"), "--json")
+    done = invoke("run", str(written(values, folder / "x.toml")), "--out", str(folder / "out"), "--json")
     return [note["text"] for note in json.loads(done.stdout).get("notes", ())], gs.read_record(folder / "out")
 
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,38 +14,19 @@ from scipy.spatial.transform import Rotation
 import gough_stewart as gs
 from tests.support.arrays import FloatArray
 from tests.support.commands import invoke
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.documented_loop import friction_of, motion_of
+from tests.support.experiments import written
+from tests.support.lagrangian import forces_along, legs_along
 from tests.support.uneven import UNEVEN
 
 H, STEPS, HERTZ, PHASE = 5e-3, 180, 1.1, 0.3
 # Of five axes: a check of all six goes through four times as many phases.
 ALONG = np.array([0.0, -0.16, 0.2, 0.05, -0.08, 0.07])
 HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
-LIMITS = {"leg_velocity_max": 1.3, "leg_acceleration_max": 5.0, "actuator_power_max": 400.0, "joint_angle_max": 0.3}
-FILE = f"""
-title = "sway"
-limits.condition_number = 40
-platform.file = "uneven.toml"
-{chr(10).join(f"platform.parameters.{name} = {value}" for name, value in LIMITS.items())}
-controller = {{ type = "pd", bandwidth = 1.5 }}
-actuators.force_limit = "0.25 kN"
-loop = {{ duration = {STEPS * H}, sample_time = {2 * H}, plant_step = {H} }}
-[reference]
-type = "sine"
-position_amplitude = {ALONG[:3].tolist()}
-orientation_amplitude = {ALONG[3:].tolist()}
-frequency = {HERTZ}
-phase = {PHASE}
-"""
-
-
-def pose_at(time: FloatArray) -> Pose:
-    """The sine about home."""
-    w = 2 * np.pi * HERTZ
-    turn = w * time + PHASE
-    s = np.sin(turn), w * np.cos(turn), -(w**2) * np.sin(turn)
-    q, rate, acceleration = (np.outer(each, ALONG) for each in s)
-    return Pose(HOME + q, rate, acceleration)
+LIMITS: dict[str, Any] = {"leg_velocity_max": 1.3, "leg_acceleration_max": 5.0, "actuator_power_max": 400.0}
+LIMITS |= {"joint_angle_max": 0.3}
+SINE = {"type": "sine", "position_amplitude": ALONG[:3].tolist(), "orientation_amplitude": ALONG[3:].tolist()}
+pose_at = motion_of({"reference": "sine", "along": ALONG, "frequency": HERTZ, "phase": PHASE}, HOME)
 
 
 class Motion:
@@ -56,10 +38,7 @@ class Motion:
         d = 1e-5
         before, after = (legs_along(UNEVEN, pose_at(self.time + sign * d))[1] for sign in (-1, 1))
         self.acceleration = (after - before) / (2 * d)
-        friction = UNEVEN.leg_viscous_friction * UNEVEN.leg_viscous_friction_factor * self.velocity
-        smooth = np.tanh(self.velocity / UNEVEN.leg_friction_velocity)
-        friction = friction + UNEVEN.leg_coulomb_friction * UNEVEN.leg_coulomb_friction_factor * smooth
-        self.force = forces_along(UNEVEN, pose_at(self.time)) + friction
+        self.force = forces_along(UNEVEN, pose_at(self.time)) + friction_of(UNEVEN, self.velocity)
         self.power = self.force * self.velocity
         q = pose_at(self.time).q
         home = self._directions(HOME[None])
@@ -134,12 +113,16 @@ class Motion:
 
 
 class Said:
-    """What the command made."""
-
     def __init__(self, folder: Path) -> None:
-        gs.save_platform(UNEVEN, folder / "uneven.toml")
-        self.experiment = folder / "sway.toml"
-        self.experiment.write_text(FILE)
+        gs.save_platform(replace(UNEVEN, **LIMITS), folder / "uneven.toml")
+        made = {
+            **{"title": "sway", "platform": {"file": "uneven.toml"}, "limits": {"condition_number": 40}},
+            "reference": {**SINE, "frequency": HERTZ, "phase": PHASE},
+            "controller": {"type": "pd", "bandwidth": 1.5},
+            "actuators": {"force_limit": "0.25 kN"},
+            "loop": {"duration": STEPS * H, "sample_time": 2 * H, "plant_step": H},
+        }
+        self.experiment = written(made, folder / "sway.toml")
         done = invoke("check", str(self.experiment), "--out", str(folder / "out"))
         assert done.exit_code == 3  # a limit is missed
         self.output = done.stdout
@@ -153,19 +136,15 @@ class Said:
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
-    """Of the command, for all tests."""
     return Said(tmp_path_factory.mktemp("check"))
 
 
-@pytest.fixture(scope="module")
-def motion() -> Motion:
-    """The same, independent of it."""
-    return Motion()
+MOTION = Motion()
 
 
-def test_file_and_table_have_every_need_of_every_leg(said: Said, motion: Motion) -> None:
+def test_file_and_table_have_every_need_of_every_leg(said: Said) -> None:
     """Expected: closed forms of the sine, differences for accelerations, a Lagrangian and friction for forces."""
-    expected = motion.needs()
+    expected = MOTION.needs()
     assert list(said.values["needs"]) == list(expected)
     assert said.rows[0] == ["leg", *(f"{name} [{unit}]" for name, (unit, _) in expected.items())]
     assert [row[0] for row in said.rows[1:]] == list("123456")
@@ -179,18 +158,18 @@ def test_file_and_table_have_every_need_of_every_leg(said: Said, motion: Motion)
     assert said.values["needs_notes"] == list(said.found.needs.notes)
 
 
-def test_the_file_has_the_largest_share_of_every_limit_and_its_time(said: Said, motion: Motion) -> None:
+def test_the_file_has_the_largest_share_of_every_limit_and_its_time(said: Said) -> None:
     """Expected: of each leg by its own limit, stroke about its middle, the actuators' force limit, pitch by 90°."""
-    values, expected = said.values, motion.shares()
+    values, expected = said.values, MOTION.shares()
     limits = dict(values["limits"])
     for name, share in expected.items():
         found = limits.pop(name)
         np.testing.assert_allclose(found["share"], share.max(axis=0), rtol=1e-6)
-        np.testing.assert_allclose(found["time"], motion.time[share.argmax(axis=0)], rtol=1e-12)
-    pitch = np.abs(motion.pitch) / (np.pi / 2)
+        np.testing.assert_allclose(found["time"], MOTION.time[share.argmax(axis=0)], rtol=1e-12)
+    pitch = np.abs(MOTION.pitch) / (np.pi / 2)
     # at 90° exactly, angles are not defined: the limit is a milliradian below
     assert limits["pitch"]["share"] == pytest.approx(pitch.max(), rel=1e-3)
-    assert limits["pitch"]["time"] == pytest.approx(motion.time[pitch.argmax()])
+    assert limits["pitch"]["time"] == pytest.approx(MOTION.time[pitch.argmax()])
     assert limits["side"] == {"share": 0, "time": 0}
     other = gs.check(said.experiment, {"limits.condition_number": 80}).shares.peak("condition_number")
     assert limits["condition_number"] == {"share": pytest.approx(2 * other.share), "time": other.time}
@@ -199,7 +178,7 @@ def test_the_file_has_the_largest_share_of_every_limit_and_its_time(said: Said, 
     assert said_of_all == ["sway", "uneven", False, 0, False, []]
     name = max(expected, key=lambda each: expected[each].max())
     row, leg = np.unravel_index(expected[name].argmax(), expected[name].shape)
-    most, at = pytest.approx(expected[name].max()), pytest.approx(motion.time[row])
+    most, at = pytest.approx(expected[name].max()), pytest.approx(MOTION.time[row])
     assert values["largest"] == {"limit": name, "share": most, "time": at, "leg": leg + 1}
     assert values["versions"]["numpy"] == np.__version__
     assert values["time_factor"] == said.found.time_factor
@@ -258,7 +237,7 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
         assert rows[label][2].value == needs[f"{name}_peak_time"]["of_leg"][int(rows[label][1]) - 1]
 
 
-def test_text_and_chart_say_what_the_file_has(said: Said, motion: Motion) -> None:
+def test_text_and_chart_say_what_the_file_has(said: Said) -> None:
     """Expected: a line for each limit; strips of those beyond, the most used first; lines of at most 20 times."""
     lines, limits = repr(said.found).splitlines(), said.values["limits"]
     for line, label, found in zip(lines[2:-1], said.found.shares.of, limits.values(), strict=True):
@@ -268,13 +247,13 @@ def test_text_and_chart_say_what_the_file_has(said: Said, motion: Motion) -> Non
         assert leg == ([by_legs.argmax() + 1] if len(by_legs) > 1 else [])
     assert lines[:2] == ["Motion: sway, of platform uneven", f"  {said.found.report().verdict.text}"]
     kinds = "stroke leg_velocity_peak leg_velocity_rms actuator_force_peak actuator_force_rms motoring_power_peak"
-    names, needs = [*kinds.split(), "actuator_power_rms", "regenerated_power_peak"], motion.needs()
+    names, needs = [*kinds.split(), "actuator_power_rms", "regenerated_power_peak"], MOTION.needs()
     most = [np.abs(needs[name][1]).max() for name in names]
     assert [float(text) for text in re.findall(r"\d[\d.]*", lines[-1])] == pytest.approx(most, rel=1e-3)
-    shares = {f"{NAMES[name]} beyond its limit": share.max(axis=1) for name, share in motion.shares().items()}
+    shares = {f"{NAMES[name]} beyond its limit": share.max(axis=1) for name, share in MOTION.shares().items()}
     used = sorted((name for name in shares if shares[name].max() > 1), key=lambda name: -shares[name].max())
     strips = said.found.report().charts[0].strips
     assert [strip.name for strip in strips] == used
     assert [strip.share for strip in strips] == pytest.approx([(shares[name][:-1] > 1).mean() for name in used])
     (slow, *_) = gs.check(said.experiment, {"platform.parameters.leg_velocity_max": 0.02}).report().charts[0].series
-    assert slow.values == pytest.approx(np.minimum(np.abs(motion.velocity).max(axis=1) / 0.02, 20))
+    assert slow.values == pytest.approx(np.minimum(np.abs(MOTION.velocity).max(axis=1) / 0.02, 20))

@@ -1,6 +1,5 @@
 """Members of ensembles against single runs of experiments in which their drawn values are written out."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.uneven import UNEVEN
+from tests.support.uneven_loops import experiment_of
 
 VARIED: dict[str, Any] = {
     # of the machine: bare, with its table, whole vectors, one factor for all elements, six values
@@ -47,42 +47,30 @@ START = UNEVEN.home_position + np.array([0.004, -0.006, 0.005])
 MEMBERS = 11
 
 
-def experiment(folder: Path, ensemble: dict[str, Any] | None) -> gs.Experiment:
-    """A short run of the uneven platform."""
-    gs.save_platform(UNEVEN, folder / "uneven.toml")
-    settings = {
-        "platform": {"file": str(folder / "uneven.toml")},
-        "plant": {"parameters": PLANT, "tolerance": 1e-10},
-        "start": {"position": START.tolist(), "orientation": UNEVEN.home_orientation.tolist()},
-        "reference": {"type": "sine", "position_amplitude": [0.03, -0.02, 0.025], "frequency": 2.4, "phase": 0.4},
-        "controller": {"type": "pd", "bandwidth": 2, "damping_ratio": 0.8, "feedforward": "gravity"},
-        "loop": {"duration": 0.06, "sample_time": 0.005, "plant_step": 0.0025, "delay": 2},
-        "sensors": {"quantisation": {"leg_length": 1e-4}},
-        "actuators": {"force_limit": "150 N", "rate_limit": 700, "lag": 0.004},
-        "disturbance": [
+def experiment(**ensemble: Any) -> gs.Experiment:
+    return experiment_of(
+        "pd",
+        plant={"parameters": PLANT, "tolerance": 1e-10},
+        start={"position": START.tolist(), "orientation": UNEVEN.home_orientation.tolist()},
+        reference={"type": "sine", "position_amplitude": [0.03, -0.02, 0.025], "frequency": 2.4, "phase": 0.4},
+        controller={"type": "pd", "bandwidth": 2, "damping_ratio": 0.8, "feedforward": "gravity"},
+        loop={"duration": 0.06, "sample_time": 0.005, "plant_step": 0.0025, "delay": 2},
+        sensors={"quantisation": {"leg_length": 1e-4}},
+        actuators={"force_limit": "150 N", "rate_limit": 700, "lag": 0.004},
+        disturbance=[
             {"at": 0.01, "duration": 0.02, "torque": [4, -6, 5]},
             {"at": 0.02, "duration": 0.03, "force": [20, -30, 40]},
         ],
-        "change": [{"at": 0.04, "factors": {"platform_mass": 1.2}}],
-        "limits": {"reference": "warn", "position_error": 1.5},
-        "injection": {"type": "chirp", "leg": 3, "amplitude": "5 N", "band": ["40 Hz", "90 Hz"], "period": "20 ms"},
-    }
-    if ensemble is not None:
-        settings["ensemble"] = ensemble
-    return gs.load_experiment("heave_step", settings)
+        change=[{"at": 0.04, "factors": {"platform_mass": 1.2}}],
+        limits={"reference": "warn", "position_error": 1.5},
+        injection={"type": "chirp", "leg": 3, "amplitude": "5 N", "band": ["40 Hz", "90 Hz"], "period": "20 ms"},
+        **({"ensemble": {"members": MEMBERS, "seed": 9, "tolerance": 1e-10, **ensemble}} if ensemble else {}),
+    )
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of the platform's file."""
-    return tmp_path_factory.mktemp("members")
-
-
-@pytest.fixture(scope="module")
-def many(folder: Path) -> gs.Ensemble:
-    """All members at once."""
-    ensemble = {"members": MEMBERS, "seed": 9, "worst": 0, "tolerance": 1e-10, **VARIED}
-    return gs.ensemble(experiment(folder, ensemble), workers=1)
+def many() -> gs.Ensemble:
+    return gs.ensemble(experiment(**VARIED, worst=0), workers=1)
 
 
 def drawn(many: gs.Ensemble, member: int) -> dict[str, Any]:
@@ -101,11 +89,10 @@ def drawn(many: gs.Ensemble, member: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("member", [0, 4, 10])
-def test_a_member_is_the_run_of_an_experiment_with_its_values(many: gs.Ensemble, folder: Path, member: int) -> None:
+def test_a_member_is_the_run_of_an_experiment_with_its_values(many: gs.Ensemble, member: int) -> None:
     """Expected: every column of the single run, on the model with its own integrator."""
-    alone = gs.run(experiment(folder, None), drawn(many, member))
-    ensemble = {"members": MEMBERS, "seed": 9, "tolerance": 1e-10, **VARIED}
-    own, other = (gs.run(experiment(folder, ensemble), member=member, plant=plant) for plant in (None, "model"))
+    alone = gs.run(experiment(), drawn(many, member))
+    own, other = (gs.run(experiment(**VARIED), member=member, plant=plant) for plant in (None, "model"))
     np.testing.assert_allclose(other["actuator_force"], alone["actuator_force"], rtol=1e-9)
     assert own.table.columns == alone.table.columns
     for name in alone.table.columns:
@@ -134,13 +121,10 @@ def test_a_member_is_the_run_of_an_experiment_with_its_values(many: gs.Ensemble,
     assert row["rows"] == len(own["time"])
 
 
-def test_a_member_that_is_not_there_or_impossible_is_named(folder: Path) -> None:
-    ensemble = {"members": 9, "seed": 2, "worst": 0, "platform_mass": {"grid": [-1.0, 11.0, 12.0]}}
+def test_a_member_that_is_not_there_impossible_or_injected_into_is_named() -> None:
+    few: dict[str, Any] = {"members": 9, "seed": 2, "worst": 0, "platform_mass": {"grid": [-1.0, 11.0, 12.0]}}
     for member, says in ((3, "3: is impossible: plant: platform_mass: is -1"), (9, ": is 9; expected 0 to 8")):
         with pytest.raises(gs.GoughStewartError, match=f"member.?{says}"):
-            gs.run(experiment(folder, ensemble), member=member)
-
-
-def test_a_member_has_the_injection_of_its_experiment(folder: Path) -> None:
+            gs.run(experiment(**few), member=member)
     with pytest.raises(gs.GoughStewartError, match=r"member: has the experiment's injection; remove injection"):
-        gs.run(experiment(folder, {"members": 5, **VARIED}), member=3, injection=lambda _time: np.zeros(6))
+        gs.run(experiment(**VARIED), member=3, injection=lambda _time: np.zeros(6))

@@ -1,10 +1,10 @@
 """The host in machine code and that in Python give the same rows, and members of ensembles are runs of their own."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import casadi
+import control
 import numpy as np
 import pytest
 
@@ -41,6 +41,14 @@ class Law:
         outputs = self._function(*inputs, *(sample.measured[name] for name in NAMES[4:]))
         self._memory, force = (np.asarray(output).ravel() for output in outputs)
         return force
+
+
+def linear_of(_platform: object, sample_time: float, scale: float = 1.0) -> gs.LinearController:
+    """A PID whose states depend on each other, another one for each scale."""
+    pid = gs.sampled(gs.pid(gs.Gains(0.7 * scale * GAINS, 110.0, scale * 900.0)), sample_time)
+    mix = np.eye(pid.nstates) + 0.3 * np.tri(pid.nstates)
+    mixed = mix @ pid.A @ np.linalg.inv(mix), mix @ pid.B, pid.C @ np.linalg.inv(mix), pid.D
+    return gs.LinearController(control.ss(*mixed, sample_time))
 
 
 CLOCKS = {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "jitter": "2 ms", "delay": 1}
@@ -84,14 +92,12 @@ WEAK = {"actuators": {"lag": {"choice": ["0 ms", "2 ms", "5 ms"]}, "force_limit"
 SWITCH = [{"at": 0.037, "enabled": False}, {"at": 0.081, "enabled": True}]
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "plain": ({"loop": CLOCKS}, {"platform_mass": {"uniform": [9, 14]}}),
-    "rate limit alone": (
-        {"loop": CLOCKS, "actuators": {"force_limit": "none", "rate_limit": "700 N/s"}},
-        {"platform_mass": {"uniform": [9, 14]}},
-    ),
+    "rate limit alone": ({"loop": CLOCKS, "actuators": {"force_limit": "none", "rate_limit": "700 N/s"}},
+                         {"platform_mass": {"uniform": [9, 14]}}),
     # a flip of a quantised reading is no rounding
     "all": ({**ALL, "sensors": {**ALL["sensors"], "quantisation": {}}}, {**MANY, **WEAK}),
     "switched off and on": ({"loop": CLOCKS, "change": SWITCH}, {"change.1.at": {"choice": [0.0, 0.037]}}),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -121,6 +127,7 @@ LAWS: dict[str, tuple[Any, str]] = {
     "task": (None, "50 mm"),
     "traced": (law_of, "54 mm"),
     "Python": (Law, "54 mm"),
+    "linear": (linear_of, "54 mm"),
 }
 
 
@@ -192,25 +199,6 @@ def test_what_has_no_plain_operations_runs_in_python() -> None:
     looked_up = casadi.vertcat(*(100 * table(length[k]) for k in range(6)))
     law = casadi.Function("law", [length], [looked_up], ["leg_length"], ["actuator_force"])
     assert gs.run("heave_step", {"loop.duration": 0.01}, controller=law).metadata["host"] == "Python"
-
-
-def test_a_file_may_have_a_casadi_function(tmp_path: Path) -> None:
-    """Expected: as the function itself, by name and from a factory with parameters."""
-    (tmp_path / "law.py").write_text(
-        "import casadi\n"
-        "def make(platform, sample_time, kp=4e5):\n"
-        "    length, wanted = casadi.SX.sym('y', 6), casadi.SX.sym('r', 6)\n"
-        "    names = ['leg_length', 'reference_leg_length']\n"
-        "    return casadi.Function('law', [length, wanted], [kp * (wanted - length)], names, ['actuator_force'])\n"
-        "law = make(None, 1.0)\n"
-    )
-    for named in ({"name": "law"}, {"factory": "make", "parameters": {"kp": 4e5}}):
-        table = {"type": "python", "file": str(tmp_path / "law.py"), **named}
-        record = gs.run("heave_step", {"loop.duration": 0.02, "controller": table})
-        assert record.metadata["host"].startswith("compiled, ")
-        error = record["reference.leg_length"] - record["measured.leg_length"]
-        force = record["controller.force"] - record["controller.feedforward"]
-        assert force[:-1] == pytest.approx(4e5 * error[:-1], abs=1e-6)
 
 
 ONE: dict[str, Callable[[Any], Any]] = {

@@ -12,7 +12,6 @@ from scipy import stats
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
 import gough_stewart as gs
-from tests.support.arrays import FloatArray
 from tests.support.documented_loop import twist_of_rates
 from tests.support.uneven import PARAMETERS, UNEVEN
 from tests.support.uneven_loops import experiment_of
@@ -50,38 +49,36 @@ def test_the_second_philox_gives_the_published_answers(key: list[int], counter: 
     assert philox(key, counter) == expected
 
 
-@pytest.mark.parametrize("seed", [6, 0])
-def test_readings_have_the_noise_of_their_elements(seed: int) -> None:
-    """Expected: σ times the numbers of seed, reading and element, of signals of three and six elements."""
-    deviations = {name: 1e-3 * (k + 1) for k, name in enumerate(SIGNALS)}
-    sensors = {"noise": deviations, "seed": seed}
+@pytest.mark.parametrize(("seed", "every"), [(6, 1), (0, 1), (6, 2)], ids=["seed 6", "seed 0", "slower encoders"])
+def test_readings_have_the_noise_of_their_elements(seed: int, every: int) -> None:
+    """Expected: σ times the numbers of seed, reading and element, of signals of three and six elements; then steps."""
+    deviations, coarse = {name: 1e-3 * (k + 1) for k, name in enumerate(SIGNALS)}, "leg_velocity"
+    sensors: dict[str, Any] = {"noise": deviations, "seed": seed, "quantisation": {coarse: 2e-3}}
+    sensors |= {"sample_time": every * 5e-3} if every > 1 else {}
     loop = {"duration": 0.755, "sample_time": 5e-3, "plant_step": 5e-3}
     record = gs.run(experiment_of("pd", loop=loop, sensors=sensors), controller=lambda _sample: np.full(6, 47.0))
     element = 0
     for name, deviation in deviations.items():
-        noise = record[f"measured.{name}"] - record[name]
-        for column in range(noise.shape[1]):
+        read, true = record[f"measured.{name}"], record[name]
+        for column in range(read.shape[1]):
             for k in (0, 1, 63, 64, 150):
-                expected = deviation * number_of(seed, k, element)
-                assert noise[k, column] == pytest.approx(expected, rel=2e-7, abs=1e-14), (k, name, column)
+                reading = true[k // every * every, column] + deviation * number_of(seed, k // every, element)
+                expected = 2e-3 * np.round(reading / 2e-3) if name == coarse else reading
+                assert read[k, column] == pytest.approx(expected, abs=1e-6 * deviation), (k, name, column)
             element += 1
 
 
-def test_both_hosts_and_every_size_of_ensemble_have_a_members_noise() -> None:
-    """Expected: readings minus the truth of member 5, in both hosts, of 8 and 600 members."""
-    clocks = {"loop.duration": 0.1, "loop.sample_time": 0.002, "loop.plant_step": 0.001}
-    settings = {**clocks, "sensors": {"noise": {"leg_length": "10 um"}, "quantisation": {}, "seed": 9}}
-
-    def noise(members: int, plant: Any) -> FloatArray:
-        table = {"members": members, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
-        record = gs.run("heave_step", {**settings, "ensemble": table}, member=5, plant=plant)
-        return np.asarray(record["measured.leg_length"] - record["leg_length"])[:-1:2]
-
-    numbers = noise(8, "model")
-    for members, plant in ((600, "model"), (8, "fmu3")):
-        assert noise(members, plant) == pytest.approx(numbers, abs=1e-8)
-    expected = [[number_of(SeedSequence(9, spawn_key=(5,)), k, 12 + leg) for leg in range(6)] for k in (0, 1)]
-    assert numbers[:2] == pytest.approx(1e-5 * np.array(expected), abs=1e-8)
+@pytest.mark.parametrize("plant", ["model", "fmu3"])
+def test_a_member_has_the_noise_of_its_own_stream(plant: Any) -> None:
+    """Expected: σ times the numbers of the ensemble's seed and the member, in both hosts."""
+    table = {"members": 600, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
+    settings: dict[str, Any] = {"loop.duration": 0.01, "loop.plant_step": 0.001, "loop.sample_time": 0.001}
+    settings |= {"sensors": {"noise": {"leg_length": "10 um"}, "seed": 9}, "reference.at": 5e-3, "ensemble": table}
+    record = gs.run("heave_step", settings, member=5, plant=plant)
+    noise = record["measured.leg_length"] - record["leg_length"]
+    for k in (0, 1, 9):
+        numbers = [number_of(SeedSequence(9, spawn_key=(5,)), k, 12 + leg) for leg in range(6)]
+        assert noise[k] == pytest.approx(1e-5 * np.array(numbers), abs=1e-8)
 
 
 def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation() -> None:

@@ -40,7 +40,6 @@ def record_of(error: Floats, motion: Floats | None = None, **sensors: Any) -> gs
 
 
 def found_in(record: gs.Record | Floats, motion: Floats | None = None, **sensors: Any) -> dict[str, Any] | None:
-    """What `gs.metrics` says of the loop."""
     whole = record if isinstance(record, gs.Record) else record_of(record, motion, **sensors)
     oscillation: dict[str, Any] | None = gs.metrics(whole)["outcome"]["oscillation"]
     return oscillation
@@ -71,11 +70,8 @@ FOUND: dict[str, tuple[Floats, Floats | None, dict[str, Any] | None]] = {
     "a slow cycle that grows little": (cycle(1.5, 1e-2, 0.45), None, None),
     "a cycle that grows little": (cycle(38, rate=0.46), None, {"is_growing": False}),
     "a cycle that grows": (cycle(38, rate=0.5), None, {"is_growing": True, "frequency": 38, "since": 0.0}),
-    "a cycle that grows fast": (
-        cycle(12, 1e-3, 0.8),
-        None,
-        {"is_growing": True, "frequency": 12, "amplitude": 1e-3 * np.exp(1.58), "earlier": 1e-3 * np.exp(0.35)},
-    ),
+    "a cycle that grows fast": (cycle(12, 1e-3, 0.8), None, {
+        "is_growing": True, "frequency": 12, "amplitude": 1e-3 * np.exp(1.58), "earlier": 1e-3 * np.exp(0.35)}),
     "a cycle beside a drift": ((0.02 * TIME + 0.01 + cycle(38))[:1501], None, {"frequency": 38, "amplitude": 4e-4}),
     "2 % of damping": (0.02 * np.exp(-0.47 * TIME) * np.cos(2 * np.pi * 3.7 * TIME), None, None),
     "a slow approach": (0.01 * (1 - np.exp(-TIME / 0.6)), None, None),
@@ -90,10 +86,8 @@ FOUND: dict[str, tuple[Floats, Floats | None, dict[str, Any] | None]] = {
     "back twice as far, down": (-after_step(2, 3), -STEPS_LATE, {"is_growing": True, "earlier": 0.01}),
     "back as far": (after_step(2, 0), STEPS_LATE, None),
     "back twice as far after a motion": (
-        after_step(2, 3),
-        STEPS_LATE + np.where(TIME < 0.5, 0.02 * (1 - np.cos(4 * np.pi * TIME)), 0.0),
-        {"is_growing": True, "earlier": 0.01, "since": 1.5},
-    ),
+        after_step(2, 3), STEPS_LATE + np.where(TIME < 0.5, 0.02 * (1 - np.cos(4 * np.pi * TIME)), 0.0),
+        {"is_growing": True, "earlier": 0.01, "since": 1.5}),
     # a step counts from rest alone, of 32 rows
     "back twice as far from a motion": (after_step(2, 3), STEPS_LATE + np.clip(TIME - 1.48, 0, 0.01), None),
     "a cycle beside a slow sine": (1e-3 * SLOW + cycle(47), 0.05 * SLOW, {"is_growing": False, "frequency": 47}),
@@ -112,7 +106,7 @@ FOUND: dict[str, tuple[Floats, Floats | None, dict[str, Any] | None]] = {
     "nearly 10⁹ m": (0.99e9 * np.exp(3 * (TIME - TIME[-1])), None, {"is_growing": True}),
     "more than 10⁹ m": (1.01e9 * np.exp(3 * (TIME - TIME[-1])), None, None),
     "a reference of more": (np.exp(3 * TIME), np.outer(0 * TIME + 1.01e9, np.eye(6)[4]), None),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", FOUND)

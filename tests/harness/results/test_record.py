@@ -59,7 +59,6 @@ def record() -> gs.Record:
 
 @pytest.fixture(scope="module")
 def saved(record: gs.Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its CSV with its metadata."""
     folder = tmp_path_factory.mktemp("saved")
     written(record, folder)
     (folder / "record.parquet").unlink()
@@ -99,22 +98,22 @@ def test_variables_and_columns_go_by_name() -> None:
             gs.Record(record.table, metadata).report()
 
 
-DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
-    "half of it": (lambda t: t[: t.rindex(",", 0, len(t) // 2)], "is empty; expected a number"),
-    "rows at its end": (lambda t: "".join(t.splitlines(True)[:-3]), "has 18 rows, but the run had 21"),
-    "everything": (lambda _: "", "cannot be read as a record"),
-}
-
-
-@pytest.mark.parametrize("what", DAMAGE)
-def test_a_table_that_has_lost_something_is_refused(what: str, saved: Path, tmp_path: Path) -> None:
-    """Expected: file, place and expectation, in one line."""
-    damage, message = DAMAGE[what]
+@pytest.mark.parametrize(
+    ("damaged", "message"),
+    [
+        (lambda text: text[: text.rindex(",", 0, len(text) // 2)], "is empty; expected a number"),
+        (lambda text: "".join(text.splitlines(True)[:-3]), "has 18 rows, but the run had 21"),
+        (lambda _: "", "cannot be read as a record"),
+    ],
+    ids=["half of it", "rows at its end", "everything"],
+)
+def test_a_table_that_has_lost_something_is_refused_in_one_line(
+    damaged: Callable[[str], str], message: str, saved: Path, tmp_path: Path
+) -> None:
     (tmp_path / "metadata.json").write_bytes((saved / "metadata.json").read_bytes())
-    (tmp_path / "record.csv").write_text(damage((saved / "record.csv").read_text()))
-    with pytest.raises(Refusal, match=rf"record.csv: .*({message}).*expected record.parquet") as caught:
+    (tmp_path / "record.csv").write_text(damaged((saved / "record.csv").read_text()))
+    with pytest.raises(Refusal, match=rf"^[^\n]*record.csv: .*({message}).*expected record.parquet[^\n]*$"):
         gs.read_record(tmp_path)
-    assert "\n" not in str(caught.value)
 
 
 TIMES = "expected finite, increasing times"
@@ -130,12 +129,9 @@ TABLES: dict[str, tuple[dict[str, Any], int | None, str]] = {
     "the same time": ({"time": [1.0, 2.0, 2.0]}, None, f"time in row 3 is 2.0; {TIMES}"),
     "an infinite time": ({"time": [1.0, float("inf")]}, None, f"time in row 2 is inf; {TIMES}"),
     "no time": ({"time": [float("nan"), 1.0]}, None, f"time in row 1 is nan; {TIMES}"),
-    "a row too many": (
-        {"time": [1.0, 2.0]},
-        1,
-        "has 2 rows, but the run had 1; the file is incomplete or from another run",
-    ),
-}
+    "a row too many": ({"time": [1.0, 2.0]}, 1, "has 2 rows, but the run had 1; the file is incomplete or from another "
+                       "run"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", TABLES)

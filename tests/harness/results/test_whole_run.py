@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,77 +10,42 @@ import pytest
 
 import gough_stewart as gs
 from tests.support.commands import Result, invoke
+from tests.support.experiments import written
 from tests.support.metric_definitions import defined_metrics, same_to_rounding
 from tests.support.reports import parts_in, rows_in, units_in
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import PARAMETERS
+from tests.support.uneven_loops import experiment_of
 
-MACHINE = replace(
-    UNEVEN,
-    leg_length_min=2.6,
-    leg_length_max=3.44,
-    leg_velocity_max=0.25,
-    actuator_force_max=90.0,
-    actuator_power_max=20.0,
+LIMITS = {"leg_length_min": 2.9, "leg_length_max": 3.44, "leg_velocity_max": 0.25, "actuator_power_max": 20.0}
+LIMITS |= {"actuator_force_max": 90.0}
+MOVES = {"position_change": [0.061, -0.047, 0.083], "orientation_change": [0.071, -0.064, 0.095]}
+TROUBLE = experiment_of(
+    "pid",
+    platform={"preset": "liu2000", "parameters": PARAMETERS | LIMITS},
+    reference={"type": "point_to_point", **MOVES, "at": 0.12, "duration": 0.2},
+    loop={"duration": 0.8, "sample_time": 5e-3, "plant_step": 2.5e-3, "delay": 1},
+    sensors={"noise": {"leg_length": "0.3 mm"}},
+    actuators={"force_limit": 88.0, "rate_limit": 900.0},
+    limits={"reference": "warn", "position_error": 10.0},
+    disturbance=[{"at": 0.06, "duration": 0.05, "force": [40.0, -30.0, 55.0], "torque": [9.0, -7.0, 5.0]}],
 )
-TOML = """
-title = "in trouble"
-[platform]
-file = "uneven.toml"
-[plant]
-parameters = { platform_mass = 13.9, platform_com = [0.02, -0.07, 0.11] }
-[reference]
-type = "point_to_point"
-position_change = [0.061, -0.047, 0.083]
-orientation_change = [0.071, -0.064, 0.095]
-at = 0.12
-duration = 0.2
-[controller]
-type = "pid"
-proportional_gain = [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0]
-derivative_gain = [110.0, 140.0, 95.0, 125.0, 150.0, 105.0]
-integral_gain = [900.0, 1500.0, 700.0, 1100.0, 2000.0, 800.0]
-feedforward = "gravity"
-[loop]
-duration = 0.8
-sample_time = 0.005
-plant_step = 0.0025
-delay = 1
-[sensors.noise]
-leg_length = "0.3 mm"
-[actuators]
-force_limit = 88.0
-rate_limit = 900.0
-[limits]
-reference = "warn"
-position_error = 10.0
-[[disturbance]]
-at = 0.06
-duration = 0.05
-force = [40.0, -30.0, 55.0]
-torque = [9.0, -7.0, 5.0]
-"""
 
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
-    """The command, and its files."""
     folder = tmp_path_factory.mktemp("whole")
-    gs.save_platform(MACHINE, folder / "uneven.toml")
-    (folder / "trouble.toml").write_text(TOML)
     out = folder / "out"
-    return invoke("run", str(folder / "trouble.toml"), "--out", str(out), "--json"), out
+    return invoke("run", str(written(TROUBLE, folder / "trouble.toml")), "--out", str(out), "--json"), out
 
 
 @pytest.fixture(scope="module")
 def record(done: tuple[Result, Path]) -> gs.Record:
-    """The record that the command has written."""
     return gs.read_record(done[1])
 
 
 @pytest.fixture(scope="module")
 def expected(record: gs.Record) -> dict[str, Any]:
-    """Its metrics by definition."""
-    return defined_metrics(record.table, MACHINE.as_dict())
+    return defined_metrics(record.table, PARAMETERS | LIMITS)
 
 
 def test_the_file_of_metrics_has_them_by_their_definitions(

@@ -45,50 +45,25 @@ DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
     # far up the tail of the normal distribution
     "leg_coulomb_friction": ({"truncated_normal": [0, 1, 9, 12]}, [stats.truncnorm(9, 12, 0, 1)]),
     "leg_viscous_friction": ({"uniform": [5, "11 N.s/m"]}, [stats.uniform(5, 6)]),
-    "platform_com": (
-        {"normal": [["10 mm", "20 mm", "-30 mm"], ["1 mm", "2 mm", "3 mm"]]},
-        [stats.norm(0.01 * k, 1e-3 * abs(k)) for k in (1, 2, -3)],
-    ),
-    "gravity": (
-        {"truncated_normal": [[0.1, 0.2, 0.4], 0.3]},
-        [stats.truncnorm(-0.3 / s, 0.3 / s, g, s) for g, s in zip(UNEVEN.gravity, (0.1, 0.2, 0.4), strict=True)],
-    ),
-    "platform.platform_com": (
-        {"uniform": [[0, 0.1, 0.2], ["1 cm", "12 cm", "23 cm"]]},
-        [stats.uniform(a, b) for a, b in ((0, 0.01), (0.1, 0.02), (0.2, 0.03))],
-    ),
-    "disturbance.1.force": (
-        {"offset": {"normal": [["1 N", 2, 3], [4, 5, "0.006 kN"]]}},
-        [stats.norm(11, 4), stats.norm(22, 5), stats.norm(33, 6)],
-    ),
+    "platform_com": ({"normal": [["10 mm", "20 mm", "-30 mm"], ["1 mm", "2 mm", "3 mm"]]},
+                     [stats.norm(0.01 * k, 1e-3 * abs(k)) for k in (1, 2, -3)]),
+    "gravity": ({"truncated_normal": [[0.1, 0.2, 0.4], 0.3]}, [
+        stats.truncnorm(-0.3 / s, 0.3 / s, g, s) for g, s in zip(UNEVEN.gravity, (0.1, 0.2, 0.4), strict=True)]),
+    "platform.platform_com": ({"uniform": [[0, 0.1, 0.2], ["1 cm", "12 cm", "23 cm"]]},
+                              [stats.uniform(a, b) for a, b in ((0, 0.01), (0.1, 0.02), (0.2, 0.03))]),
+    "disturbance.1.force": ({"offset": {"normal": [["1 N", 2, 3], [4, 5, "0.006 kN"]]}},
+                            [stats.norm(11, 4), stats.norm(22, 5), stats.norm(33, 6)]),
     "platform.platform_mass": ({"offset": {"uniform": 2}}, [stats.uniform(MOTION_BASE.platform_mass - 2, 4)]),
-    "sensors.noise.leg_length": (
-        {"factor": {"truncated_normal": [1, 0.5, 0.4, 3]}},
-        [stats.truncnorm(-1.2, 4, 2e-6, 1e-6)],
-    ),
-}
+    "sensors.noise.leg_length": ({"factor": {"truncated_normal": [1, 0.5, 0.4, 3]}},
+                                 [stats.truncnorm(-1.2, 4, 2e-6, 1e-6)]),
+}  # fmt: skip
 OTHERS = {"disturbance": [{"at": 0, "duration": 1e-3, "force": [10, 20, 30]}], "sensors.noise": {"leg_length": 2e-6}}
-
-
-def _nested(key: str, value: Any) -> dict[str, Any]:
-    for name in reversed(key.split(".")):
-        value = {name: value}
-    return dict(value)
-
-
-def _merged(tables: list[dict[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for table in tables:
-        for key, value in table.items():
-            both = isinstance(found.get(key), dict) and isinstance(value, dict)
-            found[key] = _merged([found[key], value]) if both else value
-    return found
 
 
 @pytest.fixture(scope="module", params=["latin_hypercube", "sobol"])
 def layered(request: pytest.FixtureRequest) -> dict[str, Any]:
     """Draws of which each element has one in each of N layers of equal probability."""
-    ensemble = _merged([_nested(key, how) for key, (how, _) in DISTRIBUTIONS.items()])
+    ensemble = {key: how for key, (how, _) in DISTRIBUTIONS.items()}
     return table_of({"members": N, "sampling": request.param, **ensemble}, **OTHERS)
 
 
@@ -294,22 +269,18 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"correlation": [{"of": ["gravity", "platform_mass"], "matrix": [[1, 0]]}]}, "the matrix has shape (1, 2)"),
     ({"controller": {"bandwidth": 3}}, "controller.bandwidth: is 3; expected a setting of the ensemble"),
     ({"correlation": [{"of": ["gravity", "gravity"], "matrix": [[1, 0], [0, 1]]}]}, "expected different names"),
-    *(
-        ({"correlation": [{"of": ["a", "b", "c"][: len(matrix)], "matrix": matrix}]}, f"the matrix is not {what}")
-        for matrix, what in (
-            ([[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "positive definite"),
-            ([[1, 1], [1, 1]], "positive definite"),
-            ([[-1, 0], [0, 1]], "positive definite"),
-            ([[1, 0.5], [0.500001, 1]], "symmetric"),
-        )
-    ),
+    *(({"correlation": [{"of": ["a", "b", "c"][: len(matrix)], "matrix": matrix}]}, f"the matrix is not {what}")
+      for matrix, what in (
+          ([[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "positive definite"),
+          ([[1, 1], [1, 1]], "positive definite"),
+          ([[-1, 0], [0, 1]], "positive definite"),
+          ([[1, 0.5], [0.500001, 1]], "symmetric"),
+      )),
     ({"covariance": [{"of": ["a", "b"], "matrix": [[1, 2], [2, 1]]}]}, "not positive definite (smallest eigenvalue -1"),
-    (
-        {"members": 10_000_000, "sampling": "latin_hypercube", "gravity": {"normal": 1}},
-        "a Latin hypercube of 10000000 members with 3 numbers each can only be drawn as a whole; expected at most "
-        "20000000 numbers; use sampling = 'sobol' or 'random'",
-    ),
-]
+    ({"members": 10_000_000, "sampling": "latin_hypercube", "gravity": {"normal": 1}},
+     "a Latin hypercube of 10000000 members with 3 numbers each can only be drawn as a whole; expected at most "
+     "20000000 numbers; use sampling = 'sobol' or 'random'"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("table", "says"), WRONG)
