@@ -113,7 +113,6 @@ class Members:
         self, experiment: Experiment, controller: Any = None
     ) -> None:
         self.nominal, self.controller = experiment, controller
-        self.preparation = Preparation(experiment, controller)
         choice = experiment.ensemble
         if choice is None:
             raise self._error("", "is missing; add it to declare what varies, or start from heave_tolerances")
@@ -121,6 +120,7 @@ class Members:
             raise self._error("limits.stroke", "is 'stop', which is for single runs only; expected 'warn' or 'ignore'")
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
+        self.preparation = Preparation(experiment, controller, self.seed)
         self.platforms = platforms_of(experiment)  # the nominal model and the machine, without what varies
 
         # inputs in order of their places, independent of the order in the file
@@ -264,11 +264,7 @@ class Members:
 
     def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> Batch:
         """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
-        seeds = [
-            self.nominal.sensors.seed if k is None else np.random.SeedSequence(self.seed, spawn_key=(k,))
-            for k in numbers
-        ]
-        return self.preparation.members(values, seeds)
+        return self.preparation.members(values, numbers)
 
     def possible(self) -> Batch:
         """The first member that can run; an `ExperimentError` if none of the first can."""

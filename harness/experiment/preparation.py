@@ -4,7 +4,7 @@ What members have in common, such as a planned motion, is made once for the same
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.random import SeedSequence
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.by_hand import HandMotion
@@ -33,11 +34,9 @@ from gough_stewart.harness.loop.loop import (
     Limits,
     Loop,
     LoopSettings,
-    Seed,
     Seeds,
     Sensors,
     Timing,
-    as_numbers,
     changes_of_members,
 )
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
@@ -154,7 +153,8 @@ class Batch:
     machines: Platforms
     sensors: Sequence[Sensors]
     changes: Sequence[tuple[Change, ...]]
-    seeds: Sequence[Seed]  # of noise and jitter
+    seed: int  # of the members' own noise and jitter
+    streams: Sequence[int | None]  # of it, by the members' numbers; None for noise and jitter of the sensors' seed
     start_force: FloatArray  # (N, 6)
 
     def __len__(self) -> int:
@@ -169,11 +169,19 @@ class Batch:
     def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
         """Some of them, in the order of their indices."""
         at = np.asarray(members, dtype=np.intp)
-        setups, sensors, changes, seeds = (
-            [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.seeds)
+        setups, sensors, changes, streams = (
+            [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.streams)
         )
-        machines, start_force = self.machines[at], self.start_force[at]
-        return Batch(self.where, self.numbers[at], self.errors, setups, machines, sensors, changes, seeds, start_force)
+        return replace(
+            self,
+            numbers=self.numbers[at],
+            setups=setups,
+            machines=self.machines[at],
+            sensors=sensors,
+            changes=changes,
+            streams=streams,
+            start_force=self.start_force[at],
+        )
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
@@ -199,14 +207,13 @@ class Batch:
             sizes[kind] = {name: one_or_each([by_signal.get(name, 0.0) for by_signal in of_sensors]) for name in names}
         # seeds of jitter and noise: the common one of members without random numbers, and only one if all are the same
         seeds = list[Seeds]()
-        for common, are_random in (
-            (timing.seed, [bool(late) for late in jitter]),
-            (sensors[0].seed, [any(sensor.noise.values()) for sensor in sensors]),
-        ):
-            of_members: Any = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
-            first = as_numbers(of_members[0])
-            is_one = not any(are_random) or all(as_numbers(seed) == first for seed in of_members)
-            seeds.append(of_members[0] if is_one else tuple(of_members))
+        for are_random in ([bool(late) for late in jitter], [any(sensor.noise.values()) for sensor in sensors]):
+            streams = [stream if draws else None for stream, draws in zip(self.streams, are_random, strict=True)]
+            of_members: list[Any] = [
+                sensors[0].seed if stream is None else SeedSequence(self.seed, spawn_key=(stream,))
+                for stream in (streams if len(set(streams)) > 1 else streams[:1])
+            ]
+            seeds.append(tuple(of_members) if len(of_members) > 1 else of_members[0])
         return Loop(
             timing=replace(timing, jitter=one_or_each(jitter), seed=seeds[0]),
             reference=one_or_stacked([setup.signals for setup in setups]),
@@ -328,9 +335,11 @@ _Believed = tuple[dict[str, Any], Platform, Platform]
 class Preparation:
     """Prepares members of an experiment that differ in their values; those before often had the same ones."""
 
-    def __init__(self, experiment: Experiment, controller: Any = None) -> None:
+    def __init__(self, experiment: Experiment, controller: Any = None, seed: int = 0) -> None:
         self.experiment, self.controller, self._where = experiment, controller, experiment.where
+        self.seed = seed  # of the members' noise and jitter
         self._tables = dict(experiment)
+        self._punctual = experiment.loop.model_copy(update={"jitter": 0.0, "delay": 0})  # what members have in common
         # results of stages, and the parts that they were made from, by the identity of these
         self._known = dict[str, dict[tuple[object, ...], tuple[Sequence[object], Any]]]()
 
@@ -339,8 +348,10 @@ class Preparation:
         results = self._known.setdefault(stage.__name__, {})
         # numbers and texts themselves, of settings their values, of other objects which one it is
         key = tuple(
-            (type(part), part) if type(part) in _PLAIN else repr(part) if isinstance(part, dict) else id(part)
-            for part in parts
+            [
+                repr(part) if isinstance(part, dict) else (type(part), part) if type(part) in _PLAIN else id(part)
+                for part in parts
+            ]
         )
         if key not in results:
             try:
@@ -353,11 +364,11 @@ class Preparation:
         return result
 
     def members(  # noqa: PLR0912, PLR0915 - one road, in sections
-        self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
+        self, values: Sequence[Values], streams: Sequence[int | None] = (), injection: Injection | None = None
     ) -> Batch:
-        """Members with these values, and with seeds of their own for noise and jitter instead of the sensors'."""
+        """Members with these values, and with noise and jitter from streams of the seed with these numbers."""
         experiment, where, once, errors = self.experiment, self._where, self._once, dict[int, GoughStewartError]()
-        if seeds is not None and any(change.has_settings for change in experiment.change):
+        if streams and any(change.has_settings for change in experiment.change):
             text = (
                 "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
             )
@@ -366,20 +377,26 @@ class Preparation:
         of_machines, sensors = list[dict[str, Any]](), list[Sensors]()
 
         # tables, the believed platform, and the one whose parameters those of the machine replace
+        usual = Sensors(**dict(experiment.sensors))
         for k, member in enumerate(values):
-            changed = by_table(member)
-            of_machine, of_sensors = changed.pop("plant", {}), changed.pop("sensors", {})
+            of_machine, of_sensors, of_others = dict(experiment.plant.parameters), dict[Any, Any](), dict[Any, Any]()
+            for path, value in member.items():
+                if path[0] == "plant":
+                    of_machine[path[-1]] = value
+                elif path[0] == "sensors":
+                    of_sensors[path[1:]] = value
+                else:
+                    of_others[path] = value
             try:
-                belief = once(self._believed, changed)
-                readings = once(table_with, experiment, "sensors", of_sensors) if of_sensors else experiment.sensors
+                belief = once(self._believed, of_others)
+                readings = once(self._sensors, of_sensors) if of_sensors else usual
             except GoughStewartError as error:
                 errors[k] = error
                 continue
             candidates.append(k)
             believed.append(belief)
-            sensors.append(Sensors(**dict(readings)))
-            parameters = {path[-1]: value for path, value in of_machine.items()}
-            of_machines.append({**experiment.plant.parameters, **parameters})
+            sensors.append(readings)
+            of_machines.append(of_machine)
 
         # machines, for all at once; one vector steps several, so that all have the same states
         distinct = {id(base): base for _, _, base in believed}
@@ -412,20 +429,24 @@ class Preparation:
 
         # everything else
         ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
-        has_changes = experiment.change or experiment.disturbance or experiment.fault
+        has_changes, made = experiment.change or experiment.disturbance or experiment.fault, dict[int, Setup]()
         for at, k in enumerate(candidates):
             if k in errors:
                 continue
+            belief = believed[at]
             try:
-                setup = once(self._setup, believed[at], injection)
-                changing = [believed[at][0][name] for name in ("change", "disturbance", "fault")]
-                machine = machines[at] if changing[0] else None
-                of_machine_and_load = once(self._changes, *changing, machine) if has_changes else ()
-                changes.append(of_machine_and_load + setup.turned)
+                setup = made.get(id(belief)) or once(self._setup, belief, injection)
+                of_member = setup.turned
+                if has_changes:
+                    changing = [belief[0][name] for name in ("change", "disturbance", "fault")]
+                    machine = machines[at] if changing[0] else None
+                    of_member = once(self._changes, *changing, machine) + of_member
             except GoughStewartError as error:
                 errors[k] = error
                 continue
+            made[id(belief)] = setup
             setups.append(setup)
+            changes.append(of_member)
             ready.append(at)
 
         # forces before the first command: of an open loop its own, else those that hold the machine at rest
@@ -455,7 +476,8 @@ class Preparation:
             machines=machines,
             sensors=[sensors[at] for at in ready],
             changes=changes,
-            seeds=[seeds[k] if seeds else experiment.sensors.seed for k in numbers.tolist()],
+            seed=self.seed,
+            streams=[streams[k] if streams else None for k in numbers.tolist()],
             start_force=np.clip(forces, -limit, limit),
         )
         possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
@@ -463,16 +485,18 @@ class Preparation:
 
     # Stages: each is made once for the same parts.
 
-    def _believed(self, changed: Mapping[str, Values]) -> _Believed:
-        experiment = self.experiment
-        tables = self._tables | {
-            name: self._once(table_with, experiment, name, values) for name, values in changed.items()
-        }
-        nominal = self._once(nominal_platform, experiment, tables["platform"])
+    def _believed(self, values: Values) -> _Believed:
+        experiment, once = self.experiment, self._once
+        changed = {name: once(table_with, experiment, name, part) for name, part in by_table(values).items()}
+        tables = self._tables | changed
+        nominal = once(nominal_platform, experiment, tables["platform"])
         if experiment.plant.file is None:
             return tables, nominal, nominal
         with part_of(experiment.where, "plant"):
-            return tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file))
+            return tables, nominal, once(load_platform, str(experiment.folder / experiment.plant.file))
+
+    def _sensors(self, values: Values) -> Sensors:
+        return Sensors(**dict(table_with(self.experiment, "sensors", values)))
 
     def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0915 - likewise
         """Everything of a member but its machine and its sensors."""
