@@ -8,7 +8,7 @@ import hashlib
 import inspect
 import json
 import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -25,7 +25,7 @@ from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import digests, experiment_from
-from gough_stewart.harness.experiment.overrides import Place, Values, place_of
+from gough_stewart.harness.experiment.overrides import Place, place_of
 from gough_stewart.harness.experiment.preparation import Batch, Preparation, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
@@ -121,6 +121,8 @@ class Members:
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.preparation = Preparation(experiment, controller, self.seed)
+        fixed, step = experiment.plant.fixed_step_size, experiment.loop.plant_step or experiment.loop.sample_time
+        self.stepping = Stepping(choice.tolerance, max(1, ceil(step / fixed - 1e-9)) if fixed else None)
         self.platforms = platforms_of(experiment)  # the nominal model and the machine, without what varies
 
         # inputs in order of their places, independent of the order in the file
@@ -260,11 +262,7 @@ class Members:
 
     def prepared(self, first: int, last: int) -> Batch:
         """Members first to last − 1, ready to run, or why they are impossible."""
-        return self.prepared_with(self.draws(first, last).values, range(first, last))
-
-    def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> Batch:
-        """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
-        return self.preparation.members(values, numbers)
+        return self.preparation.members(self.draws(first, last).values, range(first, last))
 
     def possible(self) -> Batch:
         """The first member that can run; an `ExperimentError` if none of the first can."""
@@ -274,12 +272,6 @@ class Members:
                 return batch.take([0])
         text = f"none of the first {len(batch.errors)} members is possible; the first: {batch.reasons[0]}"
         raise self._error("", text)
-
-    @property
-    def stepping(self) -> Stepping:
-        """How its members are stepped."""
-        fixed, step = self.nominal.plant.fixed_step_size, self.nominal.loop.plant_step or self.nominal.loop.sample_time
-        return Stepping(self.choice.tolerance, max(1, ceil(step / fixed - 1e-9)) if fixed else None)
 
 
 def _normal(deviations: FloatArray, target: VariedValue) -> Spread:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
@@ -74,6 +73,7 @@ class Planned:
 
     reference: Reference | None = None  # the motion at any time
     motion: Motion | None = None  # at every row
+    pose: tuple[FloatArray, ...] = ()  # position and orientation in the first one, where loops are linearised
     legs: LegMotion | None = None  # leg lengths and velocities at every row
     signals: FloatArray | None = None  # and accelerations, at every row (n, 30)
     jacobians: FloatArray = field(default_factory=lambda: np.zeros((0, 6, 6)))  # of the legs at every sample (m, 6, 6)
@@ -440,7 +440,8 @@ class Preparation:
                 if has_changes:
                     changing = [belief[0][name] for name in ("change", "disturbance", "fault")]
                     machine = machines[at] if changing[0] else None
-                    of_member = once(self._changes, *changing, machine) + of_member
+                    clocks = once(timing_of, experiment, self._punctual)
+                    of_member = once(self._changes, *changing, machine, clocks) + of_member
             except GoughStewartError as error:
                 errors[k] = error
                 continue
@@ -507,12 +508,12 @@ class Preparation:
         is_closed = self.controller is not None or choice.is_closed
 
         # clocks, and the motion in rows of clocks that all members have, within the force limit of the actuators
-        timing = once(timing_of, self.experiment, loop)
+        timing, clocks = once(timing_of, self.experiment, loop), once(timing_of, self.experiment, self._punctual)
         limited = once(limited_platform, platform, drives.force_limit)
         if reference is None and (is_closed or choice.feedforward != "none"):
             raise ExperimentError(where, "reference", "is missing; a controller needs one, for instance type = 'hold'")
         within = limits.condition_number, limits.reference
-        planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
+        planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within, clocks)
 
         # the start, with angles in the turns of the reference
         stated = {name: np.array(value) for name, value in tables["start"] if value is not None}
@@ -523,8 +524,8 @@ class Preparation:
                 stated["orientation"] = nearest_angle(stated["orientation"], start.orientation)
 
         # the controller, and what is known of its forces in advance; an FMU that replaces it contains its feedforward
-        forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned)
-        controller = once(self._controller, choice, platform)
+        forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned, clocks)
+        controller = once(self._controller, choice, platform, clocks)
         if isinstance(controller, UnitController) and not loop.delay:
             raise ExperimentError(
                 where,
@@ -545,7 +546,7 @@ class Preparation:
             forces = np.zeros_like(forces)
         injected = None
         if injection is not None or tables["injection"] is not None:
-            injected = once(self._injection, tables["injection"], platform, planned, injection)
+            injected = once(self._injection, tables["injection"], platform, planned, clocks, injection)
 
         # changes of the loop's settings at their samples, and the feedforward with them
         turned = list[Change]()
@@ -561,7 +562,7 @@ class Preparation:
                 sensors = sensors.model_copy(update={name: size for name, size in new.items() if size is not None})
                 law_choice, force_limit = change.controller or law_choice, change.force_limit or force_limit
                 delay = delay if change.delay is None else change.delay
-                law = self._controller(law_choice, platform)
+                law = self._controller(law_choice, platform, clocks)
                 before, after = (
                     () if linear is None else (linear.space, linear.signals, linear.kinds, linear.system.nstates)
                     for linear in (controller, law)
@@ -575,7 +576,7 @@ class Preparation:
                 actuators = Actuators(most, drives.rate_limit, drives.lag, delay)
                 settings = LoopSettings(getattr(law, "system", None), Sensors(**dict(sensors)), actuators)
                 turned.append(Change(sample * timing.sample_time, settings=settings))
-                ahead = self._feedforward(law_choice.feedforward, delay, platform, planned)
+                ahead = self._feedforward(law_choice.feedforward, delay, platform, planned, clocks)
                 forces[sample:] = law_choice.planned(ahead)[sample:]
 
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
@@ -609,16 +610,15 @@ class Preparation:
             turned=tuple(change for change in turned if change.time < timing.duration),
         )
 
-    @cached_property
-    def _clocks(self) -> Timing:
-        """The clocks of all members, without jitter."""
-        return timing_of(self.experiment, self.experiment.loop.model_copy(update={"jitter": 0.0, "delay": 0}))
-
     def _planned(
-        self, choice: ReferenceChoice, limited: Platform, condition_number: float, when_beyond: WhenBeyond
+        self,
+        choice: ReferenceChoice,
+        limited: Platform,
+        condition_number: float,
+        when_beyond: WhenBeyond,
+        timing: Timing,
     ) -> Planned:
         """The reference motion, which the platform can follow, and what the loop reads at rows and samples."""
-        timing = self._clocks
         reference, motion = reference_motion(self.experiment, choice, limited, timing)
         with part_of(self._where, "reference"):
             centre = centre_of(reference)
@@ -634,39 +634,46 @@ class Preparation:
             return Planned(
                 reference=reference,
                 motion=motion,
+                pose=(motion.position[0], motion.orientation[0]),
                 legs=legs,
                 signals=signals,
                 jacobians=jacobians,
                 warnings=tuple(exceeded),
             )
 
-    def _feedforward(self, kind: Feedforward, delay: int, platform: Platform, planned: Planned) -> FloatArray:
+    def _feedforward(
+        self, kind: Feedforward, delay: int, platform: Platform, planned: Planned, timing: Timing
+    ) -> FloatArray:
         """Forces at every sample (m, 6) [N]."""
-        samples = self._clocks.samples
-        reference = planned.reference
+        samples, reference = timing.samples, planned.reference
         if reference is None:
             return np.zeros((len(samples), 6))
         # forces are held, so evaluate them in the middle of that interval
-        ahead = (delay + 0.5) * self._clocks.sample_time
+        ahead = (delay + 0.5) * timing.sample_time
         if isinstance(reference, HandMotion):
             motion = reference.foreseen(samples, ahead)
         else:
             motion = reference(np.minimum(samples + ahead, end_of(reference)))
         return feedforward(kind, platform, motion)
 
-    def _controller(self, choice: ControllerChoice, platform: Platform) -> Any:
+    def _controller(self, choice: ControllerChoice, platform: Platform, timing: Timing) -> Any:
         """The controller that replaces the experiment's, or the experiment's; None for feedforward alone."""
-        sample_time = self._clocks.sample_time
+        sample_time = timing.sample_time
         with part_of(self._where, "controller"):
             if self.controller is None:
                 return choice.controller(platform, sample_time, self.experiment.folder)
             return controller_of(self.controller, choice.design(platform, sample_time))
 
     def _injection(
-        self, choice: InjectionChoice, platform: Platform, planned: Planned, injection: Injection | None
+        self,
+        choice: InjectionChoice,
+        platform: Platform,
+        planned: Planned,
+        timing: Timing,
+        injection: Injection | None,
     ) -> FloatArray:
         """Forces that are added to the command at every sample (m, 6) [N]."""
-        samples = self._clocks.samples
+        samples = timing.samples
         if injection is not None:
             forces = np.zeros((len(samples), 6))
             for k, time in enumerate(samples.tolist()):
@@ -678,7 +685,7 @@ class Preparation:
         at_home = leg_jacobian(platform, platform.home_position, platform.home_orientation)
         with part_of(self._where, "injection"):
             J = at_home if planned.reference is None else planned.jacobians[0]
-            return choice.forces(len(samples), self._clocks.sample_time, J)
+            return choice.forces(len(samples), timing.sample_time, J)
 
     def _changes(
         self,
@@ -686,9 +693,10 @@ class Preparation:
         wrenches: Sequence[schema.DisturbanceChoice],
         faults: Sequence[FaultChoice],
         machine: Platform | None,
+        timing: Timing,
     ) -> tuple[Change, ...]:
         """Of the machine's parameters and the switch, then of the load, then faults; each list in order of time."""
-        where, timing, changes = self._where, self._clocks, list[Change]()
+        where, changes = self._where, list[Change]()
         with part_of(where, "change"):
             for choice in [] if machine is None else sorted(of_parameters, key=lambda choice: choice.at):
                 values = dict(choice.parameters)

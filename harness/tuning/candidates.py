@@ -95,7 +95,7 @@ class Candidates:
         # margins of the linear loop of the nominal machine; not of every member, since each takes as long as many runs
         margins = [name for name in names if name.startswith("margins.")]
         for c, values in enumerate(settings if margins else ()):
-            batch = self.members.prepared_with([values], [None])
+            batch = self.members.preparation.members([values], [None])
             with suppress(GoughStewartError):
                 judged = margins_of([batch.member(0)]) if len(batch) else {}
                 for name in margins if judged else ():
@@ -108,6 +108,6 @@ class Candidates:
 
     def _prepared(self, members: Sequence[tuple[Values, int]]) -> Batch:
         """Members by number, with other values than their own."""
-        return self.members.prepared_with(
+        return self.members.preparation.members(
             [{**self._draws[k], **values} for values, k in members], [k for _, k in members]
         )

@@ -9,7 +9,7 @@ from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
 from gough_stewart.harness.errors import NoCandidateError, SearchError, TuningError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import too_late
 from gough_stewart.harness.experiment.schema import Experiment
@@ -102,7 +102,7 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
     ...                  {"loop.duration": 0.3}, generations=2, population=5)
     >>> result.values, result.seen.value
     """
-    chosen = experiment_of(experiment, settings)
+    chosen = load_experiment(experiment, settings)
     if not 0 < quantile <= 1:
         raise TuningError(f"quantile is {quantile:g}; expected a share above 0, up to 1")
     for name, number in (("members", members), ("fresh", fresh), ("generations", generations)):
