@@ -130,7 +130,7 @@ class Members:
 
         def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
             try:
-                place = place_of(key, experiment, *self.platforms)
+                place = place_of(key, experiment, *self.platforms, controller is not None)
                 inputs.append(Input(key, place, spread(place.target)))
             except ValueError as error:
                 raise self._error(key, str(error)) from None
@@ -148,7 +148,6 @@ class Members:
         for varied in inputs:
             if paths.count(varied.place.path) > 1:
                 raise self._error(varied.key, "varies twice; expected one distribution")
-            self.check_acts(varied.key, varied.place)
         self.inputs = tuple(sorted(inputs, key=lambda varied: varied.place.path))
         keys = [varied.key for varied in self.inputs]
         # where each input's columns begin, and the end
@@ -191,12 +190,6 @@ class Members:
             self.design = SamplingDesign(choice.sampling, self.seed, self.count, places, sizes, self.groups)
         except ValueError as error:
             raise self._error("", str(error)) from None
-
-    def check_acts(self, key: str, place: Place) -> None:
-        """Refuse a key of a controller that another one replaces."""
-        section, *rest = place.path
-        if self.controller is not None and section == "controller" and rest[0] not in ("feedforward", "parameters"):
-            raise self._error(key, "has no effect, since controller= replaces the experiment's controller")
 
     @cached_property
     def plan(self) -> dict[str, Any]:

@@ -167,9 +167,12 @@ class Place:
 
 
 def place_of(  # noqa: PLR0912, PLR0915 - one road, in sections
-    key: str, experiment: Experiment, nominal: Platform, machine: Platform
+    key: str, experiment: Experiment, nominal: Platform, machine: Platform, is_replaced: bool
 ) -> Place:
-    """The place that a key of `[ensemble]` names, a `ValueError` if it is none, or one common to all members."""
+    """The place that a key of `[ensemble]` names, a `ValueError` if it is none, or one common to all members.
+
+    Likewise one of a controller that another replaces.
+    """
     path = tuple(key.split("."))
     if len(path) == 1 and key in TABLE:
         path = ("plant", "parameters", key)
@@ -187,6 +190,9 @@ def place_of(  # noqa: PLR0912, PLR0915 - one road, in sections
             raise ValueError(f"no such parameter{nearest(name, TABLE)}")
         value = getattr(machine if section == "plant" else nominal, name)
         return Place(path, _parameter(name if section == "plant" else f"platform.{name}", name, value))
+
+    if is_replaced and section == "controller" and rest[0] not in ("feedforward", "parameters"):
+        raise ValueError("has no effect, since controller= replaces the experiment's controller")
 
     # through the tables down to the value
     column, above, table = ".".join(path), section, getattr(experiment, section)

@@ -4,7 +4,7 @@ What members have in common, such as a planned motion, is made once for the same
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -24,7 +24,7 @@ from gough_stewart.harness.control.own_law import LinearForm, linearised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
-from gough_stewart.harness.experiment.overrides import Values, by_table, table_with
+from gough_stewart.harness.experiment.overrides import Values, table_with
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.loop import (
@@ -169,19 +169,10 @@ class Batch:
     def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
         """Some of them, in the order of their indices."""
         at = np.asarray(members, dtype=np.intp)
-        setups, sensors, changes, streams = (
-            [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.streams)
-        )
-        return replace(
-            self,
-            numbers=self.numbers[at],
-            setups=setups,
-            machines=self.machines[at],
-            sensors=sensors,
-            changes=changes,
-            streams=streams,
-            start_force=self.start_force[at],
-        )
+        parts = dict[str, Any](numbers=self.numbers[at], machines=self.machines[at], start_force=self.start_force[at])
+        for name in ("setups", "sensors", "changes", "streams"):
+            parts[name] = [getattr(self, name)[k] for k in at.tolist()]
+        return replace(self, **parts)
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
@@ -379,16 +370,15 @@ class Preparation:
         # tables, the believed platform, and the one whose parameters those of the machine replace
         usual = Sensors(**dict(experiment.sensors))
         for k, member in enumerate(values):
-            of_machine, of_sensors, of_others = dict(experiment.plant.parameters), dict[Any, Any](), dict[Any, Any]()
+            of_machine, changed = dict(experiment.plant.parameters), dict[str, dict[tuple[str, ...], Any]]()
             for path, value in member.items():
                 if path[0] == "plant":
                     of_machine[path[-1]] = value
-                elif path[0] == "sensors":
-                    of_sensors[path[1:]] = value
                 else:
-                    of_others[path] = value
+                    changed.setdefault(path[0], {})[path[1:]] = value
+            of_sensors = changed.pop("sensors", None)
             try:
-                belief = once(self._believed, of_others)
+                belief = once(self._believed, changed)
                 readings = once(self._sensors, of_sensors) if of_sensors else usual
             except GoughStewartError as error:
                 errors[k] = error
@@ -407,25 +397,19 @@ class Preparation:
             machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
             errors |= {candidates[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
         if candidates and any(path[-1] in CHOOSING for member in values for path in member):
-            variant = None
-            with suppress(GoughStewartError):
+            with suppress(GoughStewartError):  # an impossible machine of the experiment has no kind
                 variant = Variant.of(platforms_of(experiment)[1])
-            sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
-            for name, of_members, part in (
-                ("leg_friction_model", sticks, "bristles"),
-                ("leg_stiffness", gives, "springs"),
-            ):
-                if variant is None:
-                    break
-                differs = np.flatnonzero(of_members != getattr(variant, part)).tolist()
-                other: dict[str, Any] = {part: not getattr(variant, part)}
-                words = [kind.words.removeprefix("with ") for kind in (replace(variant, **other), variant)]
-                text = (
-                    f"{name}: gives a member {words[0]}, and the experiment's machine has {words[1]}; expected one "
-                    "kind in all members: run the others as an experiment of their own"
-                )
-                for at in differs:
-                    errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
+                sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
+                of_parts = (("leg_friction_model", sticks, "bristles"), ("leg_stiffness", gives, "springs"))
+                for name, of_members, part in of_parts:
+                    other: dict[str, Any] = {part: not getattr(variant, part)}
+                    words = [kind.words.removeprefix("with ") for kind in (replace(variant, **other), variant)]
+                    text = (
+                        f"{name}: gives a member {words[0]}, and the experiment's machine has {words[1]}; expected one "
+                        "kind in all members: run the others as an experiment of their own"
+                    )
+                    for at in np.flatnonzero(of_members != getattr(variant, part)).tolist():
+                        errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
 
         # everything else
         ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
@@ -486,10 +470,9 @@ class Preparation:
 
     # Stages: each is made once for the same parts.
 
-    def _believed(self, values: Values) -> _Believed:
+    def _believed(self, changed: Mapping[str, Values]) -> _Believed:
         experiment, once = self.experiment, self._once
-        changed = {name: once(table_with, experiment, name, part) for name, part in by_table(values).items()}
-        tables = self._tables | changed
+        tables = self._tables | {name: once(table_with, experiment, name, values) for name, values in changed.items()}
         nominal = once(nominal_platform, experiment, tables["platform"])
         if experiment.plant.file is None:
             return tables, nominal, nominal
@@ -499,7 +482,7 @@ class Preparation:
     def _sensors(self, values: Values) -> Sensors:
         return Sensors(**dict(table_with(self.experiment, "sensors", values)))
 
-    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0915 - likewise
+    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0912, PLR0915 - likewise
         """Everything of a member but its machine and its sensors."""
         where, once = self._where, self._once
         tables, platform, _ = believed
@@ -526,20 +509,19 @@ class Preparation:
         # the controller, and what is known of its forces in advance; an FMU that replaces it contains its feedforward
         forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned, clocks)
         controller = once(self._controller, choice, platform, clocks)
-        if isinstance(controller, UnitController) and not loop.delay:
-            raise ExperimentError(
-                where,
-                "controller",
-                f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
-                "of at least 1, for instance by --set loop.delay=1",
-            )
-        if isinstance(controller, UnitController) and any(change.manual is not None for change in tables["change"]):
-            raise ExperimentError(
-                where,
-                "change",
-                f"enabled switches a controller off, and {controller.path} is an FMU, whose memory would go on; "
-                "expected a controller of another type",
-            )
+        if isinstance(controller, UnitController):
+            if not loop.delay:
+                text = (
+                    f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
+                    "of at least 1, for instance by --set loop.delay=1"
+                )
+                raise ExperimentError(where, "controller", text)
+            if any(change.manual is not None for change in tables["change"]):
+                text = (
+                    f"enabled switches a controller off, and {controller.path} is an FMU, whose memory would go on; "
+                    "expected a controller of another type"
+                )
+                raise ExperimentError(where, "change", text)
         if self.controller is None:
             forces = choice.planned(forces)
         elif isinstance(controller, UnitController):
