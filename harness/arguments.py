@@ -276,7 +276,10 @@ _OF_FUNCTION: dict[tuple[str, str], Take] = {
     ("inverse_dynamics", "external_wrench"): _wrench,
     ("static_leg_forces", "external_wrench"): _wrench,
     ("frf", "record"): _record_or_path,
-    ("load_experiment", "name"): _path,
+    ("load_experiment", "name"): _unchanged(
+        lambda value: isinstance(value, _PATH) or hasattr(value, "model_dump"),
+        "an Experiment, a file, or a shipped name",
+    ),
     ("load_preset", "name"): _text,
     ("excite", "estimate"): lambda name, value: value if isinstance(value, str) else _texts(name, value),
     ("identify", "estimate"): lambda name, value: value if isinstance(value, str) else _texts(name, value),

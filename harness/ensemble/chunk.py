@@ -74,7 +74,7 @@ def chunk(members: Members, first: int, last: int, threads: int = 1) -> Chunk:
     `GoughStewartError` if an error concerns all members, `SharedMemoryError` as of `reduced`.
     """
     draws = members.draws(first, last)
-    batch = members.prepared_with(draws.values, range(first, last))
+    batch = members.preparation.members(draws.values, range(first, last))
     outcomes, motions, features = list[Outcome](), list[Oscillation | None](), ""
     if not len(batch):
         columns, samples = results_of_nobody(members, first)
@@ -209,7 +209,7 @@ def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, Float
     try:
         batch = members.possible()
     except GoughStewartError:
-        batch = members.prepared_with([{}], [None])
+        batch = members.preparation.members([{}], [None])
     of_margins = ["margins.stable", "margins.disk"] if members.choice.margins else []
     names = [*metrics_of(batch), "integration_error", "internal_steps", *of_margins]
     signals = DEFAULT if members.choice.signals is None else members.choice.signals

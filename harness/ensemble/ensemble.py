@@ -31,7 +31,7 @@ from gough_stewart.harness.ensemble.workers import (
     processes_for,
 )
 from gough_stewart.harness.errors import EnsembleError, ExperimentError, RecordError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import Members, decisive, varying_members
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
@@ -118,8 +118,8 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
     >>> results.members["outcome"].value_counts(), results.values("tracking.position.norm_peak").max()
     """
     numbers = {"ensemble.members": members, "ensemble.seed": seed}
-    nominal = experiment_of(experiment, settings)
-    nominal = experiment_of(nominal, {key: value for key, value in numbers.items() if value is not None})
+    nominal = load_experiment(experiment, settings)
+    nominal = load_experiment(nominal, {key: value for key, value in numbers.items() if value is not None})
     if workers is not None and workers < 1:
         raise EnsembleError(f"workers is {workers}; expected at least 1")
     say = status or (lambda _: None)

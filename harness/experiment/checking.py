@@ -12,7 +12,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import (
     limited_platform,
@@ -444,7 +444,7 @@ def check(
     >>> slower = motion.fitted("time")
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
-    experiment_checked = experiment_of(experiment, settings)
+    experiment_checked = load_experiment(experiment, settings)
     nominal, load = nominal_platform(experiment_checked, experiment_checked.platform), ""
     try:
         mass, above = number(0.0 if payload is None else payload, "kg"), number(payload_height, "m")
@@ -463,7 +463,7 @@ def check(
             arm = place - com
             inertia += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
         keys = dict(zip(_OF_PAYLOAD, (sum(masses), com.tolist(), inertia.tolist()), strict=True))
-        experiment_checked = experiment_of(experiment_checked, keys)
+        experiment_checked = load_experiment(experiment_checked, keys)
         nominal = nominal_platform(experiment_checked, experiment_checked.platform)
         load = f"{mass:g} kg at {above:g} m"
     platform = limited_platform(nominal, experiment_checked.actuators.force_limit)

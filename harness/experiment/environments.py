@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import NotInstalledError
@@ -78,7 +78,7 @@ def vector_env(
     >>> machines.reset(seed=0)[0].shape[0]
     3
     """
-    chosen = experiment_of(experiment, settings)
+    chosen = load_experiment(experiment, settings)
     try:
         from gough_stewart.harness.experiment.gymnasium_classes import ExperimentVectorEnv
     except ModuleNotFoundError as error:

@@ -26,13 +26,13 @@ from gough_stewart.model.process.toml import toml_files, toml_values
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 
 
-def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
+def load_experiment(name: Experiment | Path | str, settings: Settings = ()) -> Experiment:
     """Read an experiment file, or the shipped experiment of a name; a file of that name takes precedence.
 
     Parameters
     ----------
     name
-        A TOML file, or one of `experiment_names()`.
+        A TOML file, or one of `experiment_names()`; or an `Experiment`, whose keys may be changed likewise.
     settings
         Keys of the file to change: `{"loop.duration": 3, "controller.bandwidth": "2 Hz"}`, or as on the command
         line `["loop.duration=3"]`. Numbers are in SI units, frequencies in Hz; strings may have a unit.
@@ -56,6 +56,14 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
+    if isinstance(name, Experiment):
+        if not settings:
+            return name
+        values = name.model_dump(mode="json", exclude_unset=True)
+        return experiment_from(values, name.where, name.folder, settings, name.changed)
+    if not isinstance(name, Path | str):
+        text = f"is {name!r}; expected an Experiment, a file, or a shipped name such as 'heave_step'"
+        raise ExperimentError("experiment", "", text)
     text, where, folder = _read(name)
     try:
         values = toml_values(text)
@@ -84,22 +92,6 @@ def _read(name: Path | str) -> tuple[str, str, Path]:
             else "expected a TOML file, or a shipped experiment, which `gough-stewart experiments` lists"
         )
         raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}; {hint}") from error
-
-
-def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) -> Experiment:
-    """The experiment itself, or that of a file or shipped name; with settings as in `load_experiment`."""
-    if isinstance(experiment, Path | str):
-        return load_experiment(experiment, settings)
-    if not isinstance(experiment, Experiment):
-        raise ExperimentError(
-            "experiment",
-            "",
-            f"is {experiment!r}; expected an Experiment, a file, or a shipped name such as 'heave_step'",
-        )
-    if not settings:
-        return experiment
-    values = experiment.model_dump(mode="json", exclude_unset=True)
-    return experiment_from(values, experiment.where, experiment.folder, settings, experiment.changed)
 
 
 def experiment_names() -> tuple[str, ...]:
@@ -146,7 +138,7 @@ def experiment_from(
     """
     settings = settings if isinstance(settings, Mapping | str) else list(settings)
     known = dict(changed or {})
-    for _, key, value in keys_and_values(settings):
+    for _, key, value in keys_and_values(settings) if settings else ():
         name = key.strip()
         of_file = known[name]["file"] if name in known else reduce(inner, name.split("."), values)
         known[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))

@@ -16,7 +16,7 @@ from gough_stewart.harness.control.linear import loop_transfer
 from gough_stewart.harness.control.linear_controller import controller_of, linear_of
 from gough_stewart.harness.control.loop_margins import ComplexArray, is_stable, response
 from gough_stewart.harness.errors import ControllerError, RecordError
-from gough_stewart.harness.experiment.file import digests, experiment_of
+from gough_stewart.harness.experiment.file import digests, load_experiment
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
@@ -244,7 +244,7 @@ def frf(  # noqa: PLR0912, PLR0915 - one road, in sections
     except (KeyError, ValueError) as error:
         raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
     if experiment is not None:
-        now = experiment_of(experiment)
+        now = load_experiment(experiment)
         if chosen.controller.code != now.controller.code:
             names = [", ".join(source.controller.code) or "no file" for source in (now, chosen)]
             raise RecordError(

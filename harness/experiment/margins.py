@@ -13,7 +13,6 @@ from gough_stewart.harness.control.linear import (
     MOST_STATES,
     LoopStructure,
     Mode,
-    Pose,
     feedback_part,
     held_plant,
     loop_transfer,
@@ -39,7 +38,7 @@ from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import Prepared, platforms_of, prepare
 from gough_stewart.harness.experiment.schema import Experiment
@@ -339,9 +338,9 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     >>> margins = gs.margins("heave_step", {"loop.delay": 2})
     >>> margins.disk.alpha, min(leg.phase for leg in margins.legs)
     """
-    chosen = experiment_of(experiment, settings)
+    chosen = load_experiment(experiment, settings)
     # the loop at rest has its margins however fast its reference is
-    prepared = prepare(experiment_of(chosen, {"limits.reference": "warn"}), controller)
+    prepared = prepare(load_experiment(chosen, {"limits.reference": "warn"}), controller)
     form = prepared.linear_form()
     if form is None:
         why = "an open loop has no margins" if prepared.controller is None else "an FMU has no transfer function"
@@ -391,7 +390,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         modes=tuple(modes(closed_loop(L))),
         transfer=L,
         changed=chosen.changed,
-        structure=structure_of(machine, L, family, FRAIL, _pose(prepared)),
+        structure=structure_of(machine, L, family, FRAIL, prepared.pose),
         late=late,
         doubt=doubt,
         believed=of_believed,
@@ -448,7 +447,7 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
     Lifted: x⁺ = M x over the least common multiple of both clocks; the root of M's largest |eigenvalue| for as many
     samples as there are. Refuses too many states.
     """
-    loop, timing, where = prepared.loop, prepared.loop.timing, _pose(prepared)
+    loop, timing, where = prepared.loop, prepared.loop.timing, prepared.pose
     a_sample = timing.steps_a_sample
     a_reading = loop.steps_a_reading or a_sample
     step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
@@ -495,7 +494,7 @@ def growing_of(prepared: Prepared) -> tuple[str, ...]:
 def robustness_of(experiment: Experiment) -> Robustness | None:
     """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
     try:
-        prepared = prepare(experiment_of(experiment, {"limits.reference": "warn"}))
+        prepared = prepare(load_experiment(experiment, {"limits.reference": "warn"}))
         form = prepared.linear_form()
         if form is None:
             return None
@@ -515,19 +514,13 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     """
     loop, drives = prepared.loop, prepared.loop.actuators
     usual: dict[str, Any] = {
-        "pose": _pose(prepared),
+        "pose": prepared.pose,
         "sample_time": loop.timing.sample_time,
         "delay": drives.delay,
         "lag": drives.lag,
         "late": loop.worst_delay,
     }
     return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | replaced)
-
-
-def _pose(prepared: Prepared) -> Pose:
-    """The first pose of the reference, in which the loop is linearised."""
-    assert prepared.motion is not None  # a controller has a reference
-    return prepared.motion.position[0], prepared.motion.orientation[0]
 
 
 def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
@@ -543,7 +536,7 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
 
     remedies = []
     if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
-        free, _ = structural_modes(machine, _pose(prepared))
+        free, _ = structural_modes(machine, prepared.pose)
         first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
         remedies.append(
             f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"

@@ -8,7 +8,7 @@ import hashlib
 import inspect
 import json
 import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -25,7 +25,7 @@ from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import digests, experiment_from
-from gough_stewart.harness.experiment.overrides import Place, Values, place_of
+from gough_stewart.harness.experiment.overrides import Place, place_of
 from gough_stewart.harness.experiment.preparation import Batch, Preparation, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
@@ -113,7 +113,6 @@ class Members:
         self, experiment: Experiment, controller: Any = None
     ) -> None:
         self.nominal, self.controller = experiment, controller
-        self.preparation = Preparation(experiment, controller)
         choice = experiment.ensemble
         if choice is None:
             raise self._error("", "is missing; add it to declare what varies, or start from heave_tolerances")
@@ -121,6 +120,9 @@ class Members:
             raise self._error("limits.stroke", "is 'stop', which is for single runs only; expected 'warn' or 'ignore'")
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
+        self.preparation = Preparation(experiment, controller, self.seed)
+        fixed, step = experiment.plant.fixed_step_size, experiment.loop.plant_step or experiment.loop.sample_time
+        self.stepping = Stepping(choice.tolerance, max(1, ceil(step / fixed - 1e-9)) if fixed else None)
         self.platforms = platforms_of(experiment)  # the nominal model and the machine, without what varies
 
         # inputs in order of their places, independent of the order in the file
@@ -128,7 +130,7 @@ class Members:
 
         def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
             try:
-                place = place_of(key, experiment, *self.platforms)
+                place = place_of(key, experiment, *self.platforms, controller is not None)
                 inputs.append(Input(key, place, spread(place.target)))
             except ValueError as error:
                 raise self._error(key, str(error)) from None
@@ -146,7 +148,6 @@ class Members:
         for varied in inputs:
             if paths.count(varied.place.path) > 1:
                 raise self._error(varied.key, "varies twice; expected one distribution")
-            self.check_acts(varied.key, varied.place)
         self.inputs = tuple(sorted(inputs, key=lambda varied: varied.place.path))
         keys = [varied.key for varied in self.inputs]
         # where each input's columns begin, and the end
@@ -189,12 +190,6 @@ class Members:
             self.design = SamplingDesign(choice.sampling, self.seed, self.count, places, sizes, self.groups)
         except ValueError as error:
             raise self._error("", str(error)) from None
-
-    def check_acts(self, key: str, place: Place) -> None:
-        """Refuse a key of a controller that another one replaces."""
-        section, *rest = place.path
-        if self.controller is not None and section == "controller" and rest[0] not in ("feedforward", "parameters"):
-            raise self._error(key, "has no effect, since controller= replaces the experiment's controller")
 
     @cached_property
     def plan(self) -> dict[str, Any]:
@@ -260,15 +255,7 @@ class Members:
 
     def prepared(self, first: int, last: int) -> Batch:
         """Members first to last − 1, ready to run, or why they are impossible."""
-        return self.prepared_with(self.draws(first, last).values, range(first, last))
-
-    def prepared_with(self, values: Sequence[Values], numbers: Sequence[int | None]) -> Batch:
-        """Members with these values, and the noise and jitter of these numbers; of the nominal one without."""
-        seeds = [
-            self.nominal.sensors.seed if k is None else np.random.SeedSequence(self.seed, spawn_key=(k,))
-            for k in numbers
-        ]
-        return self.preparation.members(values, seeds)
+        return self.preparation.members(self.draws(first, last).values, range(first, last))
 
     def possible(self) -> Batch:
         """The first member that can run; an `ExperimentError` if none of the first can."""
@@ -278,12 +265,6 @@ class Members:
                 return batch.take([0])
         text = f"none of the first {len(batch.errors)} members is possible; the first: {batch.reasons[0]}"
         raise self._error("", text)
-
-    @property
-    def stepping(self) -> Stepping:
-        """How its members are stepped."""
-        fixed, step = self.nominal.plant.fixed_step_size, self.nominal.loop.plant_step or self.nominal.loop.sample_time
-        return Stepping(self.choice.tolerance, max(1, ceil(step / fixed - 1e-9)) if fixed else None)
 
 
 def _normal(deviations: FloatArray, target: VariedValue) -> Spread:

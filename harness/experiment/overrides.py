@@ -165,8 +165,13 @@ class Place:
     target: VariedValue
 
 
-def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:  # noqa: PLR0912
-    """The place that a key of `[ensemble]` names, a `ValueError` if it is none, or one common to all members."""
+def place_of(  # noqa: PLR0912, PLR0915 - one road, in sections
+    key: str, experiment: Experiment, nominal: Platform, machine: Platform, is_replaced: bool
+) -> Place:
+    """The place that a key of `[ensemble]` names, a `ValueError` if it is none, or one common to all members.
+
+    Likewise one of a controller that another replaces.
+    """
     path = tuple(key.split("."))
     if len(path) == 1 and key in TABLE:
         path = ("plant", "parameters", key)
@@ -184,6 +189,9 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
             raise ValueError(f"no such parameter{nearest(name, TABLE)}")
         value = getattr(machine if section == "plant" else nominal, name)
         return Place(path, _parameter(name if section == "plant" else f"platform.{name}", name, value))
+
+    if is_replaced and section == "controller" and rest[0] not in ("feedforward", "parameters"):
+        raise ValueError("has no effect, since controller= replaces the experiment's controller")
 
     # through the tables down to the value
     column, above, table = ".".join(path), section, getattr(experiment, section)
@@ -204,54 +212,45 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
         value = getattr(table, name)
         may_be = [isinstance(kind, type) and issubclass(kind, TableSection) for kind in get_args(field.annotation)]
         if isinstance(value, Mapping):
-            if isinstance(table, ControllerChoice) and name != "parameters":
+            # of parameters of a platform or a controller, of factors on them, or of signals
+            is_own = isinstance(table, ControllerChoice)
+            if is_own and name != "parameters":
                 raise ValueError("is common to all members")
             if len(rest) != 1:
                 raise ValueError(f"expected one name after {name}")
-            kind = "controller" if isinstance(table, ControllerChoice) else name
-            return Place(path, _named(column, kind, rest[0], value.get(rest[0])))
+            kind, name, value = name, rest[0], value.get(rest[0])
+            if is_own:  # only the controller knows them: a text or a switch has no distribution but a choice
+                try:
+                    numbers = None if value is None or isinstance(value, bool | str) else np.asarray(value, dtype=float)
+                except (TypeError, ValueError):
+                    numbers = None
+                unit = PLAIN if value is None or numbers is not None else None
+                return Place(path, VariedValue(column, unit, () if numbers is None else numbers.shape, numbers))
+            if kind in ("parameters", "factors") and name not in TABLE:
+                raise ValueError(f"no such parameter{nearest(name, TABLE)}")
+            if kind == "parameters":
+                return Place(path, _parameter(column, name, value))
+            if kind != "factors" and name not in _SIGNALS:
+                raise ValueError(f"no signal '{name}'{nearest(name, NAMES)}")
+            unit = PLAIN if kind == "factors" else _SIGNALS[name].unit
+            return Place(path, VariedValue(column, unit, (), None if value is None else np.asarray(value, dtype=float)))
         if not rest:
             quantity = annotation_in(Unit, field.annotation, *field.metadata)
             if quantity is None:
                 return Place(path, VariedValue(column, None, (), None))
             shape = (quantity.size,) if isinstance(quantity, Vector) else ()
-            return Place(
-                path, VariedValue(column, quantity.unit, shape, None if isinstance(value, str) else _array(value))
-            )
+            numbers = None if value is None or isinstance(value, str) else np.asarray(value, dtype=float)
+            return Place(path, VariedValue(column, quantity.unit, shape, numbers))
         if not (isinstance(value, TableSection) or (value is None and any(may_be))):
             raise ValueError(f"{above}.{name} is not a table")
         above, table = f"{above}.{name}", value
 
 
-def _named(column: str, kind: str, name: str, value: Any) -> VariedValue:
-    """A value in a table of parameters, of a platform or a controller, of factors on them, or of signals."""
-    if kind == "controller":  # which alone knows its parameters: a text or a switch has no distribution but a choice
-        try:
-            nominal = None if isinstance(value, bool | str) else _array(value)
-        except (TypeError, ValueError):
-            nominal = None
-        unit = PLAIN if value is None or nominal is not None else None
-        return VariedValue(column, unit, () if nominal is None else nominal.shape, nominal)
-    if kind in ("parameters", "factors") and name not in TABLE:
-        raise ValueError(f"no such parameter{nearest(name, TABLE)}")
-    if kind == "factors":
-        return VariedValue(column, PLAIN, (), _array(value))
-    if kind == "parameters":
-        return _parameter(column, name, value)
-    if name not in _SIGNALS:
-        raise ValueError(f"no signal '{name}'{nearest(name, NAMES)}")
-    return VariedValue(column, _SIGNALS[name].unit, (), _array(value))
-
-
 def _parameter(column: str, name: str, value: Any) -> VariedValue:
     row = TABLE[name]
-    unit, is_symmetric = PLAIN if row.unit == "1" else row.unit, name == "platform_inertia"
-    nominal = _array(value)  # limits of legs that differ are six
-    return VariedValue(column, unit, row.shape if nominal is None else nominal.shape, nominal, is_symmetric)
-
-
-def _array(value: Any) -> Any:
-    return None if value is None else np.asarray(value, dtype=float)
+    nominal = None if value is None else np.asarray(value, dtype=float)  # limits of legs that differ are six
+    shape = row.shape if nominal is None else nominal.shape
+    return VariedValue(column, PLAIN if row.unit == "1" else row.unit, shape, nominal, name == "platform_inertia")
 
 
 def unit_of(key: str) -> str:

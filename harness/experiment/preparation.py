@@ -7,11 +7,11 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.random import SeedSequence
 from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.by_hand import HandMotion
@@ -24,7 +24,7 @@ from gough_stewart.harness.control.own_law import LinearForm, linearised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
-from gough_stewart.harness.experiment.overrides import Values, by_table, table_with
+from gough_stewart.harness.experiment.overrides import Values, table_with
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.loop import (
@@ -33,11 +33,9 @@ from gough_stewart.harness.loop.loop import (
     Limits,
     Loop,
     LoopSettings,
-    Seed,
     Seeds,
     Sensors,
     Timing,
-    as_numbers,
     changes_of_members,
 )
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
@@ -75,6 +73,8 @@ class Planned:
 
     reference: Reference | None = None  # the motion at any time
     motion: Motion | None = None  # at every row
+    # position and orientation in the first row, where loops are linearised
+    pose: tuple[FloatArray, FloatArray] = (np.zeros(3), np.zeros(3))
     legs: LegMotion | None = None  # leg lengths and velocities at every row
     signals: FloatArray | None = None  # and accelerations, at every row (n, 30)
     jacobians: FloatArray = field(default_factory=lambda: np.zeros((0, 6, 6)))  # of the legs at every sample (m, 6, 6)
@@ -154,7 +154,8 @@ class Batch:
     machines: Platforms
     sensors: Sequence[Sensors]
     changes: Sequence[tuple[Change, ...]]
-    seeds: Sequence[Seed]  # of noise and jitter
+    seed: int  # of the members' own noise and jitter
+    streams: Sequence[int | None]  # of it, by the members' numbers; None for noise and jitter of the sensors' seed
     start_force: FloatArray  # (N, 6)
 
     def __len__(self) -> int:
@@ -169,11 +170,10 @@ class Batch:
     def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
         """Some of them, in the order of their indices."""
         at = np.asarray(members, dtype=np.intp)
-        setups, sensors, changes, seeds = (
-            [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.seeds)
-        )
-        machines, start_force = self.machines[at], self.start_force[at]
-        return Batch(self.where, self.numbers[at], self.errors, setups, machines, sensors, changes, seeds, start_force)
+        parts = dict[str, Any](numbers=self.numbers[at], machines=self.machines[at], start_force=self.start_force[at])
+        for name in ("setups", "sensors", "changes", "streams"):
+            parts[name] = [getattr(self, name)[k] for k in at.tolist()]
+        return replace(self, **parts)
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
@@ -199,14 +199,13 @@ class Batch:
             sizes[kind] = {name: one_or_each([by_signal.get(name, 0.0) for by_signal in of_sensors]) for name in names}
         # seeds of jitter and noise: the common one of members without random numbers, and only one if all are the same
         seeds = list[Seeds]()
-        for common, are_random in (
-            (timing.seed, [bool(late) for late in jitter]),
-            (sensors[0].seed, [any(sensor.noise.values()) for sensor in sensors]),
-        ):
-            of_members: Any = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
-            first = as_numbers(of_members[0])
-            is_one = not any(are_random) or all(as_numbers(seed) == first for seed in of_members)
-            seeds.append(of_members[0] if is_one else tuple(of_members))
+        for are_random in ([bool(late) for late in jitter], [any(sensor.noise.values()) for sensor in sensors]):
+            streams = [stream if draws else None for stream, draws in zip(self.streams, are_random, strict=True)]
+            of_members: list[Any] = [
+                sensors[0].seed if stream is None else SeedSequence(self.seed, spawn_key=(stream,))
+                for stream in (streams if len(set(streams)) > 1 else streams[:1])
+            ]
+            seeds.append(tuple(of_members) if len(of_members) > 1 else of_members[0])
         return Loop(
             timing=replace(timing, jitter=one_or_each(jitter), seed=seeds[0]),
             reference=one_or_stacked([setup.signals for setup in setups]),
@@ -328,9 +327,11 @@ _Believed = tuple[dict[str, Any], Platform, Platform]
 class Preparation:
     """Prepares members of an experiment that differ in their values; those before often had the same ones."""
 
-    def __init__(self, experiment: Experiment, controller: Any = None) -> None:
+    def __init__(self, experiment: Experiment, controller: Any = None, seed: int = 0) -> None:
         self.experiment, self.controller, self._where = experiment, controller, experiment.where
+        self.seed = seed  # of the members' noise and jitter
         self._tables = dict(experiment)
+        self._punctual = experiment.loop.model_copy(update={"jitter": 0.0, "delay": 0})  # what members have in common
         # results of stages, and the parts that they were made from, by the identity of these
         self._known = dict[str, dict[tuple[object, ...], tuple[Sequence[object], Any]]]()
 
@@ -339,8 +340,10 @@ class Preparation:
         results = self._known.setdefault(stage.__name__, {})
         # numbers and texts themselves, of settings their values, of other objects which one it is
         key = tuple(
-            (type(part), part) if type(part) in _PLAIN else repr(part) if isinstance(part, dict) else id(part)
-            for part in parts
+            [
+                repr(part) if isinstance(part, dict) else (type(part), part) if type(part) in _PLAIN else id(part)
+                for part in parts
+            ]
         )
         if key not in results:
             try:
@@ -353,11 +356,11 @@ class Preparation:
         return result
 
     def members(  # noqa: PLR0912, PLR0915 - one road, in sections
-        self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
+        self, values: Sequence[Values], streams: Sequence[int | None] = (), injection: Injection | None = None
     ) -> Batch:
-        """Members with these values, and with seeds of their own for noise and jitter instead of the sensors'."""
+        """Members with these values, and with noise and jitter from streams of the seed with these numbers."""
         experiment, where, once, errors = self.experiment, self._where, self._once, dict[int, GoughStewartError]()
-        if seeds is not None and any(change.has_settings for change in experiment.change):
+        if streams and any(change.has_settings for change in experiment.change):
             text = (
                 "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
             )
@@ -366,20 +369,25 @@ class Preparation:
         of_machines, sensors = list[dict[str, Any]](), list[Sensors]()
 
         # tables, the believed platform, and the one whose parameters those of the machine replace
+        usual = Sensors(**dict(experiment.sensors))
         for k, member in enumerate(values):
-            changed = by_table(member)
-            of_machine, of_sensors = changed.pop("plant", {}), changed.pop("sensors", {})
+            of_machine, changed = dict(experiment.plant.parameters), dict[str, dict[tuple[str, ...], Any]]()
+            for path, value in member.items():
+                if path[0] == "plant":
+                    of_machine[path[-1]] = value
+                else:
+                    changed.setdefault(path[0], {})[path[1:]] = value
+            of_sensors = changed.pop("sensors", None)
             try:
                 belief = once(self._believed, changed)
-                readings = once(table_with, experiment, "sensors", of_sensors) if of_sensors else experiment.sensors
+                readings = once(self._sensors, of_sensors) if of_sensors else usual
             except GoughStewartError as error:
                 errors[k] = error
                 continue
             candidates.append(k)
             believed.append(belief)
-            sensors.append(Sensors(**dict(readings)))
-            parameters = {path[-1]: value for path, value in of_machine.items()}
-            of_machines.append({**experiment.plant.parameters, **parameters})
+            sensors.append(readings)
+            of_machines.append(of_machine)
 
         # machines, for all at once; one vector steps several, so that all have the same states
         distinct = {id(base): base for _, _, base in believed}
@@ -390,42 +398,41 @@ class Preparation:
             machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
             errors |= {candidates[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
         if candidates and any(path[-1] in CHOOSING for member in values for path in member):
-            variant = None
-            with suppress(GoughStewartError):
+            with suppress(GoughStewartError):  # an impossible machine of the experiment has no kind
                 variant = Variant.of(platforms_of(experiment)[1])
-            sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
-            for name, of_members, part in (
-                ("leg_friction_model", sticks, "bristles"),
-                ("leg_stiffness", gives, "springs"),
-            ):
-                if variant is None:
-                    break
-                differs = np.flatnonzero(of_members != getattr(variant, part)).tolist()
-                other: dict[str, Any] = {part: not getattr(variant, part)}
-                words = [kind.words.removeprefix("with ") for kind in (replace(variant, **other), variant)]
-                text = (
-                    f"{name}: gives a member {words[0]}, and the experiment's machine has {words[1]}; expected one "
-                    "kind in all members: run the others as an experiment of their own"
-                )
-                for at in differs:
-                    errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
+                sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
+                of_parts = (("leg_friction_model", sticks, "bristles"), ("leg_stiffness", gives, "springs"))
+                for name, of_members, part in of_parts:
+                    other: dict[str, Any] = {part: not getattr(variant, part)}
+                    words = [kind.words.removeprefix("with ") for kind in (replace(variant, **other), variant)]
+                    text = (
+                        f"{name}: gives a member {words[0]}, and the experiment's machine has {words[1]}; expected one "
+                        "kind in all members: run the others as an experiment of their own"
+                    )
+                    for at in np.flatnonzero(of_members != getattr(variant, part)).tolist():
+                        errors.setdefault(candidates[at], ExperimentError(where, "plant", text))
 
         # everything else
         ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
-        has_changes = experiment.change or experiment.disturbance or experiment.fault
+        has_changes, made = experiment.change or experiment.disturbance or experiment.fault, dict[int, Setup]()
         for at, k in enumerate(candidates):
             if k in errors:
                 continue
+            belief = believed[at]
             try:
-                setup = once(self._setup, believed[at], injection)
-                changing = [believed[at][0][name] for name in ("change", "disturbance", "fault")]
-                machine = machines[at] if changing[0] else None
-                of_machine_and_load = once(self._changes, *changing, machine) if has_changes else ()
-                changes.append(of_machine_and_load + setup.turned)
+                setup = made.get(id(belief)) or once(self._setup, belief, injection)
+                of_member = setup.turned
+                if has_changes:
+                    changing = [belief[0][name] for name in ("change", "disturbance", "fault")]
+                    machine = machines[at] if changing[0] else None
+                    clocks = once(timing_of, experiment, self._punctual)
+                    of_member = once(self._changes, *changing, machine, clocks) + of_member
             except GoughStewartError as error:
                 errors[k] = error
                 continue
+            made[id(belief)] = setup
             setups.append(setup)
+            changes.append(of_member)
             ready.append(at)
 
         # forces before the first command: of an open loop its own, else those that hold the machine at rest
@@ -455,7 +462,8 @@ class Preparation:
             machines=machines,
             sensors=[sensors[at] for at in ready],
             changes=changes,
-            seeds=[seeds[k] if seeds else experiment.sensors.seed for k in numbers.tolist()],
+            seed=self.seed,
+            streams=[streams[k] if streams else None for k in numbers.tolist()],
             start_force=np.clip(forces, -limit, limit),
         )
         possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
@@ -464,17 +472,18 @@ class Preparation:
     # Stages: each is made once for the same parts.
 
     def _believed(self, changed: Mapping[str, Values]) -> _Believed:
-        experiment = self.experiment
-        tables = self._tables | {
-            name: self._once(table_with, experiment, name, values) for name, values in changed.items()
-        }
-        nominal = self._once(nominal_platform, experiment, tables["platform"])
+        experiment, once = self.experiment, self._once
+        tables = self._tables | {name: once(table_with, experiment, name, values) for name, values in changed.items()}
+        nominal = once(nominal_platform, experiment, tables["platform"])
         if experiment.plant.file is None:
             return tables, nominal, nominal
         with part_of(experiment.where, "plant"):
-            return tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file))
+            return tables, nominal, once(load_platform, str(experiment.folder / experiment.plant.file))
 
-    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0915 - likewise
+    def _sensors(self, values: Values) -> Sensors:
+        return Sensors(**dict(table_with(self.experiment, "sensors", values)))
+
+    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0912, PLR0915 - likewise
         """Everything of a member but its machine and its sensors."""
         where, once = self._where, self._once
         tables, platform, _ = believed
@@ -483,12 +492,12 @@ class Preparation:
         is_closed = self.controller is not None or choice.is_closed
 
         # clocks, and the motion in rows of clocks that all members have, within the force limit of the actuators
-        timing = once(timing_of, self.experiment, loop)
+        timing, clocks = once(timing_of, self.experiment, loop), once(timing_of, self.experiment, self._punctual)
         limited = once(limited_platform, platform, drives.force_limit)
         if reference is None and (is_closed or choice.feedforward != "none"):
             raise ExperimentError(where, "reference", "is missing; a controller needs one, for instance type = 'hold'")
         within = limits.condition_number, limits.reference
-        planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within)
+        planned = _UNPLANNED if reference is None else once(self._planned, reference, limited, *within, clocks)
 
         # the start, with angles in the turns of the reference
         stated = {name: np.array(value) for name, value in tables["start"] if value is not None}
@@ -499,29 +508,28 @@ class Preparation:
                 stated["orientation"] = nearest_angle(stated["orientation"], start.orientation)
 
         # the controller, and what is known of its forces in advance; an FMU that replaces it contains its feedforward
-        forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned)
-        controller = once(self._controller, choice, platform)
-        if isinstance(controller, UnitController) and not loop.delay:
-            raise ExperimentError(
-                where,
-                "controller",
-                f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
-                "of at least 1, for instance by --set loop.delay=1",
-            )
-        if isinstance(controller, UnitController) and any(change.manual is not None for change in tables["change"]):
-            raise ExperimentError(
-                where,
-                "change",
-                f"enabled switches a controller off, and {controller.path} is an FMU, whose memory would go on; "
-                "expected a controller of another type",
-            )
+        forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned, clocks)
+        controller = once(self._controller, choice, platform, clocks)
+        if isinstance(controller, UnitController):
+            if not loop.delay:
+                text = (
+                    f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
+                    "of at least 1, for instance by --set loop.delay=1"
+                )
+                raise ExperimentError(where, "controller", text)
+            if any(change.manual is not None for change in tables["change"]):
+                text = (
+                    f"enabled switches a controller off, and {controller.path} is an FMU, whose memory would go on; "
+                    "expected a controller of another type"
+                )
+                raise ExperimentError(where, "change", text)
         if self.controller is None:
             forces = choice.planned(forces)
         elif isinstance(controller, UnitController):
             forces = np.zeros_like(forces)
         injected = None
         if injection is not None or tables["injection"] is not None:
-            injected = once(self._injection, tables["injection"], platform, planned, injection)
+            injected = once(self._injection, tables["injection"], platform, planned, clocks, injection)
 
         # changes of the loop's settings at their samples, and the feedforward with them
         turned = list[Change]()
@@ -537,7 +545,7 @@ class Preparation:
                 sensors = sensors.model_copy(update={name: size for name, size in new.items() if size is not None})
                 law_choice, force_limit = change.controller or law_choice, change.force_limit or force_limit
                 delay = delay if change.delay is None else change.delay
-                law = self._controller(law_choice, platform)
+                law = self._controller(law_choice, platform, clocks)
                 before, after = (
                     () if linear is None else (linear.space, linear.signals, linear.kinds, len(linear.system.A))
                     for linear in (controller, law)
@@ -551,7 +559,7 @@ class Preparation:
                 actuators = Actuators(most, drives.rate_limit, drives.lag, delay)
                 settings = LoopSettings(getattr(law, "system", None), Sensors(**dict(sensors)), actuators)
                 turned.append(Change(sample * timing.sample_time, settings=settings))
-                ahead = self._feedforward(law_choice.feedforward, delay, platform, planned)
+                ahead = self._feedforward(law_choice.feedforward, delay, platform, planned, clocks)
                 forces[sample:] = law_choice.planned(ahead)[sample:]
 
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
@@ -585,16 +593,15 @@ class Preparation:
             turned=tuple(change for change in turned if change.time < timing.duration),
         )
 
-    @cached_property
-    def _clocks(self) -> Timing:
-        """The clocks of all members, without jitter."""
-        return timing_of(self.experiment, self.experiment.loop.model_copy(update={"jitter": 0.0, "delay": 0}))
-
     def _planned(
-        self, choice: ReferenceChoice, limited: Platform, condition_number: float, when_beyond: WhenBeyond
+        self,
+        choice: ReferenceChoice,
+        limited: Platform,
+        condition_number: float,
+        when_beyond: WhenBeyond,
+        timing: Timing,
     ) -> Planned:
         """The reference motion, which the platform can follow, and what the loop reads at rows and samples."""
-        timing = self._clocks
         reference, motion = reference_motion(self.experiment, choice, limited, timing)
         with part_of(self._where, "reference"):
             is_by_hand = isinstance(reference, HandMotion)  # nobody has planned it
@@ -609,39 +616,46 @@ class Preparation:
             return Planned(
                 reference=reference,
                 motion=motion,
+                pose=(motion.position[0], motion.orientation[0]),
                 legs=legs,
                 signals=signals,
                 jacobians=jacobians,
                 warnings=tuple(exceeded),
             )
 
-    def _feedforward(self, kind: Feedforward, delay: int, platform: Platform, planned: Planned) -> FloatArray:
+    def _feedforward(
+        self, kind: Feedforward, delay: int, platform: Platform, planned: Planned, timing: Timing
+    ) -> FloatArray:
         """Forces at every sample (m, 6) [N]."""
-        samples = self._clocks.samples
-        reference = planned.reference
+        samples, reference = timing.samples, planned.reference
         if reference is None:
             return np.zeros((len(samples), 6))
         # forces are held, so evaluate them in the middle of that interval
-        ahead = (delay + 0.5) * self._clocks.sample_time
+        ahead = (delay + 0.5) * timing.sample_time
         if isinstance(reference, HandMotion):
             motion = reference.foreseen(samples, ahead)
         else:
             motion = reference(np.minimum(samples + ahead, reference.defined_until))
         return feedforward(kind, platform, motion)
 
-    def _controller(self, choice: ControllerChoice, platform: Platform) -> Any:
+    def _controller(self, choice: ControllerChoice, platform: Platform, timing: Timing) -> Any:
         """The controller that replaces the experiment's, or the experiment's; None for feedforward alone."""
-        sample_time = self._clocks.sample_time
+        sample_time = timing.sample_time
         with part_of(self._where, "controller"):
             if self.controller is None:
                 return choice.controller(platform, sample_time, self.experiment.folder)
             return controller_of(self.controller, choice.design(platform, sample_time))
 
     def _injection(
-        self, choice: InjectionChoice, platform: Platform, planned: Planned, injection: Injection | None
+        self,
+        choice: InjectionChoice,
+        platform: Platform,
+        planned: Planned,
+        timing: Timing,
+        injection: Injection | None,
     ) -> FloatArray:
         """Forces that are added to the command at every sample (m, 6) [N]."""
-        samples = self._clocks.samples
+        samples = timing.samples
         if injection is not None:
             forces = np.zeros((len(samples), 6))
             for k, time in enumerate(samples.tolist()):
@@ -653,7 +667,7 @@ class Preparation:
         at_home = leg_jacobian(platform, platform.home_position, platform.home_orientation)
         with part_of(self._where, "injection"):
             J = at_home if planned.reference is None else planned.jacobians[0]
-            return choice.forces(len(samples), self._clocks.sample_time, J)
+            return choice.forces(len(samples), timing.sample_time, J)
 
     def _changes(
         self,
@@ -661,9 +675,10 @@ class Preparation:
         wrenches: Sequence[schema.DisturbanceChoice],
         faults: Sequence[FaultChoice],
         machine: Platform | None,
+        timing: Timing,
     ) -> tuple[Change, ...]:
         """Of the machine's parameters and the switch, then of the load, then faults; each list in order of time."""
-        where, timing, changes = self._where, self._clocks, list[Change]()
+        where, changes = self._where, list[Change]()
         with part_of(where, "change"):
             for choice in [] if machine is None else sorted(of_parameters, key=lambda choice: choice.at):
                 values = dict(choice.parameters)

@@ -16,7 +16,7 @@ from gough_stewart.harness.control.component import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
-from gough_stewart.harness.experiment.file import digests, experiment_of
+from gough_stewart.harness.experiment.file import digests, load_experiment
 from gough_stewart.harness.experiment.margins import growing_of
 from gough_stewart.harness.experiment.members import Members, fingerprint, varying_members
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
@@ -136,7 +136,7 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     # read and prepare; a member of an ensemble has the values, noise and jitter of its number
-    chosen, members = experiment_of(experiment, settings), None
+    chosen, members = load_experiment(experiment, settings), None
     replaced = [name for name, value in (("controller", controller), ("injection", injection)) if value is not None]
     before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
@@ -224,7 +224,7 @@ def _members_of(members: Members, numbers: Sequence[int | None]) -> tuple[list[E
             raise ExperimentError(nominal.where, "member", f"is {number}; expected 0 to {members.count - 1}")
     values = [{} if number is None else members.draws(number, number + 1).values[0] for number in numbers]
     names = ["nominal machine" if number is None else f"member {number}" for number in numbers]
-    batch = members.prepared_with(values, numbers)
+    batch = members.preparation.members(values, numbers)
     for k, reason in batch.reasons.items():
         raise ExperimentError(nominal.where, names[k], f"is impossible: {reason}")
     experiments = [

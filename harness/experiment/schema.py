@@ -221,7 +221,7 @@ def _writable(text: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ValueError(f"is {text!r}, which is not UTF-8; expected text in UTF-8") from None
+        raise ValueError("expected text in UTF-8") from None
     return text
 
 

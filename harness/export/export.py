@@ -12,7 +12,7 @@ from gough_stewart.fmu_build.plant.plant_component import plant_component
 from gough_stewart.fmu_build.toolchain import chosen_names, chosen_targets
 from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
@@ -141,7 +141,7 @@ def export(  # noqa: PLR0912, PLR0915 - one road, in sections
         minimal = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
         made = Experiment.built().model_validate({"title": experiment.name(), **minimal})
         controller, experiment = experiment, made
-    chosen = experiment_of(cast("Experiment | Path | str", experiment), settings)
+    chosen = load_experiment(cast("Experiment | Path | str", experiment), settings)
     wanted, name, inside = requested("form", forms), name_of(chosen), requested("part", parts)
     if "ssp" in wanted and reference == "inputs":
         raise ExportError(

@@ -10,7 +10,7 @@ import numpy as np
 from gough_stewart.harness.control.linear_controller import linear_of
 from gough_stewart.harness.control.loop_margins import loop_margins
 from gough_stewart.harness.errors import UnstableLoopError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.margins import judged
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
@@ -355,14 +355,14 @@ def before_and_after(experiment: Experiment | Path | str, nominal: Platform, fou
     >>> gs.before_and_after(experiment, nominal, heavier).after["position"].shape
     (301, 3)
     """
-    chosen = experiment_of(experiment)
+    chosen = load_experiment(experiment)
 
     def designed(**platforms: Platform) -> Experiment:
         numbers = {
             f"{key}.parameters": {name: value for name, value in plain(platform.as_dict()).items() if name in TABLE}
             for key, platform in platforms.items()
         }
-        return experiment_of(chosen, numbers)
+        return load_experiment(chosen, numbers)
 
     machine = prepare(designed(platform=nominal)).machine
     before, after = (designed(platform=platform, plant=machine) for platform in (nominal, found))

@@ -85,10 +85,9 @@ def axes_of(  # noqa: PLR0912 - one check after the other
             raise SearchError(f"--vary {text}: expected KEY=LOW..HIGH, for instance controller.bandwidth=1..6Hz")
         low_text, low_unit, high_text, unit, log = parts.groups()
         try:
-            place = place_of(key, members.nominal, *members.platforms)
+            place = place_of(key, members.nominal, *members.platforms, members.controller is not None)
         except ValueError as error:
             raise SearchError(f"--vary {text}: {key}: {error}") from None
-        members.check_acts(key, place)
         target = place.target
         # the value in the experiment, integers as such; None if it is left out
         now: Any = members.nominal

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 from gough_stewart.harness.ensemble.chunk import SIZE, margins_of, metrics_of, reduced
 from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import NoCandidateError, SearchError, TuningError
-from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Settings, Values, experiment_with
 from gough_stewart.harness.experiment.preparation import Batch, too_late
@@ -116,7 +116,7 @@ def tune(  # noqa: PLR0912, PLR0915 - one road, in sections
     ...                  {"loop.duration": 0.3}, generations=2, population=5)
     >>> result.values, result.seen.value
     """
-    chosen = experiment_of(experiment, settings)
+    chosen = load_experiment(experiment, settings)
     if not 0 < quantile <= 1:
         raise TuningError(f"quantile is {quantile:g}; expected a share above 0, up to 1")
     for name, number in (("members", members), ("fresh", fresh), ("generations", generations)):
@@ -283,7 +283,7 @@ class Candidates:
         # margins of the linear loop of the nominal machine; not of every member, since each takes as long as many runs
         margins = [name for name in names if name.startswith("margins.")]
         for c, values in enumerate(settings if margins else ()):
-            batch = self.members.prepared_with([values], [None])
+            batch = self.members.preparation.members([values], [None])
             with suppress(GoughStewartError):
                 judged = margins_of([batch.member(0)]) if len(batch) else {}
                 for name in margins if judged else ():
@@ -296,6 +296,6 @@ class Candidates:
 
     def _prepared(self, members: Sequence[tuple[Values, int]]) -> Batch:
         """Members by number, with other values than their own."""
-        return self.members.prepared_with(
+        return self.members.preparation.members(
             [{**self._draws[k], **values} for values, k in members], [k for _, k in members]
         )

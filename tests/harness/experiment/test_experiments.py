@@ -266,6 +266,12 @@ def test_settings_that_are_none_are_refused_by_their_name(settings: Any, says: s
     assert str(caught.value).startswith(says)
 
 
+def test_a_title_that_no_file_can_have_is_refused_in_one_sentence() -> None:
+    with pytest.raises(gs.GoughStewartError) as caught:
+        gs.load_experiment("circle", {"title": "\udc80"})
+    assert str(caught.value).endswith(r"title: is '\udc80'; expected text in UTF-8")
+
+
 def test_a_file_a_name_and_an_experiment_run_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: bit by bit the same records; the file names a platform of 13 kg beside it, settings leave it there."""
     circle = (SHIPPED / "circle.toml").read_text("utf-8")
@@ -279,6 +285,7 @@ def test_a_file_a_name_and_an_experiment_run_alike(tmp_path: Path, monkeypatch: 
         gs.run(str(mine), short),
         gs.run(gs.load_experiment(mine), short),
         gs.run(gs.load_experiment(mine, short)),
+        gs.run(gs.load_experiment(gs.load_experiment(mine), short)),
         gs.run("circle", {**short, "platform.parameters": {"platform_mass": 13}}),
     ):
         assert other.table.equals(from_file.table)
