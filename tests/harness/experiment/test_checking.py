@@ -103,6 +103,10 @@ def test_a_motion_that_fits_is_left_alone() -> None:
         report = gs.check(experiment(stated, reference=HEAVE)).report()
         assert report.verdict.status == status
         assert report.number("limits.leg_velocity_max").margin == pytest.approx(1 - share)
+    for name, need, word in (("leg_velocity_max", "leg_velocity_peak", "speed"),
+                             ("actuator_force_max", "actuator_force_peak", "force")):  # fmt: skip
+        stated = {**WIDE, name: float(np.abs(found.needs[need]).max()) / 0.95}
+        assert f" needs 95 % of its {word} at " in verdict(gs.check(experiment(stated, reference=HEAVE)))
     # without any limit only singular poses are checked
     names = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
     report = gs.check(experiment({}, reference=HEAVE), {f"platform.parameters.{name}": None for name in names}).report()

@@ -37,8 +37,11 @@ class Law(Base):
 
 def of_law(k):
     def law(sample, power=5):
-        return k * sample + power + helper
+        return k * sample + power + shifted(helper)
     return law
+
+def shifted(x):
+    return x * 13
 
 helper = 9
 law = Law()
@@ -59,7 +62,9 @@ x - 7 → x - 8 | cls(8.0) → cls(8.5) | Law(Base) → Law | law = Law() → la
 """
 
 
-OF_FUNCTION = "of_law(6) → of_law(7) | power=5 → power=4 | k * sample → k / sample | helper = 9 → helper = 8"
+OF_FUNCTION = (
+    "of_law(6) → of_law(7) | power=5 → power=4 | k * sample → k / sample | helper = 9 → helper = 8 | x * 13 → x * 14"
+)
 
 
 @pytest.mark.parametrize("change", f"{OF_CLASS.strip()} | {OF_FUNCTION}".replace("\n", " | ").split(" | "))

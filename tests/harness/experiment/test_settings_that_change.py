@@ -72,6 +72,8 @@ def test_settings_change_beside_any_plant_but_not_in_an_ensemble() -> None:
     )
     assert np.abs(here - unchanged).max() > 1e-3 * np.abs(here).max()
     assert there == pytest.approx(here, abs=1e-7 * np.abs(here).max())
+    with pytest.raises(gs.GoughStewartError, match="which only those of linear controllers can"):
+        gs.run("heave_step", changes, controller=gs.sampled(gs.pid(gs.Gains(2e5, 2e4)), 1e-3))
     members = {"members": 2, "seed": 1, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
     with pytest.raises(gs.GoughStewartError, match="which members of an ensemble cannot"):
         gs.ensemble("heave_step", {**changes, "ensemble": members})

@@ -46,10 +46,12 @@ STIFF: dict[str, Any] = {
     "loop": {"duration": 3, "sample_time": 3e-3},
 }
 PID = {"type": "pid", "bandwidth": 2, "damping_ratio": 1.2, "integral_time": 0.3}
+STEP = {"type": "step", "at": 0.1, "position_change": [0, 0, 2e-3]}
 SLOW = {"type": "sine", "position_amplitude": [0, 0, 1e-3], "frequency": 0.1}
 # What differs from a platform whose PD carries its weight, and what is said of it.
 RESTS: dict[str, tuple[dict[str, Any], str]] = {
     "its weight": (STIFF, "hangs {} below"),
+    "its weight after a step": ({**STIFF, "reference": STEP}, "hangs {} below"),
     "a force aside": ({**STIFF, **push(90, 40, 0)}, "rests {} off"),
     "gravity aslant": ({}, "rests {} off"),
     "a force up": (push(0, 0, 700), "rests {} off"),

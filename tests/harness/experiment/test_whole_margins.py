@@ -115,6 +115,9 @@ def test_charts_have_the_loops_of_the_legs(found: gs.LoopMargins, report: Any) -
     np.testing.assert_allclose(np.asarray(sigma.series[0].low), singular[:, -1], rtol=1e-4)
     assert [chart.x.scale for chart in (gain, phase, sigma, step)] == ["log", "log", "log", "linear"]
     assert [chart.y_title for chart in (gain, phase)] == ["gain of L", "phase of L [deg]"]
+    # a PID about a double integrator begins at three quarters of a turn behind
+    of_pid = gs.margins("hold_against_gravity").report().charts[1]
+    assert all(series.values[0] == pytest.approx(-1.5 * np.pi, abs=0.05) for series in of_pid.series)
 
 
 def test_the_step_shows_each_legs_own_answer(found: gs.LoopMargins, report: Any) -> None:

@@ -261,6 +261,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     *(({"platform_mass": how}, says) for how, says in OF_MASS),
     ({"platform_mas": 3}, "platform_mas: is 3; expected a setting of the ensemble (members,"),
     ({"gravity": {"normal": [[0, 0, 1], [1, 1]]}}, "is [1, 1]; expected 3 elements"),
+    ({"gravity": {"choice": [9.8, 9.9]}}, "is 9.8; expected 3 elements"),
     ({"gravity": {"uniform": [[0, 0, 0], [1, 0, 1]]}}, "expected the lower bound below the upper one"),
     ({"members": 0}, "members: is 0"),
     ({"worst": 1001}, "worst: is 1001; expected less than or equal to 1000"),
