@@ -102,7 +102,6 @@ def machine_code(library: Library) -> LanesLibrary:
             return LanesLibrary(path, " ".join(words))
 
     # machine code depends on model and features of the processor
-    processor = f"{platform.machine()} {platform.processor()}"
     cpuinfo = Path("/proc/cpuinfo")
     if platform.system() == "Darwin":
         command = ["sysctl", "-n", "machdep.cpu.brand_string"]
@@ -111,6 +110,8 @@ def machine_code(library: Library) -> LanesLibrary:
         lines = (line.partition(":") for line in cpuinfo.read_text(encoding="utf-8").split("\n\n")[0].splitlines())
         stated = ((name.strip(), value.strip()) for name, _, value in lines)
         processor = "\n".join(f"{name}: {value}" for name, value in stated if name in _PROCESSOR)
+    else:
+        processor = f"{platform.machine()} {platform.processor()}"
     path = library.kept(target, processor=f"{state_of_sources()}\n{processor}")
     words = [name for name in _VECTOR_SETS if name in set(processor.split())]
     return LanesLibrary(path, " ".join([target.name, *words, sha256(path.read_bytes()).hexdigest()[:16]]))

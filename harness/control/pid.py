@@ -66,7 +66,7 @@ class Gains:
     tracking_time: FloatArray = field(init=False, repr=False)
     """Tt of each channel, also by default (6,) [s]."""
     channels: tuple[FloatArray, ...] = field(init=False, repr=False)
-    """kp, kd, ki, Tf and Tt of each channel, each (6,)."""
+    """kp [N/m], kd [N s/m], ki [N/(m s)], Tf [s] and Tt [s] of each channel, each (6,)."""
 
     def __post_init__(self) -> None:
         for name in ("proportional", "derivative", "integral"):
