@@ -128,7 +128,7 @@ def recursion(plain: Any, u: FloatArray, u_at_rest: FloatArray) -> tuple[FloatAr
 @pytest.mark.parametrize("form", ["errors", "both", "excess"])
 @pytest.mark.parametrize("plant", ["model", "fmu3"])
 def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: tuple[str, ...], plant: str) -> None:
-    """Expected: of the record's references, measurements and limits, plus feedforward and injection; in both hosts."""
+    """Expected: of the record's references, measurements and limits, plus feedforward and injection; on both plants."""
     n = sum(PLACES[name] for name in names)
     plain = system({"errors": n, "both": 2 * n, "excess": 2 * n + 6}[form])
     record = run_of(gs.LinearController(plain, names), plant)

@@ -59,7 +59,7 @@ DIFFER: dict[str, Any] = {
 
 @pytest.mark.parametrize(("hold", "steps", "more"), [(1, 60, {}), (3, 10, DIFFER)], ids=["each sample", "held"])
 def test_forces_act_as_those_of_a_controller_in_a_run(hold: int, steps: int, more: dict[str, Any]) -> None:
-    """Expected: what `gs.run`, another host, has of each member of the ensemble with the environment's seed."""
+    """Expected: what `gs.run` has of each member of the ensemble with the environment's seed."""
     experiment = gs.load_experiment("heave_step", {**UNEVEN, **VARIED, **more})
     names = {"leg_length": slice(0, 6), "leg_velocity": slice(6, 12), "reference.orientation": slice(12, 15)}
     env = gs.vector_env(experiment, 3, observations=[*names], reward="tracking.orientation.norm_rms", hold=hold)

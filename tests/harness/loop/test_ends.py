@@ -258,10 +258,11 @@ def test_what_a_law_does_to_its_sample_changes_nothing() -> None:
 
 
 def test_a_linear_law_gets_angles_in_the_turns_of_their_references() -> None:
-    """Expected: of a plant that has turned once more by 0.1 rad, an error of −0.1 rad."""
+    """Expected: of a plant that has turned once more by 0.1 rad, an error of −0.1 rad; its sensor has the turn."""
     law = gs.LinearController(control.ss([], [], [], np.ones((6, 3)), True), ("orientation",))
     record = run_of(Rail(0, {5: 2 * np.pi + 0.1}), law)
     assert record["controller.force"] == pytest.approx(np.full((STEPS + 1, 6), -0.1), abs=1e-12)
+    assert (record["measured.orientation"] == record["orientation"]).all()
 
 
 def test_a_law_that_fails_ends_its_run_and_at_the_first_sample_is_an_error() -> None:

@@ -67,8 +67,8 @@ def test_readings_have_the_noise_of_their_elements(seed: int) -> None:
             element += 1
 
 
-def test_both_hosts_and_every_size_of_ensemble_have_a_members_noise() -> None:
-    """Expected: readings minus the truth of member 5, in both hosts, of 8 and 600 members."""
+def test_every_size_of_ensemble_and_every_plant_have_a_members_noise() -> None:
+    """Expected: readings minus the truth of member 5, of 8 and 600 members, and beside an FMU."""
     clocks = {"loop.duration": 0.1, "loop.sample_time": 0.002, "loop.plant_step": 0.001}
     settings = {**clocks, "sensors": {"noise": {"leg_length": "10 um"}, "quantisation": {}, "seed": 9}}
 
