@@ -399,7 +399,6 @@ class LoopHost:
                         if isinstance(plant, PlantOfOne) and not row:
                             raise law.failures[0]
                         return
-                    self.batch.running[:n][~going] = 0
             c.first_row, signals_now[...] = rows.first, now.T
             self.act(row)
             if law is not None and is_sample:
@@ -420,15 +419,13 @@ class LoopHost:
                 progress(time)
             if row == c.last or not going.any():
                 return
-            if monitor.ended_now:
-                monitor.ended_now = False
+            if not going.all():
                 plant.freeze(~going)
             try:
                 plant.do_step(time, timing.plant_step)
             except MembersError as error:
                 for member, failure in error.failures.items():
                     monitor.end(member, row + 1, "diverged", str(failure))
-                monitor.ended_now = False  # the plant has already frozen them
                 if not going.any():
                     return
 

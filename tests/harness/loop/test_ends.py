@@ -136,6 +136,9 @@ def test_what_a_plant_breaks_is_said_of_the_plant(kind: type[Rail], at: int, nam
         assert outcome["time"] == pytest.approx(since * STEP)
         assert record.table.height == since + 1
         assert times == pytest.approx(2 * STEP * np.arange(since // 2))
+        linear = gs.LinearController(control.ss([], [], [], np.eye(6), True), ("leg_length",))
+        commands = run_of(kind(since, {at: value}), linear, plant=plant, sensors=sensors)["controller.force"]
+        assert since == 0 or np.abs(commands).max() < 9  # of the samples before
 
 
 @pytest.mark.parametrize(
@@ -303,7 +306,7 @@ class Ending:
 def test_a_law_that_fails_ends_its_member_alone() -> None:
     """Expected: rows and words of each member's own end; at the first sample no row, at time 0."""
     ends = [0.0, 0.01, 0.02, 9.0]
-    settings = {
+    settings: dict[str, Any] = {
         "loop.duration": 0.03,
         "reference.at": 0.01,
         "controller": {"type": "python", "parameters": {"end": 1.0}},
@@ -315,6 +318,9 @@ def test_a_law_that_fails_ends_its_member_alone() -> None:
     assert members["rows"].fill_null(0).to_list() == [0, 10, 20, 31]
     assert "expected 6 forces" in members["cause"][0]
     assert "ends at 0.02" in members["cause"][2]
+    settings["ensemble"]["controller"]["parameters"]["end"]["grid"] = [0.0, 1e-10]
+    none = gs.ensemble("heave_step", settings, controller=Ending, workers=1).members
+    assert none["outcome"].to_list() == ["stopped"] * 2
 
 
 def test_controllers_that_cannot_be_together_are_refused() -> None:
