@@ -130,6 +130,22 @@ def test_a_member_restarts_alone_and_forgets_everything(actions: Any) -> None:
     np.testing.assert_array_equal(rows[1:, 2], others)
 
 
+def test_a_member_that_ends_while_its_action_is_held_stays_there() -> None:
+    """Expected: its last observation of steps of one sample; a pose beyond numbers ends it for its forces."""
+    settings = {key: value for key, value in UNEVEN.items() if "noise" not in key}
+    last = []
+    for hold in (1, 7):
+        env, is_over = gs.vector_env("heave_step", 1, settings, observations=["position"], hold=hold), False
+        env.reset(seed=3)
+        while not is_over:
+            observation, _, _, (is_over,), _ = env.step(np.array([[900.0] * 3 + [-900] * 3]))
+        last.append(observation)
+    assert np.array_equal(*last)
+    env = gs.vector_env("heave_step", 1, settings | {"controller.feedforward": "none"}, actions="pose")
+    env.reset(seed=3)
+    assert env.step(np.full((1, 6), 1e29))[4]["cause"][0] == "the controller's forces are too large"
+
+
 def test_a_single_environment_is_the_first_member_and_passes_the_checker() -> None:
     """Expected: Gymnasium's checker; and the bits of the vector environment with the same seed, noise included."""
     env = gs.env("heave_step", UNEVEN)
