@@ -140,7 +140,7 @@ def test_a_member_that_ends_while_its_action_is_held_stays_there() -> None:
         while not is_over:
             observation, _, _, (is_over,), _ = env.step(np.array([[900.0] * 3 + [-900] * 3]))
         last.append(observation)
-    assert np.array_equal(*last)
+    assert np.array_equal(last[0], last[1])
     env = gs.vector_env("heave_step", 1, settings | {"controller.feedforward": "none"}, actions="pose")
     env.reset(seed=3)
     assert env.step(np.full((1, 6), 1e29))[4]["cause"][0] == "the controller's forces are too large"
