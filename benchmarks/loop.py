@@ -3,7 +3,8 @@
 The heave step over 10 s, everything recorded. doStep of the FMU is timed separately; the rest of a step is the
 harness: signals, results, controller, limits, record. Best of several rounds.
 
-The same loop in machine code on the lanes' plant, with all rows recorded, against NumPy's loop on the model.
+The same loop in machine code on the lanes' plant, with all rows recorded, against the same called row by row
+from Python.
 
 Also many members at once with PD in leg space, delay and quantisation: the harness without the plant and with an empty
 observer, against the harness of a single run, in alternating rounds.

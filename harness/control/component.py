@@ -253,9 +253,9 @@ class ActuatorChoice(TableSection):
 class LimitCoefficients(NamedTuple):
     """Of `ForceLimits`."""
 
-    low: Any  # [N]; None if no member has a limit
+    low: Any  # [N]; None without a limit
     high: Any
-    change: Any  # largest change of the force in a sample [N]; None if no member has a rate limit
+    change: Any  # largest change of the force in a sample [N]; None without a rate limit
 
 
 class ForceLimits(Stepped):
@@ -304,10 +304,10 @@ class DriveCoefficients(NamedTuple):
     """Of `Drive`."""
 
     period: Any  # h [s]
-    rate: Any  # [N/s], infinite without a limit; None if no member has one
+    rate: Any  # [N/s], infinite without a limit; None if that is left out
     slope: Any  # the same, 0 without a limit
-    lag: Any  # τ [s], 1 where there is none; None if no member has one
-    lags: Any  # whether there is one; None if all members have
+    lag: Any  # τ [s], 1 where there is none; None if it is left out
+    lags: Any  # whether there is one; None if all have
 
 
 class Drive(Stepped):
@@ -411,8 +411,8 @@ class SensorChoice(TableSection):
 class SensorCoefficients(NamedTuple):
     """Of `Sensor`."""
 
-    step: Any  # q, 1 where there is none; None if no member has one
-    has_steps: Any  # whether there is one; None if all members have
+    step: Any  # q, 1 where there is none; None if it is left out
+    has_steps: Any  # whether there is one; None if all have
 
 
 class Sensor(Stepped):

@@ -223,7 +223,7 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         for table in (c.reference, c.feedforward, c.sampled, c.jacobian, c.inverse):
             table.row = 0
         c.last, c.farthest.at, self._sampled = np.iinfo(np.int64).max, None, host.arrays[c.sampled.at]
-        self._acting = c.kinds, c.size, c.used
+        self._acting = c.size, c.used
         self._start = {name: host.memory[name].copy() for name in _OF_EPISODES}
 
     def _sense(self, seed: int | None) -> None:
@@ -234,7 +234,7 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._host.sense(sorted(used))
         seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
         self._host.memory["streams"].view(np.int64)[:, : self.num_envs] = streams_of(seeds)
-        self._reading, self._readings = (1, c.size, c.used), 0
+        self._reading, self._readings = (c.size, c.used), 0
 
     def _observe(self) -> FloatArray:
         """Read the sensors once more, also of members that have ended: observations (N, size)."""
@@ -242,9 +242,9 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         host.memory["signals"][:, :n] = self._plant.signals().T
         row, are_running = self._readings * self._every, running.copy()
         running[:n], self._sampled[...] = -1, row
-        c.kinds, c.size, c.used = self._reading
+        c.size, c.used = self._reading
         host.read(row)
-        c.kinds, c.size, c.used = self._acting
+        c.size, c.used = self._acting
         running[...], self._readings = are_running, self._readings + 1
         parts = {"measured": host.memory["measured"][:, :n], "reference": self._reference_now()}
         return np.ascontiguousarray(np.concatenate([parts[kind][at] for kind, at in self._observed]).T)
@@ -324,7 +324,6 @@ class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             self._added[0] = self._at(self._known, np.minimum(self._row, self._steps - 1) // self._every) + added
             first, self._samples = self._samples * self._every, self._samples + 1
             self._sampled[...] = first
-            host.turn_to(self._wanted[0].T)
             for row in range(first, first + self._every):
                 host.act(row)
                 # the plant, and who ends there

@@ -41,7 +41,6 @@ from gough_stewart.harness.plants.signals import N_LEGS, PerMember
 from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.process.progress import TimeProgress
-from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.vectors import FloatArray
 
 # Internal steps of eight members between two looks at the world, some 0.05 s: interrupts wait for them.
@@ -124,9 +123,7 @@ class LoopHost:
     are functions, between the readings and the rest of a row.
     """
 
-    def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
-        self, plant: Plant, loop: Loop
-    ) -> None:
+    def __init__(self, plant: Plant, loop: Loop) -> None:
         self._plant, self._loop = plant, loop
         self._law: Law | CompiledLaw | None = None
         self._used: Sequence[str] = ()
@@ -196,10 +193,7 @@ class LoopHost:
         self.memory["signals"][:, :n] = seen(plant, sensors.side).T
         self.reading = self.memory["measured"][:, :n].T  # the latest one (N, 24)
         self.sense(signals.NAMES)
-        if loop.reference is not None:
-            c.kinds = 1
-            self.read(0)
-            c.kinds = 0
+        self.read(0)
         self.memory["signals"][:, :n] = plant.signals().T
         if loop.has_faults:
             for name, size in (("cut", N_LEGS), ("frozen", signals.SIZE)):
@@ -300,12 +294,6 @@ class LoopHost:
             memory["off"][:, :n] = manual[:, :N_LEGS].T
             memory["manual_force"][:, :n] = np.where(np.isnan(force), memory["command"][:, :n], force)
 
-    def turn_to(self, reference: FloatArray | None) -> None:
-        """Put angles that linear controllers measure in the turns of their references (30,) or (N, 30)."""
-        if reference is not None and isinstance(self._law, LinearLaw) and "orientation" in self._law.used:
-            at, measured = AT["orientation"], self.memory["measured"][:, : self._plant.shape[0]]
-            measured[at] = nearest_angle(measured[at], np.atleast_2d(reference).T[at])
-
     def _tables_of(self, sensors: Sensors, actuators: Actuators) -> dict[str, FloatArray]:
         """Coefficients of what measures and what acts, (size, N)."""
         (n,), timing = self._plant.shape, self._loop.timing
@@ -392,15 +380,16 @@ class LoopHost:
             at_motors = seen(plant, "motor") if has_motors else now
             monitor.check_plant(now, at_motors)
             self.batch.running[:n][~going] = 0
+            is_sample = False
             if row < c.last:
                 # with jitter members may be sampled at different rows, but always within the same sample time
                 j = row // every
                 due = going & (sampled[j] == row)
+                is_sample = bool(due.any())
                 signals_now[...] = (at_motors if reads_motors else now).T
                 self.read(row)
                 reference = None if loop.reference is None else loop.reference[j * every]
-                self.turn_to(reference)
-                if law is not None and reference is not None and due.any():
+                if law is not None and reference is not None and is_sample:
                     off = due & (self.memory["off"][0, :n] > 0) if loop.has_switch else None
                     time_of_sample = j * every * timing.plant_step
                     following[:N_LEGS] = law.force(j, time_of_sample, reference, measured.T, excess.T, due, off).T
@@ -410,13 +399,13 @@ class LoopHost:
                         if isinstance(plant, PlantOfOne) and not row:
                             raise law.failures[0]
                         return
-                    self.batch.running[:n][~going] = 0
             c.first_row, signals_now[...] = rows.first, now.T
             self.act(row)
-            if law is not None and loop.has_switch:
-                law.hear(command.T)
-            if law is not None and law.limited is not None and isinstance(rows, AllRows) and row < c.last:
-                rows.limited[j] |= law.limited.T
+            if law is not None and is_sample:
+                if loop.has_switch:
+                    law.hear(command.T)
+                if law.limited is not None and isinstance(rows, AllRows):
+                    rows.limited[j] |= law.limited.T
 
             # the row, and the step of the plant from there
             inputs[:, :N_LEGS] = acting.T
@@ -430,15 +419,13 @@ class LoopHost:
                 progress(time)
             if row == c.last or not going.any():
                 return
-            if monitor.ended_now:
-                monitor.ended_now = False
+            if not going.all():
                 plant.freeze(~going)
             try:
                 plant.do_step(time, timing.plant_step)
             except MembersError as error:
                 for member, failure in error.failures.items():
                     monitor.end(member, row + 1, "diverged", str(failure))
-                monitor.ended_now = False  # the plant has already frozen them
                 if not going.any():
                     return
 

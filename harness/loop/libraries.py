@@ -28,7 +28,7 @@ from gough_stewart.harness.plants.lanes import CompiledLanes
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.interface import IDEAL, Variant
 from gough_stewart.model.platform import LARGEST_NUMBER
-from gough_stewart.model.rotations import rotation_between
+from gough_stewart.model.rotations import nearest_angle, rotation_between
 from gough_stewart.model.vectors import FloatArray
 
 # Of c/loop: its name, the beginning of its sizes' names, the component, and how many channels one call computes.
@@ -96,7 +96,10 @@ def components_header() -> str:
     pair = [casadi.SX.sym(name, 3) for name in ("orientation", "to")]
     rotation = rotation_between(*(np.array([casadi.vertsplit(angles)], dtype=object) for angles in pair))
     function = casadi.Function("rotation_between", pair, [casadi.vertcat(*rotation[0])])
-    texts = [in_lanes(function, "static void component_", exact=True)]
+    angles = [casadi.SX.sym(name) for name in ("angle", "near")]
+    turned = joined([nearest_angle(*map(column_of, angles))])
+    turn = casadi.Function("nearest_angle", angles, [turned])
+    texts = [in_lanes(angular, "static void component_", exact=True) for angular in (function, turn)]
     for name, macro, component, channels in _COMPONENTS:
         text, n_coefficients, n_states = traced(component, name, channels)
         texts.append(text)

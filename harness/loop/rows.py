@@ -153,7 +153,6 @@ class RowMonitor:
         self.n_rows = 0  # so far
         self.counting = np.full(n_members, len(self._times))  # how many rows count for each
         self.going = np.ones(n_members, dtype=bool)  # those without an outcome
-        self.all_go, self.ended_now = True, False  # whether some have ended since this was set to False
 
     def end(
         self, whose: int | slice | BoolArray | np.bool_, rows: int, status: Status, cause: str | Callable[[int], str]
@@ -164,8 +163,7 @@ class RowMonitor:
                 text = cause if isinstance(cause, str) else cause(member)
                 self.outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), text)
                 self.counting[member] = rows
-                self.going[member] = self.all_go = False
-                self.ended_now = True
+                self.going[member] = False
 
     def beyond_stroke(self, now: FloatArray) -> str:
         """Why a run with these signals (24,) is stopped: its first leg that is beyond its stroke."""

@@ -199,6 +199,8 @@ static void feed(vector *v, int64_t sample, mask due, mask off)
     for (int64_t i = 0; i < l->size; i++) {
         lanes r = in_task_space ? now[i] + ahead[i] : value_at(v, &l->reference, sample * l->every, l->used[i]);
         lanes y = in_task_space ? now[i] : remembered(v, l->measured, l->used[i]);
+        if (!in_task_space && !l->law && l->used[i] >= FIRST_ANGLE && l->used[i] < N_POSE)
+            component_nearest_angle(&y, &r, &y); /* in the turns of its reference */
         remember(v, l->memory, l->n_states + i, l->kinds == 1 ? r - y : r);
         if (l->kinds > 1)
             remember(v, l->memory, l->n_states + l->size + i, y);
@@ -481,8 +483,6 @@ static mask due_at(const vector *v, int64_t row)
 static void read_at(const vector *v, int64_t row, mask due)
 {
     const loop *l = v->loop;
-    if (!l->kinds)
-        return;
     if (l->reading_every && row % l->reading_every == 0)
         read_sensors(v, row / l->reading_every, l->size, l->used, v->plant.running);
     else if (!l->reading_every && any(due))

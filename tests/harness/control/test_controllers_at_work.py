@@ -125,7 +125,7 @@ BY_LEGS, BY_OTHERS = ("leg_length",), ("leg_velocity", "position", "angular_velo
 )
 @pytest.mark.parametrize("plant", ["model", "fmu3"])
 def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: tuple[str, ...], plant: str) -> None:
-    """Expected: of the record's references, measurements and limits, plus feedforward and injection; in both hosts.
+    """Expected: of the record's references, measurements and limits, plus feedforward and injection; on both plants.
 
     In task space y = ∑ J⁻¹ ΔL, r = y + J⁻¹ (L_r − L), Jᵀ times the excess, F = J⁻ᵀ w, J of the nominal platform and
     the reference.

@@ -140,6 +140,10 @@ def test_what_fits_is_taken_as_it_is_meant(theirs: Path, tmp_path: Path) -> None
     with closing(opened(path, NAMES | {"force_limited": "f_{}"}, gain=1.0)) as unit:
         unit.force(0, 0.0, np.zeros(30), measured, none)
         assert unit.limited.tolist() == [True, False, True, False, False, True]
+    record = gs.run(experiment({"type": "fmu", "file": str(path), "names": NAMES | {"force_limited": "f_{}"}}))
+    limited = record["controller.force"] - record["controller.feedforward"] > 0.5
+    assert (record["flag.force_limited"] == limited[:, ::-1]).all()
+    assert 0 < limited.mean() < 1
     with closing(opened(theirs, sample_time=FAILS_AT, gain=REFUSES)) as unit:
         unit.force(0, 0.0, np.zeros(30), measured, none)
         with pytest.raises(gs.GoughStewartError, match=r"theirs\.fmu: at time 0\.5 s: .*3 \(error\)"):

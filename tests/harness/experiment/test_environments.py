@@ -59,7 +59,7 @@ DIFFER: dict[str, Any] = {
 
 @pytest.mark.parametrize(("hold", "steps", "more"), [(1, 60, {}), (3, 10, DIFFER)], ids=["each sample", "held"])
 def test_forces_act_as_those_of_a_controller_in_a_run(hold: int, steps: int, more: dict[str, Any]) -> None:
-    """Expected: what `gs.run`, another host, has of each member of the ensemble with the environment's seed."""
+    """Expected: what `gs.run` has of each member of the ensemble with the environment's seed."""
     experiment = gs.load_experiment("heave_step", {**UNEVEN, **VARIED, **more})
     names = {"leg_length": slice(0, 6), "leg_velocity": slice(6, 12), "reference.orientation": slice(12, 15)}
     env = gs.vector_env(experiment, 3, observations=[*names], reward="tracking.orientation.norm_rms", hold=hold)
@@ -128,6 +128,22 @@ def test_a_member_restarts_alone_and_forgets_everything(actions: Any) -> None:
     alone.reset(seed=3)
     others = np.array([alone.step(home[:1])[0][0] for _ in range(400)])
     np.testing.assert_array_equal(rows[1:, 2], others)
+
+
+def test_a_member_that_ends_while_its_action_is_held_stays_there() -> None:
+    """Expected: its last observation of steps of one sample; a pose beyond numbers ends it for its forces."""
+    settings = {key: value for key, value in UNEVEN.items() if "noise" not in key}
+    last = []
+    for hold in (1, 7):
+        env, is_over = gs.vector_env("heave_step", 1, settings, observations=["position"], hold=hold), False
+        env.reset(seed=3)
+        while not is_over:
+            observation, _, _, (is_over,), _ = env.step(np.array([[900.0] * 3 + [-900] * 3]))
+        last.append(observation)
+    assert np.array_equal(last[0], last[1])
+    env = gs.vector_env("heave_step", 1, settings | {"controller.feedforward": "none"}, actions="pose")
+    env.reset(seed=3)
+    assert env.step(np.full((1, 6), 1e29))[4]["cause"][0] == "the controller's forces are too large"
 
 
 def test_a_single_environment_is_the_first_member_and_passes_the_checker() -> None:

@@ -136,6 +136,9 @@ def test_what_a_plant_breaks_is_said_of_the_plant(kind: type[Rail], at: int, nam
         assert outcome["time"] == pytest.approx(since * STEP)
         assert record.table.height == since + 1
         assert times == pytest.approx(2 * STEP * np.arange(since // 2))
+        linear = gs.LinearController(control.ss([], [], [], np.eye(6), True), ("leg_length",))
+        commands = run_of(kind(since, {at: value}), linear, plant=plant, sensors=sensors)["controller.force"]
+        assert since == 0 or np.abs(commands).max() < 9  # of the samples before
 
 
 @pytest.mark.parametrize(
@@ -254,10 +257,11 @@ def test_what_a_law_does_to_its_sample_changes_nothing() -> None:
 
 
 def test_a_linear_law_gets_angles_in_the_turns_of_their_references() -> None:
-    """Expected: of a plant that has turned once more by 0.1 rad, an error of −0.1 rad."""
+    """Expected: of a plant that has turned once more by 0.1 rad, an error of −0.1 rad; its sensor has the turn."""
     law = gs.LinearController(control.ss([], [], [], np.ones((6, 3)), True), ("orientation",))
     record = run_of(Rail(0, {5: 2 * np.pi + 0.1}), law)
     assert record["controller.force"] == pytest.approx(np.full((STEPS + 1, 6), -0.1), abs=1e-12)
+    assert (record["measured.orientation"] == record["orientation"]).all()
 
 
 def test_a_law_that_fails_ends_its_run_and_at_the_first_sample_is_an_error() -> None:
@@ -279,6 +283,40 @@ def test_a_law_that_fails_ends_its_run_and_at_the_first_sample_is_an_error() -> 
         run_of(controller=lambda _sample: None)
     with pytest.raises(KeyboardInterrupt):
         run_of(controller=interrupted)
+
+
+class Ending:
+    """A law that fails at a time of its own, at the first sample if that is 0 [s]."""
+
+    def __init__(self, _platform: gs.Platform, _sample_time: float, end: float) -> None:
+        self.end = end
+
+    def __call__(self, sample: gs.Sample) -> Any:
+        if sample.time >= self.end - 1e-9:
+            if not sample.time:
+                return None
+            raise RuntimeError(f"ends at {self.end:g}")
+        return np.full(6, 4e3)
+
+
+def test_a_law_that_fails_ends_its_member_alone() -> None:
+    """Expected: rows and words of each member's own end; at the first sample no row, at time 0."""
+    ends = [0.0, 0.01, 0.02, 9.0]
+    settings: dict[str, Any] = {
+        "loop.duration": 0.03,
+        "reference.at": 0.01,
+        "controller": {"type": "python", "parameters": {"end": 1.0}},
+        "ensemble": {"controller": {"parameters": {"end": {"grid": ends}}}, "worst": 0},
+    }
+    members = gs.ensemble("heave_step", settings, controller=Ending, workers=1).members
+    assert members["outcome"].to_list() == ["stopped"] * 3 + ["completed"]
+    assert members["ended"].to_list() == pytest.approx([0.0, 0.009, 0.019, 0.03])
+    assert members["rows"].fill_null(0).to_list() == [0, 10, 20, 31]
+    assert "expected 6 forces" in members["cause"][0]
+    assert "ends at 0.02" in members["cause"][2]
+    settings["ensemble"]["controller"]["parameters"]["end"]["grid"] = [0.0, 1e-10]
+    none = gs.ensemble("heave_step", settings, controller=Ending, workers=1).members
+    assert none["outcome"].to_list() == ["stopped"] * 2
 
 
 def test_a_function_beside_a_linear_controller_is_refused() -> None:

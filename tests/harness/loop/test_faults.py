@@ -1,4 +1,4 @@
-"""Legs whose force is cut, sensors that freeze, and controllers that are switched off and on, in both hosts."""
+"""Legs whose force is cut, sensors that freeze, and controllers that are switched off and on, on two plants."""
 
 import threading
 from typing import Any
@@ -261,7 +261,7 @@ def test_what_a_function_encloses_rests_while_the_controller_is_off() -> None:
 
 
 def test_what_a_limit_cuts_off_a_manual_force_does_not_reach_the_integral() -> None:
-    """Expected: the same commands in both hosts; at the switch that of the force, by a PD what the integral adds."""
+    """Expected: the same commands on both plants; at the switch that of the force, by a PD what the integral adds."""
     off = [{"at": 0.04, "enabled": False, "manual_force": [105.0] * 6}, {"at": 0.08, "enabled": True}]
     tables: dict[str, Any] = {
         "loop": {"duration": 0.16, "sample_time": T, "plant_step": 1e-3},

@@ -1,4 +1,4 @@
-"""The host in machine code and that in Python give the same rows, and members of ensembles are runs of their own."""
+"""Rows are the same in machine code and called from Python, and members of ensembles are runs of their own."""
 
 from collections.abc import Callable
 from typing import Any
@@ -101,7 +101,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_both_hosts_give_the_same_rows(case: str) -> None:
+def test_a_traced_law_and_a_function_give_the_same_rows(case: str) -> None:
     """Expected: every column, to 1e-11 of its scale; flags and outcomes exactly."""
     tables, varied = CASES[case]
     chosen = members_of({**tables, "controller": {"type": "python"}}, {**varied, **OF_LAW})
@@ -173,7 +173,7 @@ ENDS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 
 @pytest.mark.parametrize("case", ENDS)
 def test_members_end_for_their_causes_and_the_others_go_on(case: str) -> None:
-    """Expected: in both hosts the same time, status and words, each of a run of its own; rows up to there count."""
+    """Expected: of both laws the same time, status and words, each of a run of its own; rows up to there count."""
     change, varied, words = ENDS[case]
     varied = {"members": 11, "seed": 2, "platform_mass": {"factor": {"uniform": [0.8, 1.3]}}, **varied}
     settings = {"loop.duration": 0.2, "loop.sample_time": 2e-3, "reference.at": 0.05, **change, "ensemble": varied}

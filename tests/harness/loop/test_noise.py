@@ -70,7 +70,7 @@ def test_readings_have_the_noise_of_their_elements(seed: int, every: int) -> Non
 
 @pytest.mark.parametrize("plant", ["model", "fmu3"])
 def test_a_member_has_the_noise_of_its_own_stream(plant: Any) -> None:
-    """Expected: σ times the numbers of the ensemble's seed and the member, in both hosts."""
+    """Expected: σ times the numbers of the ensemble's seed and the member, on both plants."""
     table = {"members": 600, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
     settings: dict[str, Any] = {"loop.duration": 0.01, "loop.plant_step": 0.001, "loop.sample_time": 0.001}
     settings |= {"sensors": {"noise": {"leg_length": "10 um"}, "seed": 9}, "reference.at": 5e-3, "ensemble": table}
