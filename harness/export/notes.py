@@ -18,10 +18,8 @@ from gough_stewart.harness.export.stability import (
     StabilityReport,
     output_delay_of,
 )
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER
-from gough_stewart.harness.report.table import Column, Table
-from gough_stewart.harness.report.words import listed, sentence
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER, listed, sentence
 from gough_stewart.harness.section import Kind
 
 _NAMES: dict[str, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit", "page": "live page"}

@@ -161,7 +161,7 @@ def remove_leftovers(folder: Path) -> None:
         with suppress(OSError):  # belongs to somebody else
             descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
             try:
-                if lock(descriptor) and _is_there(path, descriptor):
+                if lock(descriptor, path):
                     shutil.rmtree(path) if path.is_dir() else path.unlink()
                     removed.append(path.name)
             finally:
@@ -182,7 +182,7 @@ def _temporary(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterato
                 descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
             except FileNotFoundError:
                 continue
-            if descriptor is None or (lock(descriptor) is not False and _is_there(path, descriptor)):
+            if descriptor is None or lock(descriptor, path) is not False:
                 yield path
                 return
         finally:
@@ -194,18 +194,17 @@ def _temporary(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterato
                 path.unlink(missing_ok=True)
 
 
-def lock(descriptor: int) -> bool | None:
-    """Whether the lock is ours now; None on file systems without locks."""
+def lock(descriptor: int, path: Path | None = None) -> bool | None:
+    """Whether the lock is ours now, and the path is still that of its file; None on file systems without locks."""
+    has_locks = True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
-        return None
-    return True
-
-
-def _is_there(path: Path, descriptor: int) -> bool:
-    with suppress(OSError):
-        return os.path.samestat(path.stat(), os.fstat(descriptor))
-    return False
+        has_locks = False
+    try:
+        is_there = path is None or os.path.samestat(path.stat(), os.fstat(descriptor))
+    except OSError:
+        is_there = False
+    return is_there and (has_locks or None)

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import resources
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,8 @@ from typing import Any, NamedTuple
 from gough_stewart.model.errors import EnvironmentVariableError, NotInstalledError
 
 TRACER = "casadi"
+# The software that computes a result, beside Python.
+PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "control", "fmpy", "ziglang", "polars", "matplotlib")
 # Where the files are, if there are any.
 PREBUILT = Path(str(resources.files("gough_stewart").joinpath("prebuilt")))
 MANIFEST = "manifest.json"
@@ -86,6 +89,16 @@ def manifest() -> Mapping[str, Any]:
     except (OSError, ValueError):
         return {}
     return lines
+
+
+@cache
+def versions() -> Mapping[str, str]:
+    """Versions of Python and of relevant packages, and the type of machine; reading them takes longer than a run."""
+    installed = {"python": platform.python_version()}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):  # such as those of the extra `fmu`
+            installed[package] = version(package)
+    return {**installed, "machine": f"{platform.system()} {platform.machine()}"}
 
 
 def check_installed(uses: Mapping[str, str]) -> None:
