@@ -33,7 +33,7 @@ POINTS, FRAMES = 800, 201
 Status = Literal["good", "marginal", "bad", "told"]
 Verdicts = Literal["met", "missed", "open"]
 _NUMBER = re.compile(r"[-+±×<(\s]*\d")
-# Longer texts of several words wrap.
+# Longer texts of several words are sentences, which wrap.
 PROSE = 18
 
 
@@ -128,18 +128,13 @@ class Table(Data):
         return tuple(shown)
 
 
-def is_prose(cells: Sequence[str]) -> bool:
-    """Whether a column has texts that may wrap: several words, longer than any number."""
-    return any(cell_len(cell) > PROSE and " " in cell for cell in cells)
-
-
 def is_at_right(cells: Sequence[Cell], texts: Sequence[str]) -> bool:
     """Whether a column is right-aligned: its cells are numbers or blank, or its texts numbers and no sentences."""
     filled = [cell for cell in cells if cell not in (None, "")]
     if filled and all(isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in filled):
         return True
     numbers = [_NUMBER.match(text) is not None for text in texts]
-    return any(numbers) and (all(numbers) or not is_prose(texts))
+    return any(numbers) and (all(numbers) or not any(cell_len(text) > PROSE and " " in text for text in texts))
 
 
 # --- the report -------------------------------------------------------------------------------------------------------
@@ -176,7 +171,9 @@ class Number(Data):
         quantity = self.quantity
         interval = None if self.low is self.high is None else quantity.range_text(self.low, self.high)
         limit = None if self.limit is None else f"limit {quantity.text(self.limit)}"
-        margin = None if self.margin is None else margin_text(quantity, self.margin)
+        margin = None
+        if self.margin is not None:
+            margin = f"{quantity.text(abs(self.margin))} {'beyond' if self.margin < 0 else 'left'}"
         return ", ".join(filter(None, (interval, limit, margin, self.doubt)))
 
 
@@ -247,13 +244,10 @@ class Requirement(Data):
     def found(self) -> str:
         """The value with its margin, and how sure."""
         value = None if self.value is None else self.quantity.text(self.value)
-        margin = None if self.margin is None else margin_text(self.quantity, self.margin)
+        margin = None
+        if self.margin is not None:
+            margin = f"{self.quantity.text(abs(self.margin))} {'beyond' if self.margin < 0 else 'left'}"
         return "; ".join(filter(None, (", ".join(filter(None, (value, margin))), self.note)))
-
-
-def margin_text(quantity: Quantity, margin: float) -> str:
-    """A margin to a limit, in words if it is beyond."""
-    return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
 
 
 Part = Annotated[

@@ -14,7 +14,7 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.report.document import PROSE, Note, Report, Table, is_at_right, is_prose
+from gough_stewart.harness.report.document import PROSE, Note, Report, Table, is_at_right
 from gough_stewart.harness.report.requirements import OUTCOMES
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class TerminalTable:
         natural = [max(map(cell_len, column)) for column in columns]
         least = []
         for k, (head, *cells) in enumerate(columns):
-            if k == 0 or is_prose(cells):
+            if k == 0 or any(cell_len(cell) > PROSE and " " in cell for cell in cells):
                 word = max((cell_len(word) for cell in (head, *cells) for word in cell.split()), default=0)
                 least.append(min(natural[k], max(PROSE, min(word, _LONGEST_WORD))))
             else:

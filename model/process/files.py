@@ -122,34 +122,34 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
                 error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
             raise
         finally:
-            older = {*expected, *owned} if files.names else set()
-            try:
-                _swap_in(files, older)
-            except KeyboardInterrupt:  # finish first: an incomplete set is worse than a short delay
-                _swap_in(files, older)
-                raise
+            older: set[str] = {*expected, *owned} if files.names else set()
+            interrupt: KeyboardInterrupt | None = None
+            # once more if interrupted, which then waits: an incomplete set is worse than a short delay
+            for _ in range(2):
+                new = [name for name in files.names if (temporary / name).exists()]
+                in_place = set(files.names) - set(new)
+                try:
+                    # old files first, so that none is ever beside a new one
+                    for name in older - in_place:
+                        (folder / name).unlink(missing_ok=True)
+                    for name in new:
+                        (temporary / name).replace(folder / name)
+                    break
+                except KeyboardInterrupt as error:
+                    interrupt = error
+                except OSError as error:
+                    # under a name that the next command does not take for a leftover
+                    place = temporary.rename(temporary.with_name(f"not-moved{temporary.stem}"))
+                    error.add_note(f"the new files are in {place}")
+                    raise
+            if interrupt is not None:
+                raise interrupt
 
 
 def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str] = ()) -> None:
     """Write files by name as one set to a folder, which is created if needed; see `file_set`."""
     with file_set(folder, files, owned) as new:
         new.add(files)
-
-
-def _swap_in(files: FileSet, older: set[str]) -> None:
-    """Delete old files first, so that none is ever beside a new one; call again if interrupted."""
-    new = [name for name in files.names if (files.temporary / name).exists()]
-    in_place = set(files.names) - set(new)
-    try:
-        for name in older - in_place:
-            (files.folder / name).unlink(missing_ok=True)
-        for name in new:
-            (files.temporary / name).replace(files.folder / name)
-    except OSError as error:
-        # under a name that the next command does not take for a leftover
-        place = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
-        error.add_note(f"the new files are in {place}")
-        raise
 
 
 def remove_leftovers(folder: Path) -> None:
