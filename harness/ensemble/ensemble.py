@@ -40,7 +40,7 @@ from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, bands_fr
 from gough_stewart.harness.table_file import scan_parquet, write_to
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
+from gough_stewart.model.process.files import check_output_folder, reserved, write_whole
 from gough_stewart.model.process.installed import versions
 from gough_stewart.model.process.progress import StepProgress
 
@@ -130,7 +130,7 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
             folder = Path(out)
             stack.enter_context(reserved(folder))
             check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
-            remove_leftovers(folder / CHUNKS)
+            check_output_folder(folder / CHUNKS, ())
 
         # processes import while this one plans; only their number where it may turn out that none is needed
         say("planning")

@@ -30,7 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Remove what killed processes left in a folder; `OutputError` if files of these names cannot be written there."""
+    """Remove what killed processes left in a folder, and log it; `OutputError` if such files cannot be written there."""
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent
@@ -42,7 +42,21 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         if (folder / name).is_dir():
             raise OutputError(f"output folder {folder}: {name} is a folder there; expected a file or nothing")
-    remove_leftovers(folder)
+
+    # what a living process writes stays
+    removed = []
+    paths = (path for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name))
+    for path in paths if fcntl is not None else ():
+        with suppress(OSError):  # belongs to somebody else
+            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                if lock(descriptor, path):
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+                    removed.append(path.name)
+            finally:
+                os.close(descriptor)
+    if removed:
+        _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
 
 @contextmanager
@@ -150,24 +164,6 @@ def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str]
     """Write files by name as one set to a folder, which is created if needed; see `file_set`."""
     with file_set(folder, files, owned) as new:
         new.add(files)
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
-    if fcntl is None:
-        return
-    removed = []
-    for path in (path for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name)):
-        with suppress(OSError):  # belongs to somebody else
-            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-            try:
-                if lock(descriptor, path):
-                    shutil.rmtree(path) if path.is_dir() else path.unlink()
-                    removed.append(path.name)
-            finally:
-                os.close(descriptor)
-    if removed:
-        _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
 
 @contextmanager
