@@ -30,7 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Remove what killed processes left in a folder, and log it; `OutputError` if such files cannot be written there."""
+    """Remove and log what killed processes left in a folder; `OutputError` if these files cannot be written there."""
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent

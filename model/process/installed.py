@@ -110,30 +110,23 @@ def check_installed(uses: Mapping[str, str]) -> None:
 
 
 @contextmanager
-def tracer_is_named() -> Iterator[None]:
-    """Context for what traces equations from its first line on: `NotInstalledError` if CasADi is missing."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name != TRACER:
-            raise
-        raise NotInstalledError(NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None
+def environment(*, of_harness: bool = True) -> Iterator[None]:
+    """Context for what traces equations from its first line on: `NotInstalledError` if CasADi is missing.
 
-
-@cache
-def check_environment() -> None:
-    """Raise `EnvironmentVariableError` for values that Polars and NumPy cannot read; replace a missing backend."""
+    That of the harness is checked first: `EnvironmentVariableError` for values that Polars and NumPy cannot read, and a
+    missing backend is replaced.
+    """
     for name, least, expected in (
         ("POLARS_MAX_THREADS", 1, "a number of threads of at least 1"),
         ("SOURCE_DATE_EPOCH", 0, "a whole number of seconds since 1970"),
     ):
-        value = os.environ.get(name)
+        value = os.environ.get(name) if of_harness else None
         if value is not None and not (value.isascii() and value.isdigit() and int(value) >= least):
             raise EnvironmentVariableError(
                 f"the environment variable {name} is '{value}'; expected {expected}; unset it"
             )
     # a notebook names its own backend to all commands, which may run in another environment; no window is opened here
-    backend = os.environ.get("MPLBACKEND", "")
+    backend = os.environ.get("MPLBACKEND", "") if of_harness else ""
     if backend.startswith("module://"):
         try:
             is_there = find_spec(backend.removeprefix("module://")) is not None
@@ -141,3 +134,9 @@ def check_environment() -> None:
             is_there = False
         if not is_there:
             os.environ["MPLBACKEND"] = "agg"
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != TRACER:
+            raise
+        raise NotInstalledError(NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None
