@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
-from importlib import resources
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -73,12 +72,6 @@ def kept(path: Path, make: Callable[[], bytes]) -> Path:
 def digest_of_texts(files: Mapping[str, str]) -> str:
     """Digest of files by name, such as the C of a library."""
     return sha256("".join(f"{name}\0{text}\0" for name, text in sorted(files.items())).encode()).hexdigest()
-
-
-def state_of_files(*packages: tuple[str, ...]) -> str:
-    """Digest of some source files: each package's name, followed by those of its files."""
-    texts = (resources.files(package).joinpath(name).read_bytes() for package, *names in packages for name in names)
-    return sha256(b"".join(texts)).hexdigest()
 
 
 @cache

@@ -14,9 +14,10 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from hashlib import sha256
+from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,8 +75,20 @@ class LanesLibrary(NamedTuple):
     features: str
 
 
-def vector_library(name: str, sources: Callable[[], Sources], state: str = "", variant: Variant = IDEAL) -> Library:
-    """A library in vectors of members; `state` is a digest of sources outside of this package."""
+def vector_library(
+    name: str,
+    sources: Callable[[], Sources],
+    state: str = "",
+    variant: Variant = IDEAL,
+    files: Iterable[tuple[str, ...]] = (),
+) -> Library:
+    """A library in vectors of members; `state` is a digest of sources outside of this package.
+
+    By default it is that of source `files`: the name of each package is followed by those of its files.
+    """
+    texts = [resources.files(package).joinpath(name).read_bytes() for package, *names in files for name in names]
+    if texts:
+        state = sha256(b"".join(texts)).hexdigest()
     whole_state = sha256(f"{state_of_texts()}\n{state}".encode()).hexdigest()
     return Library("-".join([name, *variant.parts]), sources, whole_state, VECTOR_FLAGS)
 

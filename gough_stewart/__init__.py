@@ -129,9 +129,8 @@ def __getattr__(name: str) -> object:
 
         value = version("gough-stewart")
     elif name in _homes():
-        if ".harness." in _homes()[name]:
-            import_module(f"{__name__}.model.process.installed").check_environment()
-        with import_module(f"{__name__}.model.process.installed").tracer_is_named():
+        installed = import_module(f"{__name__}.model.process.installed")
+        with installed.environment(of_harness=".harness." in _homes()[name]):
             value = getattr(import_module(_homes()[name]), name)
         if isinstance(value, FunctionType):
             value = import_module(f"{__name__}.harness.arguments").with_checked_arguments(value)

@@ -47,36 +47,24 @@ class Unit:
 
 
 @dataclass(frozen=True)
-class ScalarQuantity(Unit):
-    """Annotates a field that accepts a string with a unit; it stores a number in SI units."""
+class InUnit(Unit):
+    """Annotates a field that accepts strings with a unit; it stores a number in SI units, or a tuple of them."""
 
-    bound: Literal["> 0", ">= 0"] | None = None
-
-    def __get_pydantic_core_schema__(self, _source: object, _handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_plain_validator_function(self.parsed)
-
-    def parsed(self, value: object) -> float:
-        """The number, within its bound."""
-        size = number(value, self.unit)
-        if (self.bound == "> 0" and not size > 0) or (self.bound == ">= 0" and not size >= 0):
-            unit = "" if self.unit == PLAIN else f" {self.unit}"
-            raise ValueError(f"expected {self.bound}{unit}")
-        return size
-
-
-@dataclass(frozen=True)
-class Vector(Unit):
-    """Annotates a field that accepts a list or array; it stores a tuple of numbers in SI units."""
-
-    size: int
-    one_for_all: bool = False  # whether one quantity stands for all of them
+    bound: Literal["> 0", ">= 0"] | None = None  # of a single number
+    size: int | None = None  # of a vector, of which a list or an array is accepted
+    one_for_all: bool = False  # whether one quantity stands for all of a vector
 
     def __get_pydantic_core_schema__(self, _source: object, _handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_plain_validator_function(self.parsed)
 
-    def parsed(self, value: object) -> tuple[float, ...]:
-        """The numbers; a ValueError has the index in the list."""
+    def parsed(self, value: object) -> Any:
+        """The number within its bound, or the numbers, of which a ValueError has the index."""
         unit, size = self.unit, self.size
+        if size is None:
+            single = number(value, unit)
+            if (self.bound == "> 0" and not single > 0) or (self.bound == ">= 0" and not single >= 0):
+                raise ValueError(f"expected {self.bound}{'' if unit == PLAIN else f' {unit}'}")
+            return single
         values = value.tolist() if isinstance(value, np.ndarray) else value
         if self.one_for_all and not isinstance(values, list | tuple):
             return (number(values, unit),) * size
@@ -115,28 +103,28 @@ def _share(value: object) -> float:
 
 
 Share = Annotated[float, Unit("1"), BeforeValidator(_share)]
-Number = Annotated[float, ScalarQuantity(PLAIN)]
-PositiveNumber = Annotated[float, ScalarQuantity(PLAIN, "> 0")]
-AnyTime = Annotated[float, ScalarQuantity("s")]
-Time = Annotated[float, ScalarQuantity("s", ">= 0")]
-PositiveTime = Annotated[float, ScalarQuantity("s", "> 0")]
-PositiveLength = Annotated[float, ScalarQuantity("m", "> 0")]
-Angle = Annotated[float, ScalarQuantity("rad")]
-Frequency = Annotated[float, ScalarQuantity("Hz", "> 0")]
-Band = Annotated[ArrayLike, Vector("Hz", 2)]
-PositiveForce = Annotated[float, ScalarQuantity("N", "> 0")]
-PositiveForceRate = Annotated[float, ScalarQuantity("N/s", "> 0")]
-Position = Annotated[ArrayLike, Vector("m", 3)]
-Orientation = Annotated[ArrayLike, Vector("rad", 3)]
-Velocity = Annotated[ArrayLike, Vector("m/s", 3)]
-AngularVelocity = Annotated[ArrayLike, Vector("rad/s", 3)]
-Force = Annotated[ArrayLike, Vector("N", 3)]
-Torque = Annotated[ArrayLike, Vector("N.m", 3)]
-LegForces = Annotated[ArrayLike, Vector("N", 6)]
+Number = Annotated[float, InUnit(PLAIN)]
+PositiveNumber = Annotated[float, InUnit(PLAIN, "> 0")]
+AnyTime = Annotated[float, InUnit("s")]
+Time = Annotated[float, InUnit("s", ">= 0")]
+PositiveTime = Annotated[float, InUnit("s", "> 0")]
+PositiveLength = Annotated[float, InUnit("m", "> 0")]
+Angle = Annotated[float, InUnit("rad")]
+Frequency = Annotated[float, InUnit("Hz", "> 0")]
+Band = Annotated[ArrayLike, InUnit("Hz", size=2)]
+PositiveForce = Annotated[float, InUnit("N", "> 0")]
+PositiveForceRate = Annotated[float, InUnit("N/s", "> 0")]
+Position = Annotated[ArrayLike, InUnit("m", size=3)]
+Orientation = Annotated[ArrayLike, InUnit("rad", size=3)]
+Velocity = Annotated[ArrayLike, InUnit("m/s", size=3)]
+AngularVelocity = Annotated[ArrayLike, InUnit("rad/s", size=3)]
+Force = Annotated[ArrayLike, InUnit("N", size=3)]
+Torque = Annotated[ArrayLike, InUnit("N.m", size=3)]
+LegForces = Annotated[ArrayLike, InUnit("N", size=6)]
 # In task space the last three channels are torques per angle: N.m/rad and so on, plain numbers.
-ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, one_for_all=True)]
-DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, one_for_all=True)]
-IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, one_for_all=True)]
+ProportionalGains = Annotated[ArrayLike, InUnit("N/m", size=6, one_for_all=True)]
+DerivativeGains = Annotated[ArrayLike, InUnit("N.s/m", size=6, one_for_all=True)]
+IntegralGains = Annotated[ArrayLike, InUnit("N/(m.s)", size=6, one_for_all=True)]
 
 
 def plain(value: Any) -> Any:

@@ -153,12 +153,11 @@ _remarks.setLevel(logging.INFO)
 @contextmanager
 def clear_errors(is_piped: bool = False) -> Iterator[Command]:
     """Turn an error into one clear line and an exit code instead of a traceback."""
-    from gough_stewart.model.process.installed import check_environment, tracer_is_named
+    from gough_stewart.model.process.installed import environment
 
     Command.latest = command = Command(is_piped)
     try:
-        check_environment()
-        with tracer_is_named(), warnings.catch_warnings():
+        with environment(), warnings.catch_warnings():
             # as a line, without the place in the source
             warnings.showwarning = lambda message, *_, **__: warn(str(message))
             yield command

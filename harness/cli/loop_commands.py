@@ -117,7 +117,7 @@ def margins_command(
     """
     loaded = opt.chosen_experiment(experiment, settings, no_python)
     from gough_stewart.harness.experiment.margins import PATHS, absent_numbers, margins
-    from gough_stewart.harness.report.document import versions
+    from gough_stewart.model.process.installed import versions
 
     running.expect(PATHS, absent=absent_numbers(loaded))
     running.hold(out or opt.results_folder("margins", experiment), ["margins.json"])

@@ -19,8 +19,8 @@ def presets_command(
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
+        from gough_stewart.harness.report.document import Column, Table
         from gough_stewart.harness.report.quantities import MASS, NUMBER, POSITION
-        from gough_stewart.harness.report.table import Column, Table
         from gough_stewart.harness.report.terminal import TerminalTable
         from gough_stewart.model import kinematics
         from gough_stewart.model.platform import load_preset, preset_names, preset_text
@@ -54,7 +54,7 @@ def experiments_command(
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
         from gough_stewart.harness.experiment.file import experiment_from, experiment_names, shipped_text
-        from gough_stewart.harness.report.table import Column, Table
+        from gough_stewart.harness.report.document import Column, Table
         from gough_stewart.harness.report.terminal import TerminalTable
         from gough_stewart.model.formulations.cases import PAPER_PRESET
         from gough_stewart.model.process.toml import toml_values

@@ -134,11 +134,12 @@ def run_command(
     outcome = record.metadata["outcome"]
     is_whole = outcome["status"] == "completed"
     simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {loaded.loop.duration:.6g} s"
-    running.end(
+    running.present(
         report,
         files,
         done=f"{'Completed' if is_whole else 'Not completed'}: {simulated} simulated",
         then=None if running.page else f"gough-stewart view {shlex.quote(str(folder))} --open",
+        is_written=True,
     )
     if not is_whole:
         errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")

@@ -184,16 +184,20 @@ class Running:
         report: "Report",
         files: "Mapping[str, Content] | Sequence[str]",
         then: str | None = None,
+        *,
+        done: str | None = "Done",
+        is_written: bool = False,
     ) -> None:
         """Judge the requirements, write the files with report.json, figures and page, and say what was found.
 
-        `files` has their contents by name, or only names, if the study has written them; `then` is the next step.
+        `files` has their contents by name, or only names, if the study has written them; `then` is the next step. A
+        report that `is_written` is judged, and all its files are there.
         """
-        from gough_stewart.harness.report.document import Number
-        from gough_stewart.harness.report.requirements import with_requirements
-
         self.step("files and report", total=None)
-        if self.required:
+        if self.required and not is_written:
+            from gough_stewart.harness.report.document import Number
+            from gough_stewart.harness.report.requirements import with_requirements
+
             # numbers that it might have had, such as a settling time without a step, are inconclusive
             paths = {*self.known} - {number.path for number in report.numbers}
             absent = {requirement.path for requirement in self.required if requirement.path in paths}
@@ -203,8 +207,25 @@ class Running:
                 [replace(asked, share=None) if asked.path in absent else asked for asked in self.required],
             )
             report = replace(judged, numbers=report.numbers)
-        written = self.write(report, self.folder, files if isinstance(files, Mapping) else {})
-        self.end(report, [*files, *written], then=then)
+        written = [] if is_written else self.write(report, self.folder, files if isinstance(files, Mapping) else {})
+
+        # on the terminal or as JSON, and the closing lines
+        self.progress.stop()
+        self.report = report
+        if self.folder not in self.command.written:
+            self.command.written.append(self.folder)
+        if self.options.as_json:
+            from gough_stewart.harness.report.document import thinned, to_json
+
+            sys.stdout.write(to_json(thinned(report)) + "\n")
+        else:
+            from gough_stewart.harness.report.terminal import show
+
+            show(report, Terminal())
+        for note in report.notes:
+            if note.kind == "warning":
+                warn(note.text)
+        self.command.close([*files, *written], self.folder, done=done, then=then, open_it=self.options.open_it)
 
     def write(self, report: "Report", folder: Path, files: "Mapping[str, Content]") -> list[str]:
         """Write these files with report.json, figures and page as one set; the names of those that are not in `files`.
@@ -231,27 +252,6 @@ class Running:
         if folder == self.folder:
             self.command.written.append(folder)
         return new.names[len(files) :]
-
-    def end(
-        self, report: "Report", files: Sequence[str], *, done: str | None = "Done", then: str | None = None
-    ) -> None:
-        """Print a report whose files are written, on the terminal or as JSON, and the closing lines."""
-        self.progress.stop()
-        self.report = report
-        if self.folder not in self.command.written:
-            self.command.written.append(self.folder)
-        if self.options.as_json:
-            from gough_stewart.harness.report.document import thinned, to_json
-
-            sys.stdout.write(to_json(thinned(report)) + "\n")
-        else:
-            from gough_stewart.harness.report.terminal import show
-
-            show(report, Terminal())
-        for note in report.notes:
-            if note.kind == "warning":
-                warn(note.text)
-        self.command.close(files, self.folder, done=done, then=then, open_it=self.options.open_it)
 
 
 def _is_among(requirement: "Required", names: Collection[str]) -> bool:

@@ -11,7 +11,7 @@ from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Serie
 from gough_stewart.harness.report.document import Report, Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
-from gough_stewart.harness.report.words import counted as count
+from gough_stewart.harness.report.quantities import counted as count
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import BY_NAME

@@ -18,12 +18,10 @@ from gough_stewart.harness.ensemble.sensitivity import sensitivity_of
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Chart
-from gough_stewart.harness.report.document import Number, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import SHARE, fine
+from gough_stewart.harness.report.document import Cell, Column, Number, Report, Section, Table, Value, Verdict
+from gough_stewart.harness.report.quantities import SHARE, fine, percent, sentence
+from gough_stewart.harness.report.quantities import counted as count
 from gough_stewart.harness.report.requirements import quantile_interval
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import counted as count
-from gough_stewart.harness.report.words import percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.table_file import write_to
 from gough_stewart.harness.view.view import differ_in, differing

@@ -35,13 +35,13 @@ from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.members import Members, decisive, varying_members
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.quantities import fineness_of
 from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, bands_frame, joined_samples, samples_frame
 from gough_stewart.harness.table_file import scan_parquet, write_to
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
+from gough_stewart.model.process.files import check_output_folder, reserved, write_whole
+from gough_stewart.model.process.installed import versions
 from gough_stewart.model.process.progress import StepProgress
 
 PLAN, CHUNKS = "plan.json", "chunks"
@@ -130,7 +130,7 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
             folder = Path(out)
             stack.enter_context(reserved(folder))
             check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
-            remove_leftovers(folder / CHUNKS)
+            check_output_folder(folder / CHUNKS, ())
 
         # processes import while this one plans; only their number where it may turn out that none is needed
         say("planning")

@@ -14,14 +14,35 @@ from gough_stewart.harness.ensemble.charts import ensemble_charts, quantity_of_i
 from gough_stewart.harness.ensemble.member_table import BANDS, FINAL, MEMBERS, METADATA, PEAK, SAMPLES, MemberTable
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_of
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Status,
+    Table,
+    Value,
+    Verdict,
+    settings_of,
+)
 from gough_stewart.harness.report.page import to_html
-from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity, fine
+from gough_stewart.harness.report.quantities import (
+    SHARE,
+    TIME,
+    Quantity,
+    about,
+    at_least,
+    at_most,
+    fine,
+    listed,
+    percent,
+    sentence,
+)
+from gough_stewart.harness.report.quantities import counted as count
 from gough_stewart.harness.report.requirements import METHOD, quantile_interval, share_interval
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
-from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.record_data import faults_of

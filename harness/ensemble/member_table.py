@@ -23,8 +23,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.quantities import LENGTH
-from gough_stewart.harness.report.words import exactly
+from gough_stewart.harness.report.quantities import LENGTH, exactly
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray

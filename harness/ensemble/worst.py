@@ -10,10 +10,9 @@ from gough_stewart.harness.ensemble.ensemble_report import Ensemble
 from gough_stewart.harness.experiment.members import members_from
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
-from gough_stewart.harness.report.document import File, Report, Section
+from gough_stewart.harness.report.document import Cell, Column, File, Report, Section, Table, Value
 from gough_stewart.harness.report.page import PAGE
 from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, Quantity
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
 from gough_stewart.harness.results.oscillation import outcome_text

@@ -44,25 +44,27 @@ from gough_stewart.harness.motion.motion import Motion, Reference, slower
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
     Note,
     Number,
     Report,
     Section,
     Status,
+    Table,
+    Value,
     Verdict,
     settings_of,
-    versions,
 )
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.quantities import fine, fineness_of, of_unit
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import listed, number_text, percent, sentence
+from gough_stewart.harness.report.quantities import fine, fineness_of, listed, number_text, of_unit, percent, sentence
 from gough_stewart.harness.results.metric_folds import AXES
 from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import condition_number_bound, jacobian_of_legs, leg_geometry
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.installed import versions
 from gough_stewart.model.units import number
 from gough_stewart.model.vectors import first_of_largest
 

@@ -19,11 +19,30 @@ from gough_stewart.harness.errors import ControllerError, RecordError
 from gough_stewart.harness.experiment.file import digests, load_experiment
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Status,
+    Table,
+    Verdict,
+    settings_of,
+)
 from gough_stewart.harness.report.page import to_html
-from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, Quantity
-from gough_stewart.harness.report.table import Cell, Column, Table
-from gough_stewart.harness.report.words import about, percent, sentence
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    DECIBEL,
+    FREQUENCY,
+    NUMBER,
+    SHARE,
+    Quantity,
+    about,
+    percent,
+    sentence,
+)
 from gough_stewart.harness.results.record import Record, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian

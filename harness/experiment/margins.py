@@ -43,12 +43,34 @@ from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import Prepared, platforms_of, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Table,
+    Value,
+    Verdict,
+    settings_of,
+)
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import about, at_least, counted, listed, sentence
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    DECIBEL,
+    FREQUENCY,
+    NUMBER,
+    SHARE,
+    TIME,
+    Quantity,
+    about,
+    at_least,
+    counted,
+    listed,
+    sentence,
+)
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.harness.section import plain
 from gough_stewart.model.errors import GoughStewartError

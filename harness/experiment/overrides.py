@@ -16,10 +16,9 @@ from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
-from gough_stewart.harness.report.quantities import of_unit
-from gough_stewart.harness.report.words import plain_text
+from gough_stewart.harness.report.quantities import of_unit, plain_text
 from gough_stewart.harness.sampling.variation import EnsembleChoice, VariedValue
-from gough_stewart.harness.section import TableSection, Unit, Vector, annotation_in, complaints, kinds, sections_in
+from gough_stewart.harness.section import TableSection, Unit, annotation_in, complaints, kinds, sections_in
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
@@ -238,7 +237,8 @@ def place_of(  # noqa: PLR0912, PLR0915 - one road, in sections
             quantity = annotation_in(Unit, field.annotation, *field.metadata)
             if quantity is None:
                 return Place(path, VariedValue(column, None, (), None))
-            shape = (quantity.size,) if isinstance(quantity, Vector) else ()
+            size = getattr(quantity, "size", None)
+            shape = () if size is None else (size,)
             numbers = None if value is None or isinstance(value, str) else np.asarray(value, dtype=float)
             return Place(path, VariedValue(column, quantity.unit, shape, numbers))
         if not (isinstance(value, TableSection) or (value is None and any(may_be))):

@@ -30,10 +30,9 @@ from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.harness.report.document import Note, Number, Report, versions
-from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.document import Note, Number, Report
+from gough_stewart.harness.report.quantities import LENGTH, exactly
 from gough_stewart.harness.report.requirements import Required, with_requirements
-from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.oscillation import FAULTS, MANUAL
@@ -43,6 +42,7 @@ from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model import interface
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.process.files import Content, check_output_folder, file_set
+from gough_stewart.model.process.installed import versions
 from gough_stewart.model.process.progress import StepProgress, TimeProgress
 from gough_stewart.model.vectors import FloatArray
 

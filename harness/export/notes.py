@@ -18,10 +18,8 @@ from gough_stewart.harness.export.stability import (
     StabilityReport,
     output_delay_of,
 )
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER
-from gough_stewart.harness.report.table import Column, Table
-from gough_stewart.harness.report.words import listed, sentence
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER, listed, sentence
 from gough_stewart.harness.section import Kind
 
 _NAMES: dict[str, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit", "page": "live page"}
@@ -174,8 +172,7 @@ def complaint(loop: LoopStability) -> str:
 
 def in_short(loop: LoopStability) -> str:
     """A loop in one line."""
-    worst, alpha = loop.worst_of_all, min((m.disk.alpha for m in loop.known_margins), default=None)
-    robustness = "" if alpha is None else f", disk margin {alpha:.3g}"
+    worst, robustness = loop.worst_of_all, "" if loop.disk is None else f", disk margin {loop.disk.alpha:.3g}"
     return (
         f"{'stable' if loop.is_stable else 'UNSTABLE'} {loop.surroundings.where}{_with(worst.loop)}: |z| = "
         f"{worst.size:.5g} ({worst.what}){robustness}"
@@ -255,9 +252,8 @@ def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> 
 
 def robustness_of(loop: LoopStability) -> float:
     """The smallest disk margin that is known of a loop; 0 of an unstable one, infinite if none is known."""
-    if not loop.is_stable:
-        return 0.0
-    return min((margins.disk.alpha for margins in loop.known_margins), default=math.inf)
+    of_stable = math.inf if loop.disk is None else loop.disk.alpha
+    return of_stable if loop.is_stable else 0.0
 
 
 def export_report(
@@ -285,7 +281,7 @@ def export_report(
     # the least margins of the loops, with the delay that each form has; 0 of an unstable loop
     numbers, of_forms = list[Number](), "of the forms' loops, with the delay that each form has"
     if loops:
-        disk = min((margins.disk for margins in loops[0].known_margins), key=lambda disk: disk.alpha, default=None)
+        disk = loops[0].disk
         known = (None, None, None) if disk is None else (disk.alpha, 20 * math.log10(disk.gain[1]), disk.phase)
         alpha, gain, phase = known if loops[0].is_stable else (0.0, 0.0, 0.0)
         numbers = [

@@ -16,6 +16,7 @@ import numpy as np
 
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.loop_margins import (
+    DiskMargin,
     Margins,
     closed_loop,
     disk_margin,
@@ -142,10 +143,11 @@ class LoopStability:
         return self.nominal if self.nominal.size >= 1 else max(cases, key=lambda case: case.size)
 
     @property
-    def known_margins(self) -> list[Margins]:
-        """Of the nominal machine and of the least robust member, as far as they are known."""
+    def disk(self) -> DiskMargin | None:
+        """The least margin of the nominal machine and of the least robust member, as far as they are known."""
         worst = None if self.margins_of_worst is None else self.margins_of_worst[1]
-        return [margins for margins in (self.margins, worst) if margins is not None]
+        known = [margins.disk for margins in (self.margins, worst) if margins is not None]
+        return min(known, key=lambda disk: disk.alpha, default=None)
 
     @property
     def is_stable(self) -> bool:

@@ -18,7 +18,18 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.regressor import unit_of
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Status,
+    Table,
+    Value,
+    Verdict,
+)
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     DECIBEL,
@@ -28,11 +39,13 @@ from gough_stewart.harness.report.quantities import (
     NUMBER,
     SHARE,
     Quantity,
+    counted,
+    listed,
     of_unit,
+    percent,
+    sentence,
 )
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.report.words import counted, listed, percent, sentence
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.run_report import run_numbers

@@ -31,10 +31,8 @@ from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
 from gough_stewart.harness.motion.references import Excitation
 from gough_stewart.harness.report.chart import time_axis
-from gough_stewart.harness.report.document import Number, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import NUMBER, of_unit
-from gough_stewart.harness.report.table import Column, Table, Value
-from gough_stewart.harness.report.words import counted, sentence
+from gough_stewart.harness.report.document import Column, Number, Report, Section, Table, Value, Verdict
+from gough_stewart.harness.report.quantities import NUMBER, counted, of_unit, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.interface import State

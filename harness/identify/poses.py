@@ -11,10 +11,8 @@ from gough_stewart.harness.identify.log import Log, check_poses
 from gough_stewart.harness.motion.recorded.recording import LegLengths, absolute_lengths, poses_of_lengths
 from gough_stewart.harness.pose_convention import OURS, QUATERNION, PoseConvention
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, COUNT, LENGTH, NUMBER, POSITION
-from gough_stewart.harness.report.table import Column, Table, Value
-from gough_stewart.harness.report.words import counted, sentence
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Value, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, LENGTH, NUMBER, POSITION, counted, sentence
 from gough_stewart.model.forward_kinematics import ForwardKinematics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.cache import BuildError, state_of_files
+from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.libraries import WIDTH, law_library, loop_sources, machine_code, vector_library
 from gough_stewart.fmu_build.toolchain import Library
 from gough_stewart.harness.control.component import Cut, Drive, ForceLimits, Freeze, Sensor, Stepped, Takeover
@@ -55,9 +55,7 @@ def loop_kernel(variant: Variant) -> CompiledLanes:
 
 def loop_code(variant: Variant = IDEAL) -> Library:
     """The description of the library."""
-    return vector_library(
-        "loop", lambda: loop_sources(components_header(), variant), state_of_files(*_SOURCES), variant
-    )
+    return vector_library("loop", lambda: loop_sources(components_header(), variant), "", variant, _SOURCES)
 
 
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:

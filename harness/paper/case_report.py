@@ -3,10 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, ANGULAR_VELOCITY, NUMBER, POSITION, VELOCITY, Quantity
-from gough_stewart.harness.report.table import Column, Table, Value
-from gough_stewart.harness.report.words import sentence
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Table, Value, Verdict
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    NUMBER,
+    POSITION,
+    VELOCITY,
+    Quantity,
+    sentence,
+)
 from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_charts import run_charts, scenes, shown
 

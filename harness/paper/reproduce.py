@@ -26,7 +26,7 @@ from gough_stewart.harness.paper.open_loop import (
     run_kernel,
     run_stepping,
 )
-from gough_stewart.harness.report.document import Report, versions
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, files_of
 from gough_stewart.harness.results.record import Record
@@ -38,6 +38,7 @@ from gough_stewart.model.interface import State
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.installed import versions
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:

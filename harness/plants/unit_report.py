@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gough_stewart.fmu_build.plant.plant_component import plant_component
-from gough_stewart.harness.report.document import File, Note, Number, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import COUNT, NUMBER
-from gough_stewart.harness.report.table import Cell, Column, Table
-from gough_stewart.harness.report.words import listed, plain_text, sentence
+from gough_stewart.harness.report.document import Cell, Column, File, Note, Number, Report, Section, Table, Verdict
+from gough_stewart.harness.report.quantities import COUNT, NUMBER, listed, plain_text, sentence
 from gough_stewart.model.interface import IDEAL, Variant, unit_text
 from gough_stewart.model.platform import Platform
 

@@ -8,34 +8,136 @@ elsewhere. A part of a section says what it is by `part`. docs/report.md describ
 """
 
 import json
-import platform
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, Discriminator, Field, Tag, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 from pydantic_core import to_json as to_json_bytes
+from rich.cells import cell_len
 
 from gough_stewart.harness.report.chart import COLUMNS, Chart, Scene, Surface
 from gough_stewart.harness.report.data import CONFIG, Data, Defined, Vector
 from gough_stewart.harness.report.packing import decimated
-from gough_stewart.harness.report.quantities import NUMBER, Quantity
-from gough_stewart.harness.report.table import Table
-from gough_stewart.harness.report.words import plain_text
+from gough_stewart.harness.report.quantities import NUMBER, Quantity, plain_text
 
 VERSION = 1
-# The software that computes a result, beside Python.
-PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "control", "fmpy", "ziglang", "polars", "matplotlib")
 # Points of a line, and frames of a scene, that other programs are given.
 POINTS, FRAMES = 800, 201
 Status = Literal["good", "marginal", "bad", "told"]
 Verdicts = Literal["met", "missed", "open"]
+_NUMBER = re.compile(r"[-+±×<(\s]*\d")
+# Longer texts of several words are sentences, which wrap.
+PROSE = 18
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, config=CONFIG)
+class Value(Data):
+    """A number in a cell of a table whose quantity is not that of its column."""
+
+    value: Defined
+    quantity: Quantity
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, str) and value in ("Infinity", "-Infinity"):  # as JSON has them
+        return float(value)
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+Cell = Annotated[str | bool | int | float | Value | None, BeforeValidator(_cell)]
+
+
+@dataclass(frozen=True, config=CONFIG)
+class Column(Data):
+    """A column of a table; `quantity` for numbers that are all of one kind."""
+
+    name: str
+    quantity: Quantity | None = None
+    explanation: str = ""
+
+    @property
+    def title(self) -> str:
+        """Name, and unit of numbers that are all of one kind."""
+        return self.quantity.headed(self.name) if self.quantity else self.name
+
+
+@dataclass(frozen=True, config=CONFIG)
+class Table(Data):
+    """Rows of cells under columns; the first cell of a row names it."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    sortable: bool = False
+    first_shown: int | None = None  # the rows that are shown at first; None for all
+    group_ends: tuple[int, ...] = ()  # rows after which a group ends
+    note: str = ""
+    detail: bool = False  # on the page only, and not shown at first
+    beside: bool = False  # on the page under the verdict, where a chart or surface is the picture
+    links: tuple[str, ...] = ()  # a page for each row, relative to the report's; "" for none
+
+    def __post_init__(self) -> None:
+        links, rows = len(self.links), len(self.rows)
+        if links not in (0, rows):
+            raise ValueError(f"{links} links of '{self.title}'; expected one for each of {rows} rows")
+        for k, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
+
+    @property
+    def shown(self) -> list[tuple[str, ...]]:
+        """The cells of all rows as a terminal shows them; a unit that a row shares is beside its first cell."""
+        rows = []
+        for k, unit in enumerate(self.shared_units):
+            name, *others = self.texts(k, units=not unit)
+            rows.append((f"{name} {unit}" if unit else name, *others))
+        return rows
+
+    @cached_property
+    def shared_units(self) -> tuple[str, ...]:
+        """By row, the unit of one whose values have the same one, which is then said once; "" for another row.
+
+        Where columns state units too, this holds for all rows or none, so that they look alike.
+        """
+        units = [{cell.quantity.unit_text for cell in cells[1:] if isinstance(cell, Value)} for cells in self.rows]
+        is_mixed = any(column.quantity for column in self.columns[1:]) and any(len(kinds) > 1 for kinds in units)
+        return tuple("" if is_mixed or len(kinds) != 1 else kinds.pop() for kinds in units)
+
+    def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
+        """The cells of a row as shown; units only where the column does not state it, or never."""
+        shown = list[str]()
+        for cell, column in zip(self.rows[row], self.columns, strict=True):
+            if isinstance(cell, Value):
+                shown.append(cell.quantity.text(cell.value, unit=units))
+            elif isinstance(cell, bool):
+                shown.append("yes" if cell else "no")
+            elif isinstance(cell, str) or (isinstance(cell, int) and column.quantity is None):
+                shown.append(str(cell))
+            else:
+                shown.append((column.quantity or NUMBER).text(cell, unit=False))
+        return tuple(shown)
+
+
+def is_at_right(cells: Sequence[Cell], texts: Sequence[str]) -> bool:
+    """Whether a column is right-aligned: its cells are numbers or blank, or its texts numbers and no sentences."""
+    filled = [cell for cell in cells if cell not in (None, "")]
+    if filled and all(isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in filled):
+        return True
+    numbers = [_NUMBER.match(text) is not None for text in texts]
+    return any(numbers) and (all(numbers) or not any(cell_len(text) > PROSE and " " in text for text in texts))
+
+
+# --- the report -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False, config=CONFIG)
@@ -69,7 +171,9 @@ class Number(Data):
         quantity = self.quantity
         interval = None if self.low is self.high is None else quantity.range_text(self.low, self.high)
         limit = None if self.limit is None else f"limit {quantity.text(self.limit)}"
-        margin = None if self.margin is None else margin_text(quantity, self.margin)
+        margin = None
+        if self.margin is not None:
+            margin = f"{quantity.text(abs(self.margin))} {'beyond' if self.margin < 0 else 'left'}"
         return ", ".join(filter(None, (interval, limit, margin, self.doubt)))
 
 
@@ -140,13 +244,10 @@ class Requirement(Data):
     def found(self) -> str:
         """The value with its margin, and how sure."""
         value = None if self.value is None else self.quantity.text(self.value)
-        margin = None if self.margin is None else margin_text(self.quantity, self.margin)
+        margin = None
+        if self.margin is not None:
+            margin = f"{self.quantity.text(abs(self.margin))} {'beyond' if self.margin < 0 else 'left'}"
         return "; ".join(filter(None, (", ".join(filter(None, (value, margin))), self.note)))
-
-
-def margin_text(quantity: Quantity, margin: float) -> str:
-    """A margin to a limit, in words if it is beyond."""
-    return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
 
 
 Part = Annotated[
@@ -217,7 +318,7 @@ class Report(Data):
 
 # --- JSON ------------------------------------------------------------------------------------------------------------
 
-_REPORT = TypeAdapter(Report)
+_REPORT, _QUANTITY = TypeAdapter(Report), TypeAdapter(Quantity)
 
 
 def to_json(report: Report) -> str:
@@ -230,7 +331,7 @@ def to_json(report: Report) -> str:
         written["parts"] = [{"part": kind, **part} for kind, part in zip(kinds, written["parts"], strict=True)]
     for note in data.get("notes", ()):
         note["part"] = "note"
-    quantities = {key: quantity.changed for quantity, key in keys.items()}
+    quantities = {key: _QUANTITY.dump_python(quantity) for quantity, key in keys.items()}
     whole = {"version": VERSION, "quantities": quantities, **data}
     return to_json_bytes(whole, inf_nan_mode="strings").decode()
 
@@ -265,41 +366,33 @@ def thinned(report: Report, points: int = POINTS) -> Report:
 
     Samples of members, of millions of numbers, are left out.
     """
-
-    def fewer(part: Part) -> Part:
-        if isinstance(part, Scene) and len(part.time) > FRAMES:
-            kept = np.unique(np.linspace(0, len(part.time) - 1, FRAMES).astype(int))
-            arrays = {name: array[kept] for name in ("time", *COLUMNS) if (array := getattr(part, name)) is not None}
-            # what was on in any part of the time between two of the frames is on
-            flags = tuple(
-                replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept)))
-                for flag in part.flags
-            )
-            return replace(part, flags=flags, **arrays)
-        if not isinstance(part, Chart):
-            return part
-        part = part if part.samples is None else replace(part, samples=None)
-        if part.kind not in ("line", "step") or all(len(series.values) <= points for series in part.series):
-            return part
-        fewer_points = []
-        for series in part.series:
-            x = part.x_of(series)
-            kept = decimated(np.arange(len(x), dtype=float), series.values, points)[0].astype(int)
-            known = {name: getattr(series, name) for name in ("values", "low", "high", "members")}
-            arrays = {name: array[kept] for name, array in known.items() if array is not None}
-            fewer_points.append(replace(series, x=x[kept], of=len(x), **arrays))
-        # every series has abscissae of its own now
-        return replace(part, x=replace(part.x, values=np.zeros(0)), series=tuple(fewer_points))
-
-    sections = tuple(replace(section, parts=tuple(map(fewer, section.parts))) for section in report.sections)
-    return replace(report, sections=sections)
-
-
-@cache
-def versions() -> Mapping[str, str]:
-    """Versions of Python and of relevant packages, and the type of machine; reading them takes longer than a run."""
-    installed = {"python": platform.python_version()}
-    for package in PACKAGES:
-        with suppress(PackageNotFoundError):  # such as those of the extra `fmu`
-            installed[package] = version(package)
-    return {**installed, "machine": f"{platform.system()} {platform.machine()}"}
+    sections = []
+    for section in report.sections:
+        parts: list[Part] = []
+        for part in section.parts:
+            fewer = part
+            if isinstance(part, Scene) and len(part.time) > FRAMES:
+                kept = np.unique(np.linspace(0, len(part.time) - 1, FRAMES).astype(int))
+                arrays = {name: row[kept] for name in ("time", *COLUMNS) if (row := getattr(part, name)) is not None}
+                # what was on in any part of the time between two of the frames is on
+                flags = tuple(
+                    replace(flag, values="".join("01"["1" in flag.values[a:b]] for a, b in pairwise(kept)))
+                    for flag in part.flags
+                )
+                fewer = replace(part, flags=flags, **arrays)
+            elif isinstance(part, Chart):
+                fewer = part if part.samples is None else replace(part, samples=None)
+                is_line = part.kind in ("line", "step")
+                if is_line and any(len(series.values) > points for series in part.series):
+                    curves = []
+                    for series in part.series:
+                        x = part.x_of(series)
+                        kept = decimated(np.arange(len(x), dtype=float), series.values, points)[0].astype(int)
+                        known = {name: getattr(series, name) for name in ("values", "low", "high", "members")}
+                        arrays = {name: array[kept] for name, array in known.items() if array is not None}
+                        curves.append(replace(series, x=x[kept], of=len(x), **arrays))
+                    # every series has abscissae of its own now
+                    fewer = replace(fewer, x=replace(part.x, values=np.zeros(0)), series=tuple(curves))
+            parts.append(fewer)
+        sections.append(replace(section, parts=tuple(parts)))
+    return replace(report, sections=tuple(sections))

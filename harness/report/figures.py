@@ -25,8 +25,7 @@ from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.palette import DASHES, INK, MARK_DASHES, colour_of
 from gough_stewart.harness.report.palette import KINDS as COLOURS_OF_KINDS
 from gough_stewart.harness.report.plotting import entitle, files_of
-from gough_stewart.harness.report.quantities import least_span
-from gough_stewart.harness.report.words import number_text, percent
+from gough_stewart.harness.report.quantities import least_span, number_text, percent
 from gough_stewart.model.vectors import FloatArray
 
 KINDS = ("pdf", "png", "svg")

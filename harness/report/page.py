@@ -17,7 +17,7 @@ import numpy as np
 from markupsafe import Markup
 
 from gough_stewart.harness.report.chart import COLUMNS, Axis, Chart, Map, Scene, Series, Surface, looks_of
-from gough_stewart.harness.report.document import Part, Report, Section
+from gough_stewart.harness.report.document import Cell, Column, Part, Report, Section, Table, Value, is_at_right
 from gough_stewart.harness.report.offline import TEMPLATES, asset, bokeh, document, licence_of, three, three_licence
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.palette import (
@@ -33,10 +33,9 @@ from gough_stewart.harness.report.palette import (
     colour_of,
     colour_of_six,
 )
-from gough_stewart.harness.report.quantities import Quantity, least_span
+from gough_stewart.harness.report.quantities import Quantity, least_span, percent
 from gough_stewart.harness.report.requirements import OUTCOMES
-from gough_stewart.harness.report.table import Cell, Column, Table, Value, is_at_right
-from gough_stewart.harness.report.words import explained, percent, with_minus, with_terms
+from gough_stewart.harness.report.words import explained, with_minus, with_terms
 from gough_stewart.model.vectors import FloatArray
 
 PAGE = "report.html"

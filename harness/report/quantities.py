@@ -1,13 +1,17 @@
 """How quantities are written, the same in the terminal, on pages and in figures: unit, significant digits, words.
 
+In sentences numbers have few digits, and bounds are rounded to the side on which they hold.
+
 Numbers of a report are stored in SI units, a percentage in percent; `factor` converts one to the unit in which it is
 shown. Angles are shown in degrees.
 """
 
 import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, fields, is_dataclass, replace
 from typing import Annotated, Any, TypeVar, cast
 
+import numpy as np
 from pydantic import ConfigDict, Field, SerializationInfo, ValidationInfo, model_serializer, model_validator
 from pydantic.dataclasses import dataclass
 
@@ -73,18 +77,14 @@ class Quantity:
     def _key(self, info: SerializationInfo) -> Any:
         keys: dict[Quantity, str] | None = info.context
         if keys is None:
-            return self.changed
+            # its fields that have not their default
+            defaults = {field.name: field.default for field in fields(self)}
+            return {name: value for name, value in asdict(self).items() if value != defaults[name]}
         if self not in keys:
             stem, used = self.name or self.unit or "number", set(keys.values())
             names = (stem, *(f"{stem} {k}" for k in range(2, len(used) + 3)))
             keys[self] = next(name for name in names if name not in used)
         return keys[self]
-
-    @property
-    def changed(self) -> dict[str, Any]:
-        """Its fields that have not their default."""
-        defaults = {field.name: field.default for field in fields(self)}
-        return {name: value for name, value in asdict(self).items() if value != defaults[name]}
 
     @property
     def unit_text(self) -> str:
@@ -207,3 +207,88 @@ SHARE = Quantity("1", "%", 100.0, "share")
 PERCENT = Quantity("1", "%", 1.0, "percentage")
 NUMBER = Quantity("", "", 1.0, "number")
 COUNT = Quantity("", "", 1.0, "count", digits=9)
+
+
+# ---- in sentences ----
+
+# Significant digits of a number; tables have more.
+DIGITS = 2
+METRES = Quantity("m", "m")
+
+
+def about(
+    quantity: Quantity, value: float | None, digits: int = DIGITS, side: Callable[[float], int] | None = None
+) -> str:
+    """A number with its unit and few digits; with `math.ceil` or `math.floor` rounded to that side."""
+    shown = 0.0 if value is None else value * quantity.factor
+    if side is not None and math.isfinite(shown) and shown != 0:
+        step = 10.0 ** (math.floor(math.log10(abs(shown))) + 1 - digits)
+        # what is 0.8 up to rounding errors stays 0.8
+        value = side(round(shown / step, 9)) * step / quantity.factor
+    return replace(quantity, digits=digits).text(value)
+
+
+def exactly(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
+    """The same, also of what is below the resolution of display."""
+    return about(quantity.telling(value), value, digits)
+
+
+def at_most(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
+    """The same as an upper bound, rounded up: "within 0.81 mm" holds for 0.8012 mm.
+
+    Lengths from a metre on are in metres; what is below the resolution of display is within that.
+    """
+    kind = METRES if quantity == LENGTH and abs(value) >= 1 else quantity
+    return about(kind, value, digits, math.ceil).removeprefix("< ")
+
+
+def at_least(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
+    """The same as a lower bound, rounded down."""
+    return about(quantity, value, digits, math.floor)
+
+
+def percent(share: float, digits: int = DIGITS) -> str:
+    """A share in percent; 100 % only if it is 1: 99.96 % gets as many digits as that takes."""
+    if not math.isfinite(share):
+        return "beyond"
+    for more in range(digits, 16):
+        text = f"{100 * share:.{more}g}"
+        text = f"{100 * share:.0f}" if "e+" in text else text
+        if share == 1 or text != "100":
+            return f"{text} %"
+    return "100 %"
+
+
+def counted(number: int, one: str, many: str | None = None) -> str:
+    """A count with its noun: 1 member, 1,000 members."""
+    return f"{number:,} {one if number == 1 else many or one + 's'}"
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Words with commas and a last conjunction."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
+
+
+def sentence(parts: Iterable[str | None]) -> str:
+    """Parts of a verdict with semicolons between them, the first with a capital letter."""
+    text = "; ".join(part for part in parts if part)
+    return text[:1].upper() + text[1:]
+
+
+def number_text(value: float | None, digits: int = 4) -> str:
+    """A number with at most this many significant digits."""
+    return Quantity("", "", digits=digits).text(value)
+
+
+def plain_text(value: Any) -> str:
+    """A value of a file as text, numbers with six digits."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        rows = [plain_text(item) for item in value]
+        return "; ".join(rows) if value and isinstance(value[0], list) else ", ".join(rows)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {plain_text(item)}" for key, item in value.items())
+    return str(value)

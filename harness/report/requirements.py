@@ -23,8 +23,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import RequirementError
 from gough_stewart.harness.report.document import Number, Report, Requirement, Verdicts
-from gough_stewart.harness.report.quantities import Quantity
-from gough_stewart.harness.report.words import sentence
+from gough_stewart.harness.report.quantities import Quantity, sentence
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray
 

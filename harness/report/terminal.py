@@ -6,7 +6,7 @@ Charts, scenes and details are for the page. Without a terminal there are no col
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import StringIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from rich.cells import cell_len
 from rich.console import Console, Group
@@ -14,9 +14,8 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.report.document import Note, Report
+from gough_stewart.harness.report.document import PROSE, Note, Report, Table, is_at_right
 from gough_stewart.harness.report.requirements import OUTCOMES
-from gough_stewart.harness.report.table import PROSE, Table, is_at_right, is_prose
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderResult
@@ -84,78 +83,71 @@ def text_of(shown: Report | Sequence[Table], width: int = 100) -> str:
 
 @dataclass(frozen=True)
 class TerminalTable:
-    """A table as wide as the terminal; columns that do not fit continue in a table below.
+    """A table as wide as the terminal; columns that do not fit continue in tables below, each with the names of rows.
 
-    A row whose numbers have one unit has it once, beside its name.
+    A row whose numbers have one unit has it once, beside its name. Heads and names wrap first. If the numbers alone are
+    too wide, the columns are divided among as few tables as possible: legs 1 to 3, then legs 4 to 6 and all.
     """
 
     table: Table
 
-    def __rich_console__(self, _console: Console, options: "ConsoleOptions") -> "RenderResult":
+    def __rich_console__(self, _console: Console, options: "ConsoleOptions") -> "RenderResult":  # noqa: PLR0912
         """The title, the rows that are shown at first, and what is left out."""
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
         heads = [column.title for column in table.columns]
         columns = list(zip(heads, *table.shown[:shown], strict=True))
+
+        # the width at which nothing in a column wraps, and its least one
+        natural = [max(map(cell_len, column)) for column in columns]
+        least = []
+        for k, (head, *cells) in enumerate(columns):
+            if k == 0 or any(cell_len(cell) > PROSE and " " in cell for cell in cells):
+                word = max((cell_len(word) for cell in (head, *cells) for word in cell.split()), default=0)
+                least.append(min(natural[k], max(PROSE, min(word, _LONGEST_WORD))))
+            else:
+                least.append(max(map(cell_len, (*head.split(), *cells)), default=0))
+
+        # the columns of each table; a column has a space on both sides and a line, and the table one line more
+        room, others = options.max_width - 1, len(columns) - 1
+        for number in range(1, max(others, 1) + 1):
+            # the last tables take one more
+            share, more = divmod(others, number)
+            ends = [share * k + max(0, k - number + more) for k in range(number + 1)]
+            parts = [[0, *range(ends[k] + 1, ends[k + 1] + 1)] for k in range(number)]
+            if all(sum(least[k] + 3 for k in part) <= room for part in parts):
+                break
+        else:
+            # even one column beside the names is too wide: narrow the names
+            least[0] = max(1, min(least[0], room - 6 - max(least[1:], default=0)))
+
+        # their widths: what is left goes to the columns that wrap, first to the one that lacks most
+        widths = []
+        for part in parts:
+            of_part = {k: least[k] for k in part}
+            for _ in range(room - sum(of_part.values()) - 3 * len(of_part)):
+                k = max(part, key=lambda k: natural[k] - of_part[k])
+                if of_part[k] == natural[k]:
+                    break
+                of_part[k] += 1
+            widths.append(of_part)
+        names = min(of_part[0] for of_part in widths)  # as wide in all tables
+
         if table.title:
             yield Text(table.title, "bold")
-        for part in stacked_columns(columns, options.max_width):
+        for of_part in widths:
             rows = Rows()
-            for k, width in part:
+            for k, width in of_part.items():
                 is_number = k > 0 and heads[k] != "" and is_at_right([row[k] for row in table.rows], columns[k][1:])
-                rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
+                justify: Literal["left", "right"] = "right" if is_number else "left"
+                rows.add_column(Text(heads[k]), justify=justify, overflow="fold", width=width if k else names)
             for number in range(shown):
-                cells = [Text(columns[k][number + 1]) for k, _ in part]
+                texts = [Text(columns[k][number + 1]) for k in of_part]
                 if unit := table.shared_units[number]:
-                    cells[0].stylize("dim", len(cells[0]) - len(unit))
-                rows.add_row(*cells, end_section=number in table.group_ends)
+                    texts[0].stylize("dim", len(texts[0]) - len(unit))
+                rows.add_row(*texts, end_section=number in table.group_ends)
             yield rows
         if shown < len(table.rows):
             yield Text(f"… {len(table.rows) - shown} more on the page", "dim")
         if table.note:
             yield Text(table.note, "dim")
-
-
-def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[tuple[int, int]]]:
-    """Tables, one above the other, that show all columns within a width; each starts with the first column.
-
-    A column is its head and its cells; of each table, numbers and widths of its columns are returned. Heads and names
-    wrap first. If the numbers alone are too wide, the columns are divided among as few tables as possible: legs 1 to 3,
-    then legs 4 to 6 and all.
-    """
-    # the width at which nothing in a column wraps, and its least one
-    natural = [max(map(cell_len, column)) for column in columns]
-    least = []
-    for k, (head, *cells) in enumerate(columns):
-        if k == 0 or is_prose(cells):
-            word = max((cell_len(word) for cell in (head, *cells) for word in cell.split()), default=0)
-            least.append(min(natural[k], max(PROSE, min(word, _LONGEST_WORD))))
-        else:
-            least.append(max(map(cell_len, (*head.split(), *cells)), default=0))
-    # each column has a space on both sides and a line, and the table one line more
-    room, others = width - 1, len(columns) - 1
-    for number in range(1, max(others, 1) + 1):
-        # the last tables take one more
-        share, more = divmod(others, number)
-        ends = [share * k + max(0, k - number + more) for k in range(number + 1)]
-        tables = [[0, *range(ends[k] + 1, ends[k + 1] + 1)] for k in range(number)]
-        if all(sum(least[k] + 3 for k in table) <= room for table in tables):
-            break
-    else:
-        # even one column beside the names is too wide: narrow the names
-        least[0] = max(1, min(least[0], room - 6 - max(least[1:], default=0)))
-    widths = []
-    for table in tables:
-        # what is left goes to the columns that wrap, first to the one that lacks most
-        of_table = {k: least[k] for k in table}
-        for _ in range(room - sum(of_table.values()) - 3 * len(of_table)):
-            k = max(table, key=lambda k: natural[k] - of_table[k])
-            if of_table[k] == natural[k]:
-                break
-            of_table[k] += 1
-        widths.append(of_table)
-    # names are as wide in all tables
-    names = min(of_table[0] for of_table in widths)
-    return [
-        [(0, names), *((k, of_table[k]) for k in table[1:])] for table, of_table in zip(tables, widths, strict=True)
-    ]

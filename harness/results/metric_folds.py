@@ -12,7 +12,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache import state_of_files
 from gough_stewart.fmu_build.libraries import folds_sources, machine_code, vector_library
 from gough_stewart.fmu_build.toolchain import Library
 from gough_stewart.harness.loop.folds import (
@@ -505,4 +504,4 @@ def folds_code() -> Library:
         folds = {fold.kernel: fold for fold in all_folds if isinstance(fold, TermFold)}
         return folds_sources([fold.traced() for fold in folds.values()])
 
-    return vector_library("folds", sources, state_of_files(*_SOURCES))
+    return vector_library("folds", sources, files=_SOURCES)

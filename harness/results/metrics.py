@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.loop.folds import ERRORS
 from gough_stewart.harness.loop.rows import Folding
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, ENERGY, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
 from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData, column_of_drives

@@ -14,8 +14,8 @@ import polars
 from pydantic import BaseModel, ConfigDict, ValidationError, WrapValidator
 
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME, fine, fineness_of
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.oscillation import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.section import readable_json

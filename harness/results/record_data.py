@@ -10,8 +10,7 @@ import polars
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.plants.signals import AT_MOTORS
-from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
-from gough_stewart.harness.report.words import listed
+from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity, listed
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.parameters import of_legs

@@ -7,7 +7,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Status,
+    Table,
+    Value,
+    Verdict,
+    settings_of,
+)
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     DECIBEL,
@@ -17,11 +29,15 @@ from gough_stewart.harness.report.quantities import (
     SHARE,
     TIME,
     Quantity,
+    about,
+    at_least,
+    at_most,
     fine,
     fineness_of,
+    percent,
+    plain_text,
+    sentence,
 )
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
 from gough_stewart.harness.results.metric_folds import AXES, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
 from gough_stewart.harness.results.oscillation import Oscillation, outcome_text

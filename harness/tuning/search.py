@@ -12,9 +12,8 @@ from gough_stewart.harness.ensemble.member_table import SHORT
 from gough_stewart.harness.errors import RequirementError, SearchError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Place, place_of
-from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
+from gough_stewart.harness.report.quantities import NUMBER, Quantity, exactly, of_unit
 from gough_stewart.harness.report.requirements import Required, required
-from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.units import PLAIN, number

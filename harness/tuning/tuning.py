@@ -14,16 +14,36 @@ from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Axis, Chart, Series
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of, versions
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Report,
+    Section,
+    Status,
+    Table,
+    Value,
+    Verdict,
+    settings_of,
+)
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.quantities import NUMBER, fine, fineness_of
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.report.quantities import (
+    NUMBER,
+    counted,
+    exactly,
+    fine,
+    fineness_of,
+    listed,
+    percent,
+    sentence,
+)
 from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.report.words import counted, exactly, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.search import Evaluation, Search
 from gough_stewart.model.interface import unit_text
+from gough_stewart.model.process.installed import versions
 from gough_stewart.model.units import PLAIN
 
 TUNED = "tuned.toml"

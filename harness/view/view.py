@@ -11,11 +11,9 @@ import numpy as np
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.overrides import value_text
 from gough_stewart.harness.report.chart import Axis, Chart, Scene, Series
-from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
+from gough_stewart.harness.report.document import Cell, Column, Note, Number, Report, Section, Setting, Table, Verdict
 from gough_stewart.harness.report.page import PAGE, page_of
-from gough_stewart.harness.report.quantities import Quantity, fine, fineness_of
-from gough_stewart.harness.report.table import Cell, Column, Table
-from gough_stewart.harness.report.words import at_most, listed
+from gough_stewart.harness.report.quantities import Quantity, at_most, fine, fineness_of, listed
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
 from gough_stewart.harness.results.oscillation import is_sound, outcome_text

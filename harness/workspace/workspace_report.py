@@ -8,10 +8,29 @@ import numpy as np
 import polars as pl
 
 from gough_stewart.harness.report.chart import Axis, Chart, Map, Series, Surface
-from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import counted, listed, number_text, percent, sentence
+from gough_stewart.harness.report.document import (
+    Cell,
+    Column,
+    Note,
+    Number,
+    Part,
+    Report,
+    Section,
+    Table,
+    Value,
+    Verdict,
+)
+from gough_stewart.harness.report.quantities import (
+    NUMBER,
+    SHARE,
+    Quantity,
+    counted,
+    listed,
+    number_text,
+    of_unit,
+    percent,
+    sentence,
+)
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.kinematics import joint_angles, leg_geometry

@@ -30,7 +30,7 @@ _log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Remove what killed processes left in a folder; `OutputError` if files of these names cannot be written there."""
+    """Remove and log what killed processes left in a folder; `OutputError` if these files cannot be written there."""
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent
@@ -42,7 +42,21 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         if (folder / name).is_dir():
             raise OutputError(f"output folder {folder}: {name} is a folder there; expected a file or nothing")
-    remove_leftovers(folder)
+
+    # what a living process writes stays
+    removed = []
+    paths = (path for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name))
+    for path in paths if fcntl is not None else ():
+        with suppress(OSError):  # belongs to somebody else
+            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                if lock(descriptor, path):
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+                    removed.append(path.name)
+            finally:
+                os.close(descriptor)
+    if removed:
+        _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
 
 @contextmanager
@@ -122,52 +136,34 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
                 error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
             raise
         finally:
-            older = {*expected, *owned} if files.names else set()
-            try:
-                _swap_in(files, older)
-            except KeyboardInterrupt:  # finish first: an incomplete set is worse than a short delay
-                _swap_in(files, older)
-                raise
+            older: set[str] = {*expected, *owned} if files.names else set()
+            interrupt: KeyboardInterrupt | None = None
+            # once more if interrupted, which then waits: an incomplete set is worse than a short delay
+            for _ in range(2):
+                new = [name for name in files.names if (temporary / name).exists()]
+                in_place = set(files.names) - set(new)
+                try:
+                    # old files first, so that none is ever beside a new one
+                    for name in older - in_place:
+                        (folder / name).unlink(missing_ok=True)
+                    for name in new:
+                        (temporary / name).replace(folder / name)
+                    break
+                except KeyboardInterrupt as error:
+                    interrupt = error
+                except OSError as error:
+                    # under a name that the next command does not take for a leftover
+                    place = temporary.rename(temporary.with_name(f"not-moved{temporary.stem}"))
+                    error.add_note(f"the new files are in {place}")
+                    raise
+            if interrupt is not None:
+                raise interrupt
 
 
 def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str] = ()) -> None:
     """Write files by name as one set to a folder, which is created if needed; see `file_set`."""
     with file_set(folder, files, owned) as new:
         new.add(files)
-
-
-def _swap_in(files: FileSet, older: set[str]) -> None:
-    """Delete old files first, so that none is ever beside a new one; call again if interrupted."""
-    new = [name for name in files.names if (files.temporary / name).exists()]
-    in_place = set(files.names) - set(new)
-    try:
-        for name in older - in_place:
-            (files.folder / name).unlink(missing_ok=True)
-        for name in new:
-            (files.temporary / name).replace(files.folder / name)
-    except OSError as error:
-        # under a name that the next command does not take for a leftover
-        place = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
-        error.add_note(f"the new files are in {place}")
-        raise
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
-    if fcntl is None:
-        return
-    removed = []
-    for path in (path for path in sorted(folder.glob(".*.part")) if _NAME.fullmatch(path.name)):
-        with suppress(OSError):  # belongs to somebody else
-            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-            try:
-                if lock(descriptor) and _is_there(path, descriptor):
-                    shutil.rmtree(path) if path.is_dir() else path.unlink()
-                    removed.append(path.name)
-            finally:
-                os.close(descriptor)
-    if removed:
-        _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
 
 
 @contextmanager
@@ -182,7 +178,7 @@ def _temporary(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterato
                 descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
             except FileNotFoundError:
                 continue
-            if descriptor is None or (lock(descriptor) is not False and _is_there(path, descriptor)):
+            if descriptor is None or lock(descriptor, path) is not False:
                 yield path
                 return
         finally:
@@ -194,18 +190,17 @@ def _temporary(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterato
                 path.unlink(missing_ok=True)
 
 
-def lock(descriptor: int) -> bool | None:
-    """Whether the lock is ours now; None on file systems without locks."""
+def lock(descriptor: int, path: Path | None = None) -> bool | None:
+    """Whether the lock is ours now, and the path is still that of its file; None on file systems without locks."""
+    has_locks = True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
-        return None
-    return True
-
-
-def _is_there(path: Path, descriptor: int) -> bool:
-    with suppress(OSError):
-        return os.path.samestat(path.stat(), os.fstat(descriptor))
-    return False
+        has_locks = False
+    try:
+        is_there = path is None or os.path.samestat(path.stat(), os.fstat(descriptor))
+    except OSError:
+        is_there = False
+    return is_there and (has_locks or None)

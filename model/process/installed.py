@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import resources
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,8 @@ from typing import Any, NamedTuple
 from gough_stewart.model.errors import EnvironmentVariableError, NotInstalledError
 
 TRACER = "casadi"
+# The software that computes a result, beside Python.
+PACKAGES = ("gough-stewart", "numpy", "scipy", "casadi", "control", "fmpy", "ziglang", "polars", "matplotlib")
 # Where the files are, if there are any.
 PREBUILT = Path(str(resources.files("gough_stewart").joinpath("prebuilt")))
 MANIFEST = "manifest.json"
@@ -88,6 +91,16 @@ def manifest() -> Mapping[str, Any]:
     return lines
 
 
+@cache
+def versions() -> Mapping[str, str]:
+    """Versions of Python and of relevant packages, and the type of machine; reading them takes longer than a run."""
+    installed = {"python": platform.python_version()}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):  # such as those of the extra `fmu`
+            installed[package] = version(package)
+    return {**installed, "machine": f"{platform.system()} {platform.machine()}"}
+
+
 def check_installed(uses: Mapping[str, str]) -> None:
     """Raise `NotInstalledError` if one of these packages is missing, by name with what it is needed for."""
     missing = [package for package in uses if find_spec(package) is None]
@@ -97,30 +110,23 @@ def check_installed(uses: Mapping[str, str]) -> None:
 
 
 @contextmanager
-def tracer_is_named() -> Iterator[None]:
-    """Context for what traces equations from its first line on: `NotInstalledError` if CasADi is missing."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name != TRACER:
-            raise
-        raise NotInstalledError(NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None
+def environment(*, of_harness: bool = True) -> Iterator[None]:
+    """Context for what traces equations from its first line on: `NotInstalledError` if CasADi is missing.
 
-
-@cache
-def check_environment() -> None:
-    """Raise `EnvironmentVariableError` for values that Polars and NumPy cannot read; replace a missing backend."""
+    That of the harness is checked first: `EnvironmentVariableError` for values that Polars and NumPy cannot read, and a
+    missing backend is replaced.
+    """
     for name, least, expected in (
         ("POLARS_MAX_THREADS", 1, "a number of threads of at least 1"),
         ("SOURCE_DATE_EPOCH", 0, "a whole number of seconds since 1970"),
     ):
-        value = os.environ.get(name)
+        value = os.environ.get(name) if of_harness else None
         if value is not None and not (value.isascii() and value.isdigit() and int(value) >= least):
             raise EnvironmentVariableError(
                 f"the environment variable {name} is '{value}'; expected {expected}; unset it"
             )
     # a notebook names its own backend to all commands, which may run in another environment; no window is opened here
-    backend = os.environ.get("MPLBACKEND", "")
+    backend = os.environ.get("MPLBACKEND", "") if of_harness else ""
     if backend.startswith("module://"):
         try:
             is_there = find_spec(backend.removeprefix("module://")) is not None
@@ -128,3 +134,9 @@ def check_environment() -> None:
             is_there = False
         if not is_there:
             os.environ["MPLBACKEND"] = "agg"
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != TRACER:
+            raise
+        raise NotInstalledError(NOT_INSTALLED.format(f"{TRACER} (to trace equations)")) from None

@@ -7,7 +7,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from gough_stewart.harness import section
-from gough_stewart.harness.section import Unit, Vector, annotation_in
+from gough_stewart.harness.section import Unit, annotation_in
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.units import PLAIN, UNITS, number, unit_typed
 
@@ -100,7 +100,7 @@ def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
         return [one] * size if size else one
 
     assert annotation is not None
-    assert (annotation.unit, annotation.size if isinstance(annotation, Vector) else 0) == (unit, size)
+    assert (annotation.unit, getattr(annotation, "size", None) or 0) == (unit, size)
     for value in (0.5, 0.0, -0.5):
         if value > 0 or bound in ("", "channels") or (value == 0 and bound == ">= 0"):
             found = field.validate_python(written(value))

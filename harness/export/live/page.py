@@ -33,7 +33,6 @@ from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.report import page as report_page
-from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.offline import asset, document, three, three_licence
 from gough_stewart.harness.report.palette import THEMES
 from gough_stewart.harness.section import file_names, plain
@@ -42,6 +41,7 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.process.installed import versions
 
 # Scripts of the report's page that all pages share, and of its 3-D view; the machine starts before both are read.
 _FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "shapes.js", "bodies.js")

@@ -12,8 +12,8 @@ import numpy as np
 
 from gough_stewart.harness.motion.limits.shares import LABELS, LOADS, Shares, loads_of_legs
 from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
     condition_number_bound,

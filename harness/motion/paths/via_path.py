@@ -22,7 +22,7 @@ from gough_stewart.harness.motion.paths.time_law import (
 from gough_stewart.harness.motion.recorded.recording import converted, read_poses
 from gough_stewart.harness.motion.references import WrittenPoses
 from gough_stewart.harness.pose_convention import OURS
-from gough_stewart.harness.section import FileName, Share, Time, Vector, positive_or_word
+from gough_stewart.harness.section import FileName, InUnit, Share, Time, positive_or_word
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle, orientation_from_matrix
 
@@ -38,7 +38,7 @@ def _poses(value: Any) -> list[tuple[float, ...]]:
         if not isinstance(listed, list | tuple) or len(listed) != 6:
             raise ValueError(f"pose {k + 1} is {row!r}; expected x, y, z, roll, pitch, yaw")
         try:
-            poses.append((*Vector("m", 3).parsed(listed[:3]), *Vector("rad", 3).parsed(listed[3:])))
+            poses.append((*InUnit("m", size=3).parsed(listed[:3]), *InUnit("rad", size=3).parsed(listed[3:])))
         except ValueError as error:
             raise ValueError(f"pose {k + 1}: {error}") from None
     return poses

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.report.chart import Series
-from gough_stewart.harness.report.document import Number, from_json, schema, to_json
+from gough_stewart.harness.report.document import Column, Number, Table, Value, from_json, schema, to_json
 from gough_stewart.harness.report.quantities import LENGTH
-from gough_stewart.harness.report.table import Column, Table, Value
 from tests.support.reports import whole
 
 

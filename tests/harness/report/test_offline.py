@@ -9,8 +9,8 @@ import pytest
 
 from gough_stewart import GoughStewartError
 from gough_stewart.harness.report import offline
-from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.offline import bokeh, document, three
+from gough_stewart.model.process.installed import versions
 
 
 def test_data_must_be_finite_and_names_need_not_be_utf_8() -> None:

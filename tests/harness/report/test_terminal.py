@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 from rich.text import Text
 
-from gough_stewart.harness.report.document import from_json
+from gough_stewart.harness.report.document import Cell, Column, Table, Value, from_json
 from gough_stewart.harness.report.quantities import Quantity
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import TerminalTable, show, text_of
 from tests.support.commands import invoke
 from tests.support.reports import report, table

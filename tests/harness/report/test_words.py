@@ -21,11 +21,13 @@ from gough_stewart.harness.report.quantities import (
     SHARE,
     TIME,
     Quantity,
+    at_most,
     fine,
     least_span,
     of_unit,
+    percent,
+    plain_text,
 )
-from gough_stewart.harness.report.words import at_most, percent, plain_text
 from tests.support.nano import HEAVY, NANO, nano_experiment
 from tests.support.records import changed, waving_record
 

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from gough_stewart import GoughStewartError
-from gough_stewart.model.process.installed import check_environment
+from gough_stewart.model.process.installed import environment
 
 # Name, value, and what is expected; ² and the Arabic three are digits for Python, and not for the libraries.
 WRONG = [
@@ -26,17 +26,18 @@ BACKENDS = {
 def test_values_that_a_library_cannot_read_are_refused_and_a_missing_backend_is_replaced(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    check = check_environment.__wrapped__
     for name in ("POLARS_MAX_THREADS", "SOURCE_DATE_EPOCH", "MPLBACKEND"):
         monkeypatch.delenv(name, raising=False)
     for name, value, expected in WRONG:
         monkeypatch.setenv(name, value)
         text = f"the environment variable {name} is '{value}'; expected {expected}; unset it"
-        with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$"):
-            check()
+        with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$"), environment():
+            pass
         monkeypatch.setenv(name, "1")
-        check()
+        with environment():
+            pass
     for backend, left in BACKENDS.items():
         monkeypatch.setenv("MPLBACKEND", backend)
-        check()
+        with environment():
+            pass
         assert os.environ["MPLBACKEND"] == left

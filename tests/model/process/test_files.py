@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.model.process.files import check_output_folder, file_set, remove_leftovers, reserved, write_files
+from gough_stewart.model.process.files import check_output_folder, file_set, reserved, write_files
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="locks are POSIX's")
 
@@ -165,7 +165,7 @@ def test_what_a_killed_process_left_is_removed_and_said(
             writer.wait()
             with monkeypatch.context() as patched:
                 patched.setattr("fcntl.flock", lambda *_: half(tmp_path / "other"))
-                remove_leftovers(tmp_path)
+                check_output_folder(tmp_path, ())
                 write_files(tmp_path, {"other": b"2"})
             assert not caplog.messages
             check_output_folder(tmp_path, ["table"])
