@@ -241,21 +241,17 @@ class Loop:
     injection: FloatArray | None = None  # added to the command at every sample (m, 6) [N], to excite the loop
     shape: tuple[int, ...] = ()
 
-    @property
-    def has_faults(self) -> bool:
-        """Whether something may fail in it."""
-        return any(change.faults is not None for change in self.changes)
+    has_faults: bool = field(init=False)  # whether something may fail in it
+    has_switch: bool = field(init=False)  # whether its controller is switched off and on
+    # plant steps between readings of sensors with a clock of their own; 0 for readings at the samples
+    steps_a_reading: int = field(init=False)
 
-    @property
-    def has_switch(self) -> bool:
-        """Whether its controller is switched off and on."""
-        return any(change.manual is not None for change in self.changes)
-
-    @property
-    def steps_a_reading(self) -> int:
-        """Plant steps between readings of sensors with a clock of their own; 0 for readings at the samples."""
+    def __post_init__(self) -> None:
         period = self.sensors.sample_time
-        return 0 if period is None else self.timing.steps_in(period, "the sensors' sample_time")
+        steps = 0 if period is None else self.timing.steps_in(period, "the sensors' sample_time")
+        object.__setattr__(self, "steps_a_reading", steps)
+        object.__setattr__(self, "has_faults", any(change.faults is not None for change in self.changes))
+        object.__setattr__(self, "has_switch", any(change.manual is not None for change in self.changes))
 
     @property
     def worst_delay(self) -> float:
@@ -327,10 +323,11 @@ class ScheduledChanges:
 
     def __init__(self, loop: Loop, plant: Plant) -> None:
         self._plant = plant
-        self.inputs = signals.zeros(plant.shape, interface.N_INPUTS)  # of the plant
+        # (N, size), members contiguous: inputs of the plant, 1 of what has failed, and see `Change`
+        self.inputs, self.faults, self.manual = (
+            np.zeros((size, *plant.shape)).T for size in (interface.N_INPUTS, N_FAULTS, 2 * N_LEGS)
+        )
         self.inputs[:, :N_LEGS] = loop.start_force
-        self.faults = signals.zeros(plant.shape, N_FAULTS)  # 1 of what has failed
-        self.manual = signals.zeros(plant.shape, 2 * N_LEGS)  # see `Change`
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
