@@ -63,6 +63,8 @@ class Timing:
     times: FloatArray = field(init=False, compare=False)  # of the rows (steps + 1,) [s]
     # nominal times of the controller's samples [s]; none at the end of the run
     samples: FloatArray = field(init=False, compare=False)
+    # the rows of the samples, with jitter: (m,), or (m, N) where members differ
+    rows_of_samples: NDArray[np.intp] = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("duration", "sample_time", "plant_step"):
@@ -85,8 +87,6 @@ class Timing:
         steps, steps_a_sample = round(self.duration / short), round(self.sample_time / short)
         steps_late = np.asarray(np.floor(np.asarray(self.jitter) / short + _ROUNDING))
         times = np.arange(steps + 1, dtype=float) * short
-        for shared in (steps_late, times):
-            shared.setflags(write=False)
         jitter, late = np.ravel(self.jitter), np.ravel(steps_late)
         beyond = (jitter != 0) & ~((late >= 1) & (late < steps_a_sample))
         if beyond.any():
@@ -94,15 +94,8 @@ class Timing:
                 f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
                 f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
             )
-        counts = {"steps": steps, "steps_a_sample": steps_a_sample, "steps_late": steps_late}
-        for name, value in {**counts, "times": times, "samples": times[:steps:steps_a_sample]}.items():
-            object.__setattr__(self, name, value)
-
-    @property
-    def rows_of_samples(self) -> NDArray[np.intp]:
-        """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
-        rows = np.arange(0, self.steps, self.steps_a_sample)
-        if np.any(self.jitter):
+        rows = np.arange(0, steps, steps_a_sample)
+        if jitter.any():
             # of each seed a stream after those of the signals' noise; of one (m, 1), scaled by each member's jitter
             shares, stream = list[FloatArray](), len(signals.NAMES)
             for seed in self.seed if isinstance(self.seed, tuple) else (self.seed,):
@@ -110,11 +103,21 @@ class Timing:
                 if isinstance(seed, SeedSequence):
                     words = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))
                 shares.append(np.random.default_rng(words).uniform(size=len(rows)))
-            late = np.floor(np.stack(shares, axis=-1) * (self.steps_late + 1)).astype(np.intp)
-            late[0] = 0  # the first sample is at the start
+            delays = np.floor(np.stack(shares, axis=-1) * (steps_late + 1)).astype(np.intp)
+            delays[0] = 0  # the first sample is at the start
             differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
-            rows = rows[:, None] + late if differ else rows + late[:, 0]
-        return np.minimum(rows, self.steps - 1)
+            rows = np.minimum(rows[:, None] + delays if differ else rows + delays[:, 0], steps - 1)
+        for shared in (steps_late, times, rows):
+            shared.setflags(write=False)
+        for name, value in (
+            ("steps", steps),
+            ("steps_a_sample", steps_a_sample),
+            ("steps_late", steps_late),
+            ("times", times),
+            ("samples", times[:steps:steps_a_sample]),
+            ("rows_of_samples", rows),
+        ):
+            object.__setattr__(self, name, value)
 
     @property
     def sample_of_row(self) -> NDArray[np.intp]:
