@@ -48,8 +48,15 @@ from gough_stewart.model.errors import GoughStewartError, PlatformError, Singula
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import CHOOSING, SMOOTH, State, Variant, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.many_platforms import Platforms, platforms_with
-from gough_stewart.model.platform import CIRCLE_KEYS, Platform, joints_of_keys, load_platform, load_preset
+from gough_stewart.model.platform import (
+    CIRCLE_KEYS,
+    Platform,
+    Platforms,
+    joints_of_keys,
+    load_platform,
+    load_preset,
+    platforms_with,
+)
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.vectors import FloatArray, real_array

@@ -155,7 +155,7 @@ class LoopHost:
             partial(function, self.batch.reference, ctypes.byref(c))
             for function in (self._library.loop_read, self._library.loop_act)
         )
-        sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
+        sampled = timing.rows_of_samples.astype(np.int64, order="C")  # a copy, since environments write to it
         c.sampled = _Indices(self._address(sampled), sampled.strides[0] // 8, int(sampled.ndim == 2))
 
         # actuators

@@ -64,15 +64,12 @@ def coefficients_of(component: type[Stepped], values: dict[str, Any], period: fl
     if not component.by_channel:
         return np.array(np.broadcast_arrays(*prepared), dtype=float)
     n = max(np.shape(value)[-1] for value in values.values())
-    rows = [np.broadcast_to(c, (width, n)) for c, width in zip(prepared, widths_of(component, N_LEGS), strict=True)]
+    # one number, or one for each channel
+    rows = [
+        np.broadcast_to(coefficient, (N_LEGS if name in component.by_channel else 1, n))
+        for name, coefficient in prepared._asdict().items()
+    ]
     return np.concatenate(rows, dtype=float)
-
-
-def widths_of(component: type[Stepped], channels: int) -> list[int]:
-    """How many numbers each coefficient has: one, or one for each channel."""
-    any_value = np.ones(1)
-    names = type(component.prepare(dict.fromkeys(component.keys, any_value), any_value))._fields
-    return [channels if name in component.by_channel else 1 for name in names]
 
 
 def components_header() -> str:
@@ -115,8 +112,9 @@ def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int
 
     from gough_stewart.fmu_build.codegen import in_lanes
 
-    any_value, widths = np.ones(1), widths_of(component, channels)
+    any_value = np.ones(1)
     coefficients_type = type(component.prepare(dict.fromkeys(component.keys, any_value), any_value))
+    widths = [channels if name in component.by_channel else 1 for name in coefficients_type._fields]
     n_coefficients = sum(widths)
     c = casadi.SX.sym("coefficients", n_coefficients)
     ends = np.cumsum([0, *widths]).tolist()

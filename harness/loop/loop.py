@@ -63,6 +63,8 @@ class Timing:
     times: FloatArray = field(init=False, compare=False)  # of the rows (steps + 1,) [s]
     # nominal times of the controller's samples [s]; none at the end of the run
     samples: FloatArray = field(init=False, compare=False)
+    # the rows of the samples, with jitter: (m,), or (m, N) where members differ
+    rows_of_samples: NDArray[np.intp] = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("duration", "sample_time", "plant_step"):
@@ -85,8 +87,6 @@ class Timing:
         steps, steps_a_sample = round(self.duration / short), round(self.sample_time / short)
         steps_late = np.asarray(np.floor(np.asarray(self.jitter) / short + _ROUNDING))
         times = np.arange(steps + 1, dtype=float) * short
-        for shared in (steps_late, times):
-            shared.setflags(write=False)
         jitter, late = np.ravel(self.jitter), np.ravel(steps_late)
         beyond = (jitter != 0) & ~((late >= 1) & (late < steps_a_sample))
         if beyond.any():
@@ -94,15 +94,8 @@ class Timing:
                 f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
                 f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
             )
-        counts = {"steps": steps, "steps_a_sample": steps_a_sample, "steps_late": steps_late}
-        for name, value in {**counts, "times": times, "samples": times[:steps:steps_a_sample]}.items():
-            object.__setattr__(self, name, value)
-
-    @property
-    def rows_of_samples(self) -> NDArray[np.intp]:
-        """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
-        rows = np.arange(0, self.steps, self.steps_a_sample)
-        if np.any(self.jitter):
+        rows = np.arange(0, steps, steps_a_sample)
+        if jitter.any():
             # of each seed a stream after those of the signals' noise; of one (m, 1), scaled by each member's jitter
             shares, stream = list[FloatArray](), len(signals.NAMES)
             for seed in self.seed if isinstance(self.seed, tuple) else (self.seed,):
@@ -110,11 +103,21 @@ class Timing:
                 if isinstance(seed, SeedSequence):
                     words = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))
                 shares.append(np.random.default_rng(words).uniform(size=len(rows)))
-            late = np.floor(np.stack(shares, axis=-1) * (self.steps_late + 1)).astype(np.intp)
-            late[0] = 0  # the first sample is at the start
+            delays = np.floor(np.stack(shares, axis=-1) * (steps_late + 1)).astype(np.intp)
+            delays[0] = 0  # the first sample is at the start
             differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
-            rows = rows[:, None] + late if differ else rows + late[:, 0]
-        return np.minimum(rows, self.steps - 1)
+            rows = np.minimum(rows[:, None] + delays if differ else rows + delays[:, 0], steps - 1)
+        for shared in (steps_late, times, rows):
+            shared.setflags(write=False)
+        for name, value in (
+            ("steps", steps),
+            ("steps_a_sample", steps_a_sample),
+            ("steps_late", steps_late),
+            ("times", times),
+            ("samples", times[:steps:steps_a_sample]),
+            ("rows_of_samples", rows),
+        ):
+            object.__setattr__(self, name, value)
 
     @property
     def sample_of_row(self) -> NDArray[np.intp]:
@@ -241,21 +244,17 @@ class Loop:
     injection: FloatArray | None = None  # added to the command at every sample (m, 6) [N], to excite the loop
     shape: tuple[int, ...] = ()
 
-    @property
-    def has_faults(self) -> bool:
-        """Whether something may fail in it."""
-        return any(change.faults is not None for change in self.changes)
+    has_faults: bool = field(init=False)  # whether something may fail in it
+    has_switch: bool = field(init=False)  # whether its controller is switched off and on
+    # plant steps between readings of sensors with a clock of their own; 0 for readings at the samples
+    steps_a_reading: int = field(init=False)
 
-    @property
-    def has_switch(self) -> bool:
-        """Whether its controller is switched off and on."""
-        return any(change.manual is not None for change in self.changes)
-
-    @property
-    def steps_a_reading(self) -> int:
-        """Plant steps between readings of sensors with a clock of their own; 0 for readings at the samples."""
+    def __post_init__(self) -> None:
         period = self.sensors.sample_time
-        return 0 if period is None else self.timing.steps_in(period, "the sensors' sample_time")
+        steps = 0 if period is None else self.timing.steps_in(period, "the sensors' sample_time")
+        object.__setattr__(self, "steps_a_reading", steps)
+        object.__setattr__(self, "has_faults", any(change.faults is not None for change in self.changes))
+        object.__setattr__(self, "has_switch", any(change.manual is not None for change in self.changes))
 
     @property
     def worst_delay(self) -> float:
@@ -327,10 +326,11 @@ class ScheduledChanges:
 
     def __init__(self, loop: Loop, plant: Plant) -> None:
         self._plant = plant
-        self.inputs = signals.zeros(plant.shape, interface.N_INPUTS)  # of the plant
+        # (N, size), members contiguous: inputs of the plant, 1 of what has failed, and see `Change`
+        self.inputs, self.faults, self.manual = (
+            np.zeros((size, *plant.shape)).T for size in (interface.N_INPUTS, N_FAULTS, 2 * N_LEGS)
+        )
         self.inputs[:, :N_LEGS] = loop.start_force
-        self.faults = signals.zeros(plant.shape, N_FAULTS)  # 1 of what has failed
-        self.manual = signals.zeros(plant.shape, 2 * N_LEGS)  # see `Change`
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)

@@ -23,10 +23,9 @@ from gough_stewart.model.dynamics import motors_at, static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, State, Variant, end_of_step
 from gough_stewart.model.kinematics import COLLAPSED, PITCHED, conditioning, leg_geometry, singular_pose
-from gough_stewart.model.many_platforms import Platforms
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_checks import are_too_short, check_leg_com_offsets
+from gough_stewart.model.platform import Platform, Platforms
+from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
@@ -55,6 +54,8 @@ class LaneArrays:
 
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
+        # whose values each lane has (M,): the last member fills the last vector
+        self.member_of_lane = np.minimum(np.arange(self.blocks * WIDTH), members - 1)
         n_states, n_parameters = variant.n_states, variant.n_parameters
         self._rows = {name: rows.ravel() for name, rows in interface.places(variant.parameters).items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
@@ -70,15 +71,10 @@ class LaneArrays:
         # the argument of the library's functions
         self.reference = ctypes.pointer(_CBatch(self.blocks, stride, *pointers))
 
-    def padded(self, values: NDArray[np.float64]) -> FloatArray:
-        """Values of N members (N, size) as (size, M); the last member fills the last vector."""
-        missing = self.blocks * WIDTH - len(values)
-        return np.concatenate([values, np.repeat(values[-1:], missing, axis=0)]).T
-
     def put_parameter(self, name: str, values: NDArray[np.float64]) -> None:
         """Write one parameter of N members (N, *shape)."""
-        padded = self.padded(values.reshape(len(values), -1)).reshape(-1, self.blocks, WIDTH)
-        self.parameters[:, self._rows[name]] = padded.swapaxes(0, 1)
+        of_lanes = values[self.member_of_lane].reshape(self.blocks, WIDTH, -1)
+        self.parameters[:, self._rows[name]] = of_lanes.swapaxes(1, 2)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
         """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
@@ -178,11 +174,12 @@ class BatchPlant(Plant):
         self._time, self._steps, self._begun = 0.0, 0, False
         for variable in variant.parameters:
             batch.put_parameter(variable.name, self._platforms.field(variable.name))
-        batch.states[: interface.N_STATES] = batch.padded(np.stack([start.to_vector() for start in starts]))
+        states = np.array([np.concatenate(start) for start in starts])
+        batch.states[: interface.N_STATES] = states[batch.member_of_lane].T
         if variant.springs:
             self._place_motors(np.ones(batch.states.shape[1], dtype=bool))
         position, orientation = (
-            batch.padded(self._platforms.field(name)).T for name in ("home_position", "home_orientation")
+            self._platforms.field(name)[batch.member_of_lane] for name in ("home_position", "home_orientation")
         )
         batch.inputs[:N_LEGS] = static_leg_forces(batch.parameters_of(), position, orientation).T
         batch.running[: len(platforms)] = -1
@@ -201,7 +198,7 @@ class BatchPlant(Plant):
         # legs too short for a part's centre of mass
         parameters, x = self.batch.parameters_of(slice(self.shape[0])), self.batch.states[:, : self.shape[0]].T
         lengths = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length
-        for k in np.flatnonzero(are_too_short(parameters, lengths) & (running != 0)).tolist():
+        for k in np.flatnonzero(check_leg_com_offsets(parameters, lengths, "start") & (running != 0)).tolist():
             platform = self._platforms[k]
             try:
                 check_leg_com_offsets(platform, lengths[k], "start")
@@ -248,11 +245,11 @@ class BatchPlant(Plant):
         for name, new in changed.items():
             self.batch.put_parameter(name, new)
         if self._variant.springs and not self._begun:
-            self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
+            self._place_motors(members[self.batch.member_of_lane])
 
     def signals(self) -> FloatArray:
-        if self._steps == 0:  # later, the step provides them
-            self._find_signals()
+        if self._steps == 0:  # later, the step provides them; here, one of duration 0
+            self._kernel.library.lanes_step(self.batch.reference, 0.0, 0, self.tolerance, self._signals.ctypes.data)
         return self._signals[:, : self.shape[0]].T
 
     def results(self) -> FloatArray:
@@ -280,11 +277,8 @@ class BatchPlant(Plant):
         # what a step leaves to the next one
         batch.side[at] = batch.proposed[at] = 0.0
         batch.failure[at], batch.running[at] = Failure.GOES_ON, -1
-        self._find_signals()
-
-    def _find_signals(self) -> None:
-        """Compute the signals, by a step of duration 0."""
-        self._kernel.library.lanes_step(self.batch.reference, 0.0, 0, self.tolerance, self._signals.ctypes.data)
+        # their signals, by a step of duration 0
+        self._kernel.library.lanes_step(batch.reference, 0.0, 0, self.tolerance, self._signals.ctypes.data)
 
     def failure(self, k: int, begin: float) -> StepError:
         """The error of member k, whose `failure` is set, in a step that begins at a time [s]."""

@@ -50,11 +50,6 @@ def column_names(names: Iterable[str]) -> list[str]:
     return [scalar for name in names for scalar in interface.BY_NAME[name].scalar_names]
 
 
-def zeros(shape: tuple[int, ...], size: int, *rows: int) -> FloatArray:
-    """Zeros (*rows, *shape, size), members contiguous."""
-    return np.moveaxis(np.zeros((*rows, size, *shape)), len(rows), -1)
-
-
 def stacked(values: Sequence[Any]) -> Any:
     """Arrays of members (..., size), of equal shape, as one (..., N, size), members contiguous."""
     return np.moveaxis(np.stack([np.asarray(value) for value in values], axis=-1), -1, -2)

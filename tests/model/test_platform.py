@@ -12,8 +12,8 @@ import pytest
 from lxml import html
 
 from gough_stewart import GoughStewartError, Platform, SteppingModel, leg_geometry, load_preset
-from gough_stewart.model.many_platforms import platforms_with
 from gough_stewart.model.parameters import PHYSICAL
+from gough_stewart.model.platform import platforms_with
 from tests.support.lagrangian import FloatArray
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
