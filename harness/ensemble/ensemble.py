@@ -37,7 +37,7 @@ from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.quantities import fineness_of
-from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, bands_frame, joined_samples, samples_frame
+from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, band_tables
 from gough_stewart.harness.table_file import scan_parquet, write_to
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.interface import nearest
@@ -262,11 +262,9 @@ def _assembled(varying: Members, files: Sequence[Path], features: Sequence[str],
     options: dict[str, Any] = {"row_group_size": _ROWS_A_GROUP, "maintain_order": True, "statistics": False}
     write_whole(folder / MEMBERS, lambda path: write_to(path, lambda place: rows.sink_parquet(place, **options)))
     members = scan_parquet(folder / MEMBERS)
-    joined = joined_samples(
-        BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in map(_bands, files)
-    )
+    chunks = [BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in map(_bands, files)]
     ran = members.filter(polars.col("outcome") != "impossible").select("member").head(MOST_KEPT).collect()
-    bands, samples = bands_frame(joined), samples_frame(joined, ran["member"].to_list())
+    bands, samples = band_tables(chunks, ran["member"].to_list())
     for name, frame in ((BANDS, bands), (SAMPLES, samples)):
         write_whole(folder / name, partial(write_to, write=partial(frame.write_parquet, statistics=False)))
 

@@ -58,7 +58,7 @@ class MemberTable:
     members: polars.DataFrame
     bands: polars.DataFrame
     metadata: dict[str, Any]
-    # Signals of the first members at few times, of `bands.samples_frame`.
+    # Signals of the first members at few times, of `bands.band_tables`.
     samples: polars.DataFrame | None = None
 
     @property
