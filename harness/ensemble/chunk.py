@@ -23,7 +23,7 @@ from gough_stewart.harness.loop.rows import FoldsOfRows, Outcome
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
-from gough_stewart.harness.results.metric_folds import columns_of, metric_folds, metric_kernels
+from gough_stewart.harness.results.metric_folds import metric_folds, metric_kernels, metric_of
 from gough_stewart.harness.results.oscillation import Oscillation, least_amplitude, rest_begins, self_excitation
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.parameters import LIMITS
@@ -141,7 +141,11 @@ def reduced(
         outcomes = observe(
             running.plant, running.law_from, running.loop, rows, threads=threads, keeps_interrupted=False
         )
-        columns = {name: values[:n] for name, values in columns_of(rows.results()).items()}
+        columns = rows.results()
+        for path, values in columns.items():
+            if values.ndim > 1:  # of legs or axes the largest, or the least
+                columns[path] = np.asarray(np.fmin.reduce(values) if metric_of(path).is_least else values.max(axis=0))
+        columns = {path: values[:n] for path, values in columns.items()}
         columns["integration_error"] = running.plant.integration_error[:n]
         columns["internal_steps"] = running.plant.internal_steps[:n]
         run = Reduced(outcomes[:n], columns, running.plant.features)
@@ -202,7 +206,7 @@ def metrics_of(batch: Batch) -> list[str]:
     """The paths of the metrics of runs."""
     loop = batch.member(0).loop
     folds = metric_folds(loop.timing.times, loop.reference, limits_of_members(batch, 1))
-    return [*columns_of(FoldsOfRows(loop, folds).results())]
+    return [*FoldsOfRows(loop, folds).results()]
 
 
 def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, FloatArray], BandSamples]:

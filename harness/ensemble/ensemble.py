@@ -39,7 +39,7 @@ from gough_stewart.harness.report.document import versions
 from gough_stewart.harness.report.quantities import fineness_of
 from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, band_tables
 from gough_stewart.harness.table_file import scan_parquet, write_to
-from gough_stewart.model.errors import OutputError
+from gough_stewart.model.errors import ArgumentError, OutputError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
@@ -99,6 +99,8 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
 
     Raises
     ------
+    ArgumentError
+        `resume` without the folder `out`.
     ExperimentError
         The variation does not match the experiment.
     ControllerError
@@ -122,10 +124,12 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
     nominal = load_experiment(nominal, {key: value for key, value in numbers.items() if value is not None})
     if workers is not None and workers < 1:
         raise EnsembleError(f"workers is {workers}; expected at least 1")
+    if resume and out is None:
+        raise ArgumentError("resume is True and out is None; expected the interrupted run's folder: give it as out")
     say = status or (lambda _: None)
     with ExitStack() as stack:
         if out is None:
-            folder, resume = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gough-stewart-"))), False
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gough-stewart-")))
         else:
             folder = Path(out)
             stack.enter_context(reserved(folder))

@@ -461,15 +461,6 @@ METRICS = (
 _BY_PATH = {metric.path: metric for metric in METRICS}
 
 
-def columns_of(results: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Metrics with one number per member (N,), from those by leg or axis: the largest, or the least."""
-    columns = dict(results)
-    for path, values in results.items():
-        if values.ndim > 1:
-            columns[path] = np.asarray(np.fmin.reduce(values) if metric_of(path).is_least else values.max(axis=0))
-    return columns
-
-
 def metric_of(path: str) -> Metric:
     """The metric of a path; of one that is not declared, with the path as its text."""
     return _BY_PATH.get(path) or Metric(path, path, NUMBER, "", is_compared=False)

@@ -72,9 +72,12 @@ def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[st
     """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit.
 
     Limits are those of |ṡ|, |F|, and |F ṡ|, the larger of the values at both ends of the row. The force is held over
-    its row, so ṡ at its end is that of the next row; the last row has none.
+    its row, so ṡ at its end is that of the next row; the last row has none. Nothing of a record without ṡ or F.
     """
-    velocity, force = (np.abs(record[column_of_drives(record, name)]) for name in ("motor_velocity", "actuator_force"))
+    names = (column_of_drives(record, "motor_velocity"), "actuator_force")
+    if not all(name in record for name in names):
+        return {}
+    velocity, force = (np.abs(record[name]) for name in names)
     power = np.concatenate([np.maximum(velocity[:-1], velocity[1:]), velocity[-1:]]) * force
     return {
         limit.name: values / np.asarray(platform[limit.name])
