@@ -26,6 +26,7 @@ WRONG: tuple[tuple[Callable[[], Any], str], ...] = (
     (lambda: gs_any.excite("motion_base", "platform_mass", trials="2"), "trials is '2'; expected a whole"),
     (lambda: gs_any.forward_kinematics("motion_base", [2] * 6, max_iterations=2.0), "max_iterations is 2.0; expected"),
     (lambda: gs.save_platform(MOTION_BASE, "."), "is a folder; expected a file"),
+    (lambda: gs.ensemble("heave_step", resume=True), "resume is True and out is None; expected the interrupted run's"),
     (lambda: gs_any.metrics(3), "record is 3; expected a Record, or the folder or file of one"),
     (lambda: gs_any.metrics("nowhere"), "nowhere: no such file; expected record.parquet"),
     (

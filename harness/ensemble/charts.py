@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.member_table import MemberTable
+from gough_stewart.harness.ensemble.member_table import MemberTable, quantity_of_input
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
 from gough_stewart.harness.report.document import Report, Section
@@ -15,7 +15,6 @@ from gough_stewart.harness.report.quantities import counted as count
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import BY_NAME
-from gough_stewart.model.parameters import TABLE
 
 # The groups of charts.
 FIGURES = ("distribution", "bands", "dependence", "sensitivity")
@@ -38,12 +37,6 @@ def named_signal(column: str) -> tuple[str, Quantity]:
     if not is_error:
         return words, of_unit(unit)
     return f"error of {words}" + (", norm" if is_norm else ""), of_unit(_OF_ERRORS.get(unit, unit))
-
-
-def quantity_of_input(key: str) -> Quantity:
-    """How a varied input is written, by key: a parameter of the platform has its unit."""
-    name = key.removeprefix("platform.").removeprefix("plant.parameters.").partition("[")[0]
-    return of_unit(TABLE[name].unit) if name in TABLE and TABLE[name].unit else NUMBER
 
 
 def ensemble_charts(ensemble: MemberTable, by: str, sensitivity: Sensitivity | None) -> list[Section]:

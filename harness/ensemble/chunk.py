@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from io import BytesIO
 from math import ceil
 from typing import Any, NamedTuple
@@ -22,8 +23,8 @@ from gough_stewart.harness.loop.rows import FoldsOfRows, Outcome
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
-from gough_stewart.harness.results.metric_folds import columns_of, metric_folds, metric_kernels
-from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
+from gough_stewart.harness.results.metric_folds import metric_folds, metric_kernels, metric_of
+from gough_stewart.harness.results.oscillation import Oscillation, least_amplitude, rest_begins, self_excitation
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.parameters import LIMITS
 from gough_stewart.model.vectors import FloatArray
@@ -63,7 +64,7 @@ class LegErrors(KeptRows):
         self.time = timing.times[:: self.every]
 
     def start(self, members: int) -> State:
-        """None by member: whoever reads the errors knows who has ended."""
+        """Room for all members: whoever reads the errors knows who has ended."""
         self.kept = {self.needs[0]: np.zeros((len(self.at), 6, members))}
         return {}
 
@@ -140,7 +141,11 @@ def reduced(
         outcomes = observe(
             running.plant, running.law_from, running.loop, rows, threads=threads, keeps_interrupted=False
         )
-        columns = {name: values[:n] for name, values in columns_of(rows.results()).items()}
+        columns = rows.results()
+        for path, values in columns.items():
+            if values.ndim > 1:  # of legs or axes the largest, or the least
+                columns[path] = np.asarray(np.fmin.reduce(values) if metric_of(path).is_least else values.max(axis=0))
+        columns = {path: values[:n] for path, values in columns.items()}
         columns["integration_error"] = running.plant.integration_error[:n]
         columns["internal_steps"] = running.plant.internal_steps[:n]
         run = Reduced(outcomes[:n], columns, running.plant.features)
@@ -201,7 +206,7 @@ def metrics_of(batch: Batch) -> list[str]:
     """The paths of the metrics of runs."""
     loop = batch.member(0).loop
     folds = metric_folds(loop.timing.times, loop.reference, limits_of_members(batch, 1))
-    return [*columns_of(FoldsOfRows(loop, folds).results())]
+    return [*FoldsOfRows(loop, folds).results()]
 
 
 def results_of_nobody(members: Members, first: int = 0) -> tuple[dict[str, FloatArray], BandSamples]:
@@ -235,18 +240,10 @@ def oscillations(
 
     motions: list[Oscillation | None] = [None] * len(batch)
 
-    def judge(members: list[int], reference: FloatArray, excitation: SelfExcitation) -> None:
-        # those of consecutive members without a copy
-        together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
-        errors = kept.kept[LegErrors.needs[0]][..., together]
-
-        def least_of(k: int, frequency: float) -> float:
-            sensors, platform = batch.sensors[members[k]], batch.setups[members[k]].platform
-            length = float(np.mean(reference) - np.mean(errors[..., k]))
-            return least_amplitude(frequency, length, platform.platform_points, sensors.noise, sensors.quantisation)
-
-        for member, motion in zip(members, excitation(errors, least_of), strict=True):
-            motions[member] = motion if motion is None or kept.every == 1 else motion._replace(frequency=None)
+    def least_of(members: list[int], reference: FloatArray, k: int, frequency: float) -> float:
+        sensors, platform = batch.sensors[members[k]], batch.setups[members[k]].platform
+        length = float(np.mean(reference) - np.mean(kept.kept[LegErrors.needs[0]][..., members[k]]))
+        return least_amplitude(frequency, length, platform.platform_points, sensors.noise, sensors.quantisation)
 
     with ThreadPoolExecutor(threads) as pool:
         for members in alike.values():
@@ -256,8 +253,14 @@ def oscillations(
             acting = acting_columns(prepared, prepared.loop.timing.sample_of_row)
             # up to the first kept row at or after it
             begin = ceil(rest_begins(values for _, values in acting) / kept.every)
-            excitation = SelfExcitation(kept.time, reference, begin)
             parts = [members[k : k + _TOGETHER] for k in range(0, len(members), _TOGETHER)]
-            for judgement in [pool.submit(judge, part, reference, excitation) for part in parts]:
-                judgement.result()
+            judged = []
+            for part in parts:
+                # those of consecutive members without a copy
+                together = slice(part[0], part[-1] + 1) if part[-1] - part[0] == len(part) - 1 else part
+                errors, least = kept.kept[LegErrors.needs[0]][..., together], partial(least_of, part, reference)
+                judged.append(pool.submit(self_excitation, kept.time, reference, begin, errors, least))
+            for part, judgement in zip(parts, judged, strict=True):
+                for member, motion in zip(part, judgement.result(), strict=True):
+                    motions[member] = motion if motion is None or kept.every == 1 else motion._replace(frequency=None)
     return motions

@@ -36,9 +36,9 @@ from gough_stewart.harness.experiment.members import Members, decisive, varying_
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.quantities import fineness_of
-from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, bands_frame, joined_samples, samples_frame
+from gough_stewart.harness.results.bands import MOST_KEPT, BandSamples, band_tables
 from gough_stewart.harness.table_file import scan_parquet, write_to
-from gough_stewart.model.errors import OutputError
+from gough_stewart.model.errors import ArgumentError, OutputError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, reserved, write_whole
 from gough_stewart.model.process.installed import versions
@@ -99,6 +99,8 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
 
     Raises
     ------
+    ArgumentError
+        `resume` without the folder `out`.
     ExperimentError
         The variation does not match the experiment.
     ControllerError
@@ -122,10 +124,12 @@ def ensemble(  # noqa: PLR0912, PLR0915 - one road, in sections
     nominal = load_experiment(nominal, {key: value for key, value in numbers.items() if value is not None})
     if workers is not None and workers < 1:
         raise EnsembleError(f"workers is {workers}; expected at least 1")
+    if resume and out is None:
+        raise ArgumentError("resume is True and out is None; expected the interrupted run's folder: give it as out")
     say = status or (lambda _: None)
     with ExitStack() as stack:
         if out is None:
-            folder, resume = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gough-stewart-"))), False
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gough-stewart-")))
         else:
             folder = Path(out)
             stack.enter_context(reserved(folder))
@@ -262,11 +266,9 @@ def _assembled(varying: Members, files: Sequence[Path], features: Sequence[str],
     options: dict[str, Any] = {"row_group_size": _ROWS_A_GROUP, "maintain_order": True, "statistics": False}
     write_whole(folder / MEMBERS, lambda path: write_to(path, lambda place: rows.sink_parquet(place, **options)))
     members = scan_parquet(folder / MEMBERS)
-    joined = joined_samples(
-        BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in map(_bands, files)
-    )
+    chunks = [BandSamples(*(fields[name] for name in BandSamples._fields)) for fields in map(_bands, files)]
     ran = members.filter(polars.col("outcome") != "impossible").select("member").head(MOST_KEPT).collect()
-    bands, samples = bands_frame(joined), samples_frame(joined, ran["member"].to_list())
+    bands, samples = band_tables(chunks, ran["member"].to_list())
     for name, frame in ((BANDS, bands), (SAMPLES, samples)):
         write_whole(folder / name, partial(write_to, write=partial(frame.write_parquet, statistics=False)))
 

@@ -10,8 +10,17 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.charts import ensemble_charts, quantity_of_input
-from gough_stewart.harness.ensemble.member_table import BANDS, FINAL, MEMBERS, METADATA, PEAK, SAMPLES, MemberTable
+from gough_stewart.harness.ensemble.charts import ensemble_charts
+from gough_stewart.harness.ensemble.member_table import (
+    BANDS,
+    FINAL,
+    MEMBERS,
+    METADATA,
+    PEAK,
+    SAMPLES,
+    MemberTable,
+    quantity_of_input,
+)
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_of
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.document import (
@@ -79,7 +88,9 @@ _TWO, _FOUR = Quantity("", "", digits=2), replace(SHARE, digits=4)
 class Ensemble(MemberTable):
     """The results of an ensemble; its display shows quantiles of the metrics, and failures."""
 
-    def report(self, *, charts: bool = True, worst: Sequence[int] | Mapping[int, str] = ()) -> Report:
+    def report(  # noqa: PLR0915 - a section for each table, and the notes
+        self, *, charts: bool = True, worst: Sequence[int] | Mapping[int, str] = ()
+    ) -> Report:
         """Report on how many machines complete their runs and how well, what fails, and which inputs matter.
 
         Parameters
@@ -154,16 +165,43 @@ class Ensemble(MemberTable):
             sections += ensemble_charts(self, by, sensitivity)
             all_metrics = [name for name in self.metrics if len(self.counted(name))]
             sections.append(Section("All metrics", (_quantile_table(self, all_metrics),), detail=True))
+
+        # warnings, and what confidence intervals are of
+        n = self.members.height
+        warnings = [f"{text}; of factors, write {{ factor = … }}" for text in metadata.get("outside", ())]
+        warnings.append(self.oscillation_warning)
+        unjudged = self.members.filter((polars.col("outcome") == "completed") & polars.col("cause").is_not_null())
+        if unjudged.height:
+            first_unjudged = f"the first is member {unjudged['member'][0]}, {unjudged['cause'][0]}"
+            warnings.append(f"{unjudged.height} of {n} members completed but could not be judged; {first_unjudged}")
+        if metadata.get("substeps") is not None and "tolerance" in metadata:
+            errors, tolerance = self.numbers("integration_error"), float(metadata["tolerance"])
+            if beyond := int(np.count_nonzero(errors > _FAR_BEYOND * tolerance)):
+                farthest = int(self.members["member"][int(np.nanargmax(errors))])
+                warnings.append(
+                    f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {farthest}), and more "
+                    f"than {_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {n} members; shorten "
+                    "plant.fixed_step_size, or leave it out"
+                )
+        combinations = metadata.get("combinations", 1)
+        if n % combinations:
+            remark = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
+            warnings.append(f"{remark}: choose a multiple for shares and quantiles of the whole grids")
+        notes = [Note(text, "warning") for text in warnings if text]
+        if text := _CONFIDENCE.get(metadata.get("sampling", "random"), ""):
+            text = text.format(points=f"{n // self.block:,}", members=f"{n:,}", block=self.block)
+            notes.append(Note(f"Confidence intervals are {text}"))
+
         seed = f", seed {metadata['seed']}" if "seed" in metadata else ""
         report = Report(
             self.title,
             _verdict(self, by, sensitivity),
             tuple(sections),
             study="ensemble",
-            lead=f"{count(self.members.height, 'member')} {_DRAWN[metadata.get('sampling', 'random')]}{seed}",
+            lead=f"{count(n, 'member')} {_DRAWN[metadata.get('sampling', 'random')]}{seed}",
             numbers=ensemble_numbers(self),
             settings=settings_of(metadata.get("settings") or {}),
-            notes=_notes(self),
+            notes=tuple(notes),
         )
         return fine(report, self.fineness)
 
@@ -325,32 +363,3 @@ def _quantile_table(ensemble: MemberTable, names: Sequence[str]) -> Table:
     motions = [f"{len(which)} {kind}" for kind, which in ensemble.oscillating.items() if which]
     ended += f" ({' and '.join(motions)} without input)" if motions else ""
     return Table(f"{count(members.height, 'member')}: {ended}", columns, tuple(rows), note=" ".join(remarks))
-
-
-def _notes(ensemble: MemberTable) -> tuple[Note, ...]:
-    """Warnings, and what confidence intervals are of."""
-    metadata, n = ensemble.metadata, ensemble.members.height
-    warnings = [f"{text}; of factors, write {{ factor = … }}" for text in metadata.get("outside", ())]
-    warnings.append(ensemble.oscillation_warning)
-    unjudged = ensemble.members.filter((polars.col("outcome") == "completed") & polars.col("cause").is_not_null())
-    if unjudged.height:
-        first = f"the first is member {unjudged['member'][0]}, {unjudged['cause'][0]}"
-        warnings.append(f"{unjudged.height} of {n} members completed but could not be judged; {first}")
-    if metadata.get("substeps") is not None and "tolerance" in metadata:
-        errors, tolerance = ensemble.numbers("integration_error"), float(metadata["tolerance"])
-        if beyond := int(np.count_nonzero(errors > _FAR_BEYOND * tolerance)):
-            worst = int(ensemble.members["member"][int(np.nanargmax(errors))])
-            warnings.append(
-                f"integration errors up to {np.nanmax(errors):.2g} in a plant step (member {worst}), and more than "
-                f"{_FAR_BEYOND:g} times the tolerance of {tolerance:g} in {beyond} of {n} members; shorten "
-                "plant.fixed_step_size, or leave it out"
-            )
-    combinations = metadata.get("combinations", 1)
-    if n % combinations:
-        remark = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
-        warnings.append(f"{remark}: choose a multiple for shares and quantiles of the whole grids")
-    notes = [Note(text, "warning") for text in warnings if text]
-    if text := _CONFIDENCE.get(metadata.get("sampling", "random"), ""):
-        text = text.format(points=f"{n // ensemble.block:,}", members=f"{n:,}", block=ensemble.block)
-        notes.append(Note(f"Confidence intervals are {text}"))
-    return tuple(notes)

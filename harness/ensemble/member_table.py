@@ -15,7 +15,7 @@
   undefined.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.quantities import LENGTH, exactly
+from gough_stewart.harness.report.quantities import LENGTH, NUMBER, Quantity, exactly, of_unit
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.vectors import FloatArray
 
 MEMBERS, BANDS, SAMPLES, METADATA = "members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"
@@ -57,34 +58,39 @@ class MemberTable:
     members: polars.DataFrame
     bands: polars.DataFrame
     metadata: dict[str, Any]
-    # Signals of the first members at few times, of `bands.samples_frame`.
+    # Signals of the first members at few times, of `bands.band_tables`.
     samples: polars.DataFrame | None = None
 
-    @property
-    def title(self) -> str:
-        """Title of the experiment."""
-        return str(self.metadata.get("title", "ensemble"))
+    title: str = field(init=False)  # of the experiment
+    metrics: tuple[str, ...] = field(init=False)  # names of the metrics and margins
+    varied: tuple[str, ...] = field(init=False)  # names of the varied inputs, without prefix
+    # How many members, one after the other, share their numbers: those of a point of Saltelli's design, or 1.
+    block: int = field(init=False)
+    # How finely numbers of its machines are told; those of an older version have none.
+    fineness: float = field(init=False)
+    is_complete: NDArray[np.bool_] = field(init=False)  # which members (N,) completed their runs
+    works: NDArray[np.bool_] = field(init=False)  # which members (N,) completed them without a loop that grows
+    # Members that completed while their loops oscillated or grew without input; the largest amplitude first.
+    oscillating: dict[str, list[int]] = field(init=False)
 
-    @property
-    def metrics(self) -> tuple[str, ...]:
-        """Names of the metrics and margins."""
-        columns = self.members.columns
-        return tuple(name for name in columns if name not in _NO_METRICS and not name.startswith("varied."))
-
-    @property
-    def varied(self) -> tuple[str, ...]:
-        """Names of the varied inputs, without prefix."""
-        return tuple(name.removeprefix("varied.") for name in self.members.columns if name.startswith("varied."))
-
-    @property
-    def block(self) -> int:
-        """How many members, one after the other, share their numbers: those of a point of Saltelli's design, or 1."""
-        return len(self.metadata["groups"]) + 2 if self.metadata.get("sampling") == "saltelli" else 1
-
-    @property
-    def fineness(self) -> float:
-        """How finely numbers of its machines are told; those of an older version have none."""
-        return float(self.metadata.get("fineness", 1.0))
+    def __post_init__(self) -> None:
+        metadata, members, columns = self.metadata, self.members, self.members.columns
+        oscillating: dict[str, list[int]] = {"oscillating": [], "growing": []}
+        if "oscillation" in columns:  # results of an older version have none
+            rows = members.sort("oscillation.amplitude", descending=True, nulls_last=True)
+            for kind in oscillating:
+                oscillating[kind] = rows.filter(polars.col("oscillation") == kind)["member"].to_list()
+        is_complete = np.asarray((members["outcome"] == "completed").to_numpy())
+        vars(self).update(
+            title=str(metadata.get("title", "ensemble")),
+            metrics=tuple(name for name in columns if name not in _NO_METRICS and not name.startswith("varied.")),
+            varied=tuple(name.removeprefix("varied.") for name in columns if name.startswith("varied.")),
+            block=len(metadata["groups"]) + 2 if metadata.get("sampling") == "saltelli" else 1,
+            fineness=float(metadata.get("fineness", 1.0)),
+            is_complete=is_complete,
+            works=is_complete & ~np.isin(members["member"].to_numpy(), oscillating["growing"]),
+            oscillating=oscillating,
+        )
 
     def values(self, name: str) -> FloatArray:
         """A metric, a margin or a varied input of every member (N,), NaN if undefined; `RecordError` if unknown."""
@@ -99,17 +105,6 @@ class MemberTable:
         return values
 
     # --- which members count
-
-    @property
-    def is_complete(self) -> NDArray[np.bool_]:
-        """Which members (N,) completed their runs."""
-        return np.asarray((self.members["outcome"] == "completed").to_numpy())
-
-    @property
-    def works(self) -> NDArray[np.bool_]:
-        """Which members (N,) completed their runs without a loop that grows."""
-        growing = np.isin(self.members["member"].to_numpy(), self.oscillating["growing"])
-        return np.asarray(self.is_complete & ~growing)
 
     def are_counted(self, name: str) -> NDArray[np.bool_]:
         """Which members (N,) statistics of a metric are of: those that completed their runs and have a value.
@@ -177,17 +172,6 @@ class MemberTable:
         return [int(member) for member in self.members["member"].to_numpy()[order[:number]]]
 
     @property
-    def oscillating(self) -> dict[str, list[int]]:
-        """Members that completed while their loops oscillated or grew without input; the largest amplitude first."""
-        if "oscillation" not in self.members.columns:  # a result of an older version
-            return {"oscillating": [], "growing": []}
-        rows = self.members.sort("oscillation.amplitude", descending=True, nulls_last=True)
-        return {
-            kind: rows.filter(polars.col("oscillation") == kind)["member"].to_list()
-            for kind in ("oscillating", "growing")
-        }
-
-    @property
     def oscillation_warning(self) -> str:
         """A warning if loops of some members oscillate or grow without input; "" if not."""
         parts = []
@@ -202,3 +186,9 @@ class MemberTable:
                     f"largest amplitude, {exactly(LENGTH, amplitude, 3)}{rate}"
                 )
         return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""
+
+
+def quantity_of_input(key: str) -> Quantity:
+    """How a varied input is written, by key: a parameter of the platform has its unit."""
+    name = key.removeprefix("platform.").removeprefix("plant.parameters.").partition("[")[0]
+    return of_unit(TABLE[name].unit) if name in TABLE and TABLE[name].unit else NUMBER

@@ -1,6 +1,7 @@
 """Sensitivity of a metric to the varied inputs: Sobol' indices, or standardised regression."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Literal
@@ -77,8 +78,28 @@ def sensitivity_of(ensemble: MemberTable, metric: str) -> Sensitivity | None:
         if of_ranks[1] > r2:
             method, (beta, r2, z, w) = "ranks", of_ranks
 
-    again = _resampled(z, w)
-    resamples = again[np.isfinite(again).all(axis=1)]
+    # coefficients of resampled members, by normal equations. Beyond `_GROUPS` members, groups of members drawn at
+    # random are resampled: members are independent, so the variance between groups is that of members, and the time
+    # does not grow with their number.
+    rng = np.random.default_rng(1)
+    groups = min(n, _GROUPS)
+    rows = np.concatenate([z, w[:, None], np.ones((n, 1))], axis=1)
+    rows = rows if groups == n else rows[rng.permutation(n)]
+    products = np.stack([part.T @ part for part in np.array_split(rows, groups)]).reshape(groups, -1)
+    coefficients = []
+    for _ in range(_RESAMPLES):
+        counts = np.bincount(rng.integers(0, groups, groups), minlength=groups)
+        total = (counts @ products).reshape(p + 2, p + 2)
+        mean = total[:-1, -1] / total[-1, -1]
+        C = total[:-1, :-1] / total[-1, -1] - np.outer(mean, mean)
+        scale = np.sqrt(np.maximum(np.diag(C), 0.0))
+        # not of one with an input that is the same for all of its members, or with inputs that depend on each other
+        with suppress(np.linalg.LinAlgError):
+            if (scale > _ROUNDING).all():
+                coefficients.append(np.linalg.solve(C[:p, :p], C[:p, p]) * scale[:p] / scale[p])
+    resamples = np.array(coefficients).reshape(-1, p)
+    resamples = resamples[np.isfinite(resamples).all(axis=1)]
+
     half = np.full(p, np.nan)
     if len(resamples):
         low, high = np.quantile(resamples, ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2), axis=0)
@@ -173,31 +194,3 @@ def _fitted(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float, FloatArray
     z, w = z / z.std(axis=0), w / w.std()
     beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
     return beta, float(1 - np.mean((w - z @ beta) ** 2)), z, w
-
-
-def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
-    """The coefficients (_RESAMPLES, p) of resampled members, by normal equations; NaN if singular.
-
-    Beyond `_GROUPS` members, groups of members drawn at random are resampled: members are independent, so the
-    variance between groups is that of members, and the time does not grow with their number.
-    """
-    n, p = z.shape
-    rng = np.random.default_rng(1)
-    groups = min(n, _GROUPS)
-    rows = np.concatenate([z, w[:, None], np.ones((n, 1))], axis=1)
-    rows = rows if groups == n else rows[rng.permutation(n)]
-    products = np.stack([part.T @ part for part in np.array_split(rows, groups)]).reshape(groups, -1)
-    coefficients = np.full((_RESAMPLES, p), np.nan)
-    for k in range(_RESAMPLES):
-        counts = np.bincount(rng.integers(0, groups, groups), minlength=groups)
-        total = (counts @ products).reshape(p + 2, p + 2)
-        mean = total[:-1, -1] / total[-1, -1]
-        C = total[:-1, :-1] / total[-1, -1] - np.outer(mean, mean)
-        scale = np.sqrt(np.maximum(np.diag(C), 0.0))
-        if not (scale > _ROUNDING).all():  # an input that is the same for all of these
-            continue
-        try:
-            coefficients[k] = np.linalg.solve(C[:p, :p], C[:p, p]) * scale[:p] / scale[p]
-        except np.linalg.LinAlgError:
-            continue
-    return coefficients

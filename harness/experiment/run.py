@@ -36,7 +36,7 @@ from gough_stewart.harness.report.requirements import Required, with_requirement
 from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.oscillation import FAULTS, MANUAL
-from gough_stewart.harness.results.record import Record, columns, platform_of
+from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model import interface
@@ -49,10 +49,7 @@ from gough_stewart.model.vectors import FloatArray
 FORMAT = 1
 _OF_PLANTS = ("set_inputs", "set_parameters", "results", "do_step")
 _INPUT_COLUMNS = [name for v in interface.INPUTS for name in v.scalar_names]
-_REFERENCE = (
-    *((name, 3) for name in (*signals.NAMES[:4], "acceleration", "angular_acceleration")),
-    *(("leg_length", 6), ("leg_velocity", 6)),
-)
+_REFERENCE = (*signals.NAMES[:4], "acceleration", "angular_acceleration", "leg_length", "leg_velocity")
 
 # Of the groups of charts that a run shows at first, in their order.
 _FIGURES = [f"{name}.{kind}" for name in ("errors", "pose", "actuators", "legs") for kind in ("pdf", "png", "svg")]
@@ -257,30 +254,33 @@ def record_of(
 ) -> Record:
     """The table of a run, and its metadata."""
     n, at = len(run.time), run.sample_of_row
-    parts: list[tuple[list[str], Any]] = [
+    parts: list[tuple[str | list[str], Any]] = [  # a vector by its name, or scalars by theirs
         (["time"], run.time[:, None]),
         (list(Variant.of(prepared.machine).columns[: run.results.shape[1]]), run.results),
         (_INPUT_COLUMNS, run.inputs),
     ]
     if prepared.motion is not None and prepared.legs is not None:
-        actual, errors = interface.unpack(interface.RESULTS, run.results), list[tuple[list[str], Any]]()
-        for (name, size), values in zip(_REFERENCE, (*prepared.motion, *prepared.legs), strict=True):
-            parts.append((columns(f"reference.{name}", size), values[:n]))
+        actual, errors = interface.unpack(interface.RESULTS, run.results), list[tuple[str | list[str], Any]]()
+        for name, values in zip(_REFERENCE, (*prepared.motion, *prepared.legs), strict=True):
+            parts.append((f"reference.{name}", values[:n]))
             if f"error.{name}" in ERRORS:
-                errors.append((columns(f"error.{name}", size), error_between(name, values[:n].T, actual[name].T).T))
+                errors.append((f"error.{name}", error_between(name, values[:n].T, actual[name].T).T))
         parts += errors
     if run.used:
         names = [f"measured.{name}" for name in signals.column_names(run.used)]
         parts.append((names, run.measured[at][:, signals.positions(run.used)]))
-    parts.append((columns("controller.force", 6), run.command[at]))
-    parts.append((columns("controller.feedforward", 6), prepared.loop.feedforward[at]))
-    parts.append((columns("controller.state", run.controller_state.shape[1]), run.controller_state[at]))
-    recorded = {name for names, _ in parts for name in names}
-    parts += [(names, values) for names, values in acting_columns(prepared, at) if recorded.isdisjoint(names)]
-    parts.append((columns("flag.force_limited", 6), run.force_limited[at]))
-    parts.append((columns("flag.rate_limited", 6), run.rate_limited))
-    parts.append((columns("flag.stroke_exceeded", 6), run.stroke_exceeded))
-    table = polars.DataFrame({name: values[:, k] for names, values in parts for k, name in enumerate(names)})
+    parts.append(("controller.force", run.command[at]))
+    parts.append(("controller.feedforward", prepared.loop.feedforward[at]))
+    parts.append(("controller.state", run.controller_state[at]))
+    parts += acting_columns(prepared, at)
+    parts.append(("flag.force_limited", run.force_limited[at]))
+    parts.append(("flag.rate_limited", run.rate_limited))
+    parts.append(("flag.stroke_exceeded", run.stroke_exceeded))
+    columns = dict[str, Any]()
+    for part, values in parts:
+        for k in range(values.shape[1]):  # what acts on the loop may have been recorded already
+            columns.setdefault(f"{part}[{k + 1}]" if isinstance(part, str) else part[k], values[:, k])
+    table = polars.DataFrame(columns)
     timing, files = prepared.loop.timing, digests(experiment)
     metadata = {
         "format": FORMAT,
@@ -307,8 +307,11 @@ def record_of(
     return Record(table, metadata)
 
 
-def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], NDArray[Any]]]:
-    """All that acts on a loop from outside, over the rows of these samples (n,): scalar names and columns (n, k)."""
+def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[str | list[str], Any]]:
+    """All that acts on a loop from outside, over the rows of these samples (n,): columns (n, k), named as a record's.
+
+    A name stands for a vector with its elements, a list for scalars.
+    """
     loop, n = prepared.loop, len(sample_of_row)
 
     def over_time(start: object, changed: Iterable[object]) -> FloatArray:
@@ -318,11 +321,11 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
                 values[loop.timing.row(change.time, "a change") :] = np.ravel(np.asarray(value))
         return values
 
-    parts: list[tuple[list[str], NDArray[Any]]] = []
+    parts: list[tuple[str | list[str], Any]] = []
     if loop.reference is not None:
-        parts.append((columns("reference.leg_length", 6), loop.reference[:n, LENGTHS]))
+        parts.append(("reference.leg_length", loop.reference[:n, LENGTHS]))
     if loop.injection is not None:
-        parts.append((columns("controller.injection", 6), loop.injection[sample_of_row]))
+        parts.append(("controller.injection", loop.injection[sample_of_row]))
     parts.append((_INPUT_COLUMNS[6:], over_time(np.zeros(6), (change.external_wrench for change in loop.changes))))
     for variable in Variant.of(prepared.machine).tunable:
         changed = [change.parameters.get(variable.name) for change in loop.changes]
@@ -336,7 +339,7 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
     frozen = (FROZEN.start + signals.positions([name]) for name in signals.NAMES)
     for name, at in zip(FAULTS, (np.arange(N_FAULTS)[CUT], *frozen), strict=True):
         if faults[:, at].any():
-            parts.append((columns(name, len(at)), faults[:, at] > 0))
+            parts.append((name, faults[:, at] > 0))
     return parts
 
 

@@ -1,6 +1,6 @@
 """Signals of many runs over time, as quantiles, sampled during the runs without keeping records."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -93,58 +93,43 @@ class Bands(KeptRows):
         return {}
 
 
-def joined_samples(parts: Iterable[BandSamples]) -> BandSamples:
-    """Join the samples of chunks, in order, to those of all members."""
-    parts = list(parts)
-    first = parts[0]
-    return BandSamples(
-        first.time,
-        first.columns,
-        np.concatenate([part.values for part in parts], axis=2)[..., :MOST_MEMBERS],
-        np.fmin.reduce([part.lowest for part in parts]),
-        np.fmax.reduce([part.highest for part in parts]),
-        np.sum([part.running for part in parts], axis=0),
-    )
+def band_tables(chunks: Sequence[BandSamples], members: Sequence[int]) -> tuple[polars.DataFrame, polars.DataFrame]:
+    """The bands of all members from the samples of chunks, in order, and what is kept of the first members' signals.
 
-
-def bands_frame(samples: BandSamples) -> polars.DataFrame:
-    """One row per time and signal: `time`, `signal`, `running` members, `lowest`, the quantiles, `highest`.
-
-    Quantiles are over the members still running, interpolated linearly between members (NumPy's default).
+    - Bands have one row per time and signal: `time`, `signal`, `running` members, `lowest`, the quantiles, `highest`.
+      Quantiles are over the members still running, interpolated linearly between members (NumPy's default).
+    - Samples have one row per member and time: `member`, `time` and the signals, with seven digits. `members` are the
+      numbers of those that ran, in the order of the samples.
     """
-    t, c = samples.lowest.shape
+    time, signals_sampled = chunks[0].time, chunks[0].columns
+    sampled = np.concatenate([chunk.values for chunk in chunks], axis=2)[..., :MOST_MEMBERS]
+    t, c, n = sampled.shape
+
     # one time after another, to avoid a second copy
     quantiles = np.full((len(LEVELS), t, c), np.nan)
-    for k, values in enumerate(samples.values):
+    for k, values in enumerate(sampled):
         # NaN, of members that have ended, sorts last
         order = np.sort(values, axis=1)
         counts = np.count_nonzero(np.isfinite(order), axis=1)
         for count in set(counts.tolist()) - {0}:
             signals_of_count = counts == count
             quantiles[:, k, signals_of_count] = np.quantile(order[signals_of_count, :count], LEVELS, axis=1)
-    columns = {
-        "time": np.repeat(samples.time, c),
-        "signal": list(samples.columns) * t,
-        "running": np.repeat(samples.running, c),
-        "lowest": samples.lowest.ravel(),
+    bands = {
+        "time": np.repeat(time, c),
+        "signal": list(signals_sampled) * t,
+        "running": np.repeat(np.sum([chunk.running for chunk in chunks], axis=0), c),
+        "lowest": np.fmin.reduce([chunk.lowest for chunk in chunks]).ravel(),
         **{name: quantile.ravel() for name, quantile in zip(QUANTILES, quantiles, strict=True)},
-        "highest": samples.highest.ravel(),
+        "highest": np.fmax.reduce([chunk.highest for chunk in chunks]).ravel(),
     }
-    return polars.DataFrame(columns, nan_to_null=True)
 
-
-def samples_frame(samples: BandSamples, members: Sequence[int]) -> polars.DataFrame:
-    """One row per member and time of the first members: `member`, `time` and the signals, with seven digits.
-
-    `members` are the numbers of those that ran, in the order of the samples.
-    """
-    t, columns, n = samples.values.shape
+    # of the first members at few times
     n = min(n, MOST_KEPT)
     rows = np.unique(np.linspace(0, t - 1, min(t, TIMES_KEPT)).round().astype(int))
-    values = samples.values[rows][..., :n].transpose(2, 0, 1).reshape(-1, columns).astype(np.float32)
-    frame = {
+    kept = sampled[rows][..., :n].transpose(2, 0, 1).reshape(-1, c).astype(np.float32)
+    samples = {
         "member": np.repeat(np.asarray(members[:n], dtype=np.int64), len(rows)),
-        "time": np.tile(samples.time[rows], n),
-        **{name: values[:, k] for k, name in enumerate(samples.columns)},
+        "time": np.tile(time[rows], n),
+        **{name: kept[:, k] for k, name in enumerate(signals_sampled)},
     }
-    return polars.DataFrame(frame, nan_to_null=True)
+    return polars.DataFrame(bands, nan_to_null=True), polars.DataFrame(samples, nan_to_null=True)

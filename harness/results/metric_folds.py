@@ -76,7 +76,7 @@ class CoveredRows(Fold):
     """How much of the run the metrics cover: rows count as long as what they need is finite."""
 
     time: FloatArray
-    needs = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
+    needs: Sequence[str] = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
     metrics = (
         Metric("rows", "rows", NUMBER, "number of rows that the metrics cover", None, False),
         Metric("duration", "duration", TIME, "time that the metrics cover", None, False),
@@ -443,7 +443,8 @@ def metric_folds(
     has_column = known or (lambda column: reference is not None or not column.startswith("error."))
     if wanted is not None:
         folds = [fold for fold in folds if any(metric.path in wanted for metric in fold.metrics)]
-    return [CoveredRows(time), *(fold for fold in folds if all(map(has_column, fold.needs)))]
+    covered = CoveredRows(time, tuple(filter(has_column, CoveredRows.needs)))
+    return [covered, *(fold for fold in folds if all(map(has_column, fold.needs)))]
 
 
 # Of a run that has all metrics: its reference steps on all axes, and the platform states all limits.
@@ -457,15 +458,6 @@ METRICS = (
     Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
 )
 _BY_PATH = {metric.path: metric for metric in METRICS}
-
-
-def columns_of(results: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Metrics with one number per member (N,), from those by leg or axis: the largest, or the least."""
-    columns = dict(results)
-    for path, values in results.items():
-        if values.ndim > 1:
-            columns[path] = np.asarray(np.fmin.reduce(values) if metric_of(path).is_least else values.max(axis=0))
-    return columns
 
 
 def metric_of(path: str) -> Metric:

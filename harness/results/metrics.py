@@ -14,7 +14,7 @@ from gough_stewart.harness.loop.rows import Folding
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, ENERGY, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
-from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
+from gough_stewart.harness.results.oscillation import is_sound, oscillation, outcome_text
 from gough_stewart.harness.results.record_data import RecordData, column_of_drives
 
 _POSE = (("position", ("x", "y", "z"), LENGTH), ("orientation", ("roll", "pitch", "yaw"), ANGLE))
@@ -133,7 +133,9 @@ def metrics(record: RecordData) -> Metrics:
     if "stroke" in parts:
         parts["stroke"].setdefault("exceeded", None)
     names = ("duration", "tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
-    return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
+    motion = oscillation(record)
+    outcome = {**record.metadata["outcome"], "oscillation": None if motion is None else motion._asdict()}
+    return Metrics(outcome=outcome, rows=n, **{name: parts.get(name) for name in names})
 
 
 def finite_part(record: RecordData) -> RecordData:
@@ -205,11 +207,11 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
     if not metrics["force"]:
         return tables
     # by leg, and what stands under "all", if anything
-    energy, stroke = metrics["energy"], metrics["stroke"]
+    energy, stroke = metrics["energy"], metrics["stroke"] or {}
     by_leg = list[tuple[str, Quantity, list[float | None], Cell]]()
     for kind, title in (("rms", "RMS error"), ("peak", "peak error")) if "leg_length" in tracking else ():
         by_leg.append((title, LENGTH, tracking["leg_length"][kind], ""))
-    by_leg += [(title, POSITION, stroke[title], "") for title in ("shortest", "longest")]
+    by_leg += [(title, POSITION, stroke[title], "") for title in ("shortest", "longest") if stroke]
     for path in ("force.peak", "force.rms", "power.peak", "power.mean"):
         metric, (group, name) = metric_of(path), path.split(".")
         by_leg.append((metric.text, metric.quantity, metrics[group][name], ""))
@@ -220,7 +222,7 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
             if number == "used" or any(time is not None for time in part[number]):
                 metric = metric_of(f"limits.{name}.{number}")
                 by_leg.append((metric.text, metric.quantity, part[number], ""))
-    for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}.items():
+    for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke.get("exceeded")}.items():
         if share and share["any"]:  # rows of zeros say nothing
             by_leg.append((name.replace("_", " "), SHARE, share["legs"], Value(share["any"], SHARE)))
     rows = [(title, *(Value(value, quantity) for value in values), total) for title, quantity, values, total in by_leg]

@@ -83,118 +83,109 @@ def oscillation(record: RecordData) -> Oscillation | None:
     names = (*_INPUTS, *FAULTS, MANUAL, *record.metadata.get("machine", {}))
     acting = [record[name].reshape(record.table.height, -1) for name in names if name in record]
     legs = np.ascontiguousarray(record["reference.leg_length"].T)
-    judge = SelfExcitation(record["time"], legs, rest_begins(acting))
 
     def least_of(_: int, frequency: float) -> float:
         length, noise, quantisation = record["leg_length"].mean(), sensors.get("noise"), sensors.get("quantisation")
         return least_amplitude(frequency, float(length), points, noise or {}, quantisation or {})
 
-    (motion,) = judge(record["error.leg_length"][:, :, None], least_of)
-    return motion
+    errors = record["error.leg_length"][:, :, None]
+    return self_excitation(record["time"], legs, rest_begins(acting), errors, least_of)[0]
 
 
-class SelfExcitation:
-    """Finds the oscillation or growth of closed loops on which the same acts, by the rows of whole runs.
+@np.errstate(all="ignore")  # errors may be no platform's
+def self_excitation(  # noqa: PLR0915 - one road, in sections
+    time: FloatArray,
+    reference: FloatArray,
+    begin: int,
+    errors: FloatArray,
+    least_of: Callable[[int, float], float],
+) -> list[Oscillation | None]:
+    """The oscillation or growth of each of N closed loops on which the same acts, by their whole runs; None if sound.
 
     The error is growing if, after the last change of what acts on the loop, it comes to twice the step of the reference
     or twice the largest value of its first half cycle, or rises ever faster. It oscillates if one line of its spectrum
-    has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain. Loops
-    share the times of the rows (n,) [s], the reference's leg lengths (6, n) [m], and the row from which nothing acts.
+    has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain.
+
+    Loops share the times of the rows (n,) [s], the reference's leg lengths (6, n) [m], and the row from which nothing
+    acts. Errors of the leg lengths are (n, 6, N) [m]; `least_of` gives the amplitude [m] that sensors do not explain,
+    of the k-th loop at a frequency [Hz].
     """
-
-    def __init__(self, time: FloatArray, reference: FloatArray, begin: int) -> None:
-        n = len(time)
-        self._time, self._begin, self._lowest = time, begin, 0
-        self._bases: tuple[FloatArray, ...] = ()
-        # NaN is not below it either
-        if n < _ROWS or not (np.abs(reference) < _LARGEST).all():
-            return
-        self._is_at_rest = n - begin >= max(_ROWS, _REST * n)
-        if self._is_at_rest:
-            self._window = begin + (n - begin) // 3
-            self._bases = (_basis(n - self._window),)
-            # the largest step of a leg's reference to this row, from rest; 0 if it came in motion [m]
-            before, self._step = reference[:, max(begin - _ROWS, 0) : begin], 0.0
-            if before.shape[1] >= 2 and np.ptp(before, axis=1).max() <= 1e-9:
-                self._step = float(np.abs(reference[:, begin] - before[:, -1]).max())
-        else:
-            # what a moving reference explains of the errors: a line, its length, velocity and acceleration; of what is
-            # without accelerations nothing. Its motion has no part in bins of the spectrum from the lowest one on.
-            self._window = n // 3
-            legs, rows = reference[:, self._window :], time[self._window :]
-            velocity = np.gradient(legs, rows, axis=1)
-            acceleration = np.gradient(velocity, rows, axis=1)
-            power = np.cumsum(_spectrum(_without(acceleration, _basis(len(rows)))))
-            if power[-1] > 0:
-                self._bases = tuple(_basis(len(rows), leg) for leg in zip(legs, velocity, acceleration, strict=True))
-                self._lowest = math.ceil(_ABOVE * max(int(np.searchsorted(power, _POWER * power[-1])), 1))
-
-    @np.errstate(all="ignore")  # errors may be no platform's
-    def __call__(self, errors: FloatArray, least_of: Callable[[int, float], float]) -> list[Oscillation | None]:
-        """The oscillation or growth of each of N loops by the errors of its leg lengths (n, 6, N) [m]; None if sound.
-
-        `least_of` gives the amplitude [m] that sensors do not explain, of the k-th loop at a frequency [Hz].
-        """
-        motions: list[Oscillation | None] = [None] * errors.shape[2]
-        if not self._bases:
-            return motions
-        if not self._is_at_rest:
-            return self._in_motion(errors, least_of)
-        every, step = np.arange(errors.shape[2]), self._step
-        windows = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
-        half = len(windows) // 2
-        late_power, early_power = (np.mean(part**2, axis=0).reshape(6, -1) for part in (windows[half:], windows[:half]))
-        leg = late_power.argmax(axis=0)
-        may_last = late_power[leg, every] >= 0.99 * _LASTS**2 * early_power[leg, every]
-        at_rest, time = errors[self._begin :], self._time[self._begin :]
-        since, n = float(time[0]), len(time)
-        from_rest = at_rest - at_rest[-(n // 3) :].mean(axis=0)
-        far_leg = np.abs(from_rest).max(axis=0).argmax(axis=0)
-        of_far_leg = from_rest[:, far_leg, every]
-        late, early = (np.abs(part).max(axis=0) for part in (of_far_leg[-(n // 3) :], of_far_leg[: n // 4]))
-        # a sound loop does not come farther from a step than it was; it starts there at rest
-        leaves_step = (late >= _GROWS * step) & (step > 0)
-        comes_far = leaves_step | (late >= _GROWS * early)
-        # its mean changes more from each block to the next than before: five changes of one sign, each 1.15 times the
-        # one before, come from six independent values in less than 1 of 1,000 cases.
-        means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
-        rising_leg = np.abs(means[-1] - means[0]).argmax(axis=0)
-        changes = np.diff(means[:, rising_leg, every], axis=0)
-        is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
-        first, last = np.abs(at_rest[[0, -1]][:, rising_leg, every])
-        rises = is_faster.all(axis=0) & (last > first)
-        # most loops are sound
-        for k in np.flatnonzero(may_last | comes_far | rises).tolist():
-            window, least = np.ascontiguousarray(errors[self._window :, :, k].T), partial(least_of, k)
-            line, ratio = _line(_without(window, self._bases[0]), self._time[self._window :], least, 0)
-            motion = steady = line and line._replace(since=since)
-            if comes_far[k] and not (steady is not None and ratio < _STEADY):
-                crossings = np.flatnonzero(np.diff(np.signbit(of_far_leg[:, k])))
-                rate, amplitude, before = None, float(late[k]), step
-                if len(crossings) > 1:
-                    rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]])
-                grows = bool(leaves_step[k])
-                if not grows and rate is not None and len(crossings) >= 3:
-                    before = float(np.abs(of_far_leg[: max(int(crossings[0]), n // 4), k]).max())
-                    grows = amplitude >= max(_GROWS * before, least(rate))
-                if grows:
-                    motion = Oscillation(True, int(far_leg[k]) + 1, amplitude, rate, before, since)
-            if motion is None and rises[k] and abs(changes[:, k].sum()) >= least(1.0):
-                motion = Oscillation(True, int(rising_leg[k]) + 1, float(last[k]), None, float(first[k]), since)
-            motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None  # NaN is not below it either
+    n, members = len(time), np.arange(errors.shape[2])
+    motions: list[Oscillation | None] = [None] * len(members)
+    # NaN is not below it either
+    if n < _ROWS or not (np.abs(reference) < _LARGEST).all():
         return motions
 
-    def _in_motion(self, errors: FloatArray, least_of: Callable[[int, float], float]) -> list[Oscillation | None]:
-        """The same with a reference that moves to the end."""
-        motions, time = list[Oscillation | None](), self._time[self._window :]
-        for k in range(errors.shape[2]):
-            legs = np.ascontiguousarray(errors[self._window :, :, k].T)
-            unexplained = np.stack([_without(leg, basis) for leg, basis in zip(legs, self._bases, strict=True)])
-            line, ratio = _line(unexplained, time, partial(least_of, k), self._lowest)
+    if n - begin < max(_ROWS, _REST * n):
+        # what a moving reference explains of the errors: a line, its length, velocity and acceleration; of what is
+        # without accelerations nothing. Its motion has no part in bins of the spectrum from the lowest one on.
+        start = n // 3
+        legs, rows = reference[:, start:], time[start:]
+        velocity = np.gradient(legs, rows, axis=1)
+        acceleration = np.gradient(velocity, rows, axis=1)
+        power = np.cumsum(_spectrum(_without(acceleration, _basis(len(rows)))))
+        if not power[-1] > 0:
+            return motions
+        bases = [_basis(len(rows), leg) for leg in zip(legs, velocity, acceleration, strict=True)]
+        lowest = math.ceil(_ABOVE * max(int(np.searchsorted(power, _POWER * power[-1])), 1))
+        for k in range(len(members)):
+            of_legs = np.ascontiguousarray(errors[start:, :, k].T)
+            unexplained = np.stack([_without(leg, basis) for leg, basis in zip(of_legs, bases, strict=True)])
+            line, ratio = _line(unexplained, rows, partial(least_of, k), lowest)
             if line is not None and ratio >= _STEADY:
                 line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
-            motions.append(line if (np.abs(errors[..., k]) < _LARGEST).all() else None)
+            motions[k] = line if (np.abs(errors[..., k]) < _LARGEST).all() else None
         return motions
+
+    # the largest step of a leg's reference to the row from which nothing acts, from rest; 0 if it came in motion [m]
+    before_it, step = reference[:, max(begin - _ROWS, 0) : begin], 0.0
+    if before_it.shape[1] >= 2 and np.ptp(before_it, axis=1).max() <= 1e-9:
+        step = float(np.abs(reference[:, begin] - before_it[:, -1]).max())
+    # without a straight line, the last two thirds of what follows may have a line that lasts
+    start = begin + (n - begin) // 3
+    basis = _basis(n - start)
+    windows = _without(errors[start:].reshape(-1, errors[0].size).T, basis).T
+    half = len(windows) // 2
+    late_power, early_power = (np.mean(part**2, axis=0).reshape(6, -1) for part in (windows[half:], windows[:half]))
+    leg = late_power.argmax(axis=0)
+    may_last = late_power[leg, members] >= 0.99 * _LASTS**2 * early_power[leg, members]
+    at_rest, time_at_rest = errors[begin:], time[begin:]
+    since, n_at_rest = float(time_at_rest[0]), len(time_at_rest)
+    from_rest = at_rest - at_rest[-(n_at_rest // 3) :].mean(axis=0)
+    far_leg = np.abs(from_rest).max(axis=0).argmax(axis=0)
+    of_far_leg = from_rest[:, far_leg, members]
+    late, early = (np.abs(part).max(axis=0) for part in (of_far_leg[-(n_at_rest // 3) :], of_far_leg[: n_at_rest // 4]))
+    # a sound loop does not come farther from a step than it was; it starts there at rest
+    leaves_step = (late >= _GROWS * step) & (step > 0)
+    comes_far = leaves_step | (late >= _GROWS * early)
+    # its mean changes more from each block to the next than before: five changes of one sign, each 1.15 times the
+    # one before, come from six independent values in less than 1 of 1,000 cases.
+    means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
+    rising_leg = np.abs(means[-1] - means[0]).argmax(axis=0)
+    changes = np.diff(means[:, rising_leg, members], axis=0)
+    is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
+    first, last = np.abs(at_rest[[0, -1]][:, rising_leg, members])
+    rises = is_faster.all(axis=0) & (last > first)
+    # most loops are sound
+    for k in np.flatnonzero(may_last | comes_far | rises).tolist():
+        window, least = np.ascontiguousarray(errors[start:, :, k].T), partial(least_of, k)
+        line, ratio = _line(_without(window, basis), time[start:], least, 0)
+        motion = steady = line and line._replace(since=since)
+        if comes_far[k] and not (steady is not None and ratio < _STEADY):
+            crossings = np.flatnonzero(np.diff(np.signbit(of_far_leg[:, k])))
+            rate, amplitude, before = None, float(late[k]), step
+            if len(crossings) > 1:
+                rate = (len(crossings) - 1) / 2 / float(time_at_rest[crossings[-1]] - time_at_rest[crossings[0]])
+            grows = bool(leaves_step[k])
+            if not grows and rate is not None and len(crossings) >= 3:
+                before = float(np.abs(of_far_leg[: max(int(crossings[0]), n_at_rest // 4), k]).max())
+                grows = amplitude >= max(_GROWS * before, least(rate))
+            if grows:
+                motion = Oscillation(True, int(far_leg[k]) + 1, amplitude, rate, before, since)
+        if motion is None and rises[k] and abs(changes[:, k].sum()) >= least(1.0):
+            motion = Oscillation(True, int(rising_leg[k]) + 1, float(last[k]), None, float(first[k]), since)
+        motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None
+    return motions
 
 
 def least_amplitude(
@@ -287,14 +278,8 @@ def _without(values: FloatArray, basis: FloatArray) -> FloatArray:
     return np.asarray(values - (values @ basis) @ basis.T)
 
 
-def outcome_of(record: RecordData) -> dict[str, Any]:
-    """The outcome in the metadata, with the `oscillation` or growth of a loop without input, None if it rests."""
-    motion = oscillation(record)
-    return {**record.metadata["outcome"], "oscillation": None if motion is None else motion._asdict()}
-
-
 def is_sound(outcome: dict[str, Any]) -> bool:
-    """Whether the run of an `outcome_of` completed, and its loop came to rest or followed its reference."""
+    """Whether a run with this outcome of its metrics completed, and its loop came to rest or followed its reference."""
     return outcome["status"] == "completed" and not outcome.get("oscillation")
 
 

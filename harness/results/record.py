@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, WrapValidator
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME, fine, fineness_of
-from gough_stewart.harness.results.oscillation import outcome_of, outcome_text
+from gough_stewart.harness.results.oscillation import oscillation, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.section import readable_json
 from gough_stewart.harness.table_file import read_parquet, readable, write_to
@@ -254,11 +254,6 @@ def read_record(path: Path | str) -> Record:
     return record
 
 
-def columns(prefix: str, size: int) -> list[str]:
-    """Names of a vector's columns, 1-based."""
-    return [f"{prefix}[{k + 1}]" for k in range(size)]
-
-
 def platform_of(record: RecordData, key: Literal["platform", "machine"] = "platform") -> Platform:
     """The nominal platform of a run, which its controller was designed for; or the machine, if it is another one."""
     try:
@@ -338,7 +333,8 @@ def _circumstances(record: Record) -> Table:
     if metadata.get("plant"):
         rows.append(("plant", str(metadata["plant"])))
     if "outcome" in metadata:
-        rows.append(("outcome", outcome_text(outcome_of(record) if "platform" in metadata else metadata["outcome"])))
+        motion = oscillation(record) if "platform" in metadata else None
+        rows.append(("outcome", outcome_text(metadata["outcome"]) + (f"; {motion.text()}" if motion else "")))
     height, width = record.table.shape
     rows.append(("table", f"{height} rows, {width} columns"))
     if height and "time" in record:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,31 +29,21 @@ class RecordData:
 
         A RecordError for another name suggests the nearest one.
         """
-        columns = self._columns.get(name)
-        if columns is None:
-            variables = [variable for variable in self._columns if "[" not in variable]
+        if name in self.table.columns:
+            return self.table.get_column(name).to_numpy()
+        columns = self.columns_of(name)
+        if not columns:
+            variables = list(dict.fromkeys(column.partition("[")[0] for column in self.table.columns))
             raise RecordError(f"the record has no '{name}'{interface.nearest(name, variables)}")
-        values = [self.table.get_column(column).to_numpy() for column in columns]
-        return values[0] if columns == [name] else np.column_stack(values)
+        return np.column_stack([self.table.get_column(column).to_numpy() for column in columns])
 
     def __contains__(self, name: str) -> bool:
         """Whether a column or variable of this name exists."""
-        return name in self._columns
+        return any(column == name or column.startswith(f"{name}[") for column in self.table.columns)
 
     def columns_of(self, name: str) -> list[str]:
         """The columns of a variable."""
-        return [column for column in self._columns.get(name, []) if column != name]
-
-    @cached_property
-    def _columns(self) -> dict[str, list[str]]:
-        """The columns that each name stands for: a column for itself, a variable for all of its columns."""
-        columns: dict[str, list[str]] = {}
-        for column in self.table.columns:
-            variable, bracket, _ = column.partition("[")
-            if bracket:
-                columns.setdefault(variable, []).append(column)
-            columns[column] = [column]
-        return columns
+        return [column for column in self.table.columns if column.startswith(f"{name}[")]
 
 
 class DriveLimit(NamedTuple):
@@ -82,9 +71,12 @@ def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[st
     """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit.
 
     Limits are those of |ṡ|, |F|, and |F ṡ|, the larger of the values at both ends of the row. The force is held over
-    its row, so ṡ at its end is that of the next row; the last row has none.
+    its row, so ṡ at its end is that of the next row; the last row has none. Nothing of a record without ṡ or F.
     """
-    velocity, force = (np.abs(record[column_of_drives(record, name)]) for name in ("motor_velocity", "actuator_force"))
+    names = (column_of_drives(record, "motor_velocity"), "actuator_force")
+    if not all(name in record for name in names):
+        return {}
+    velocity, force = (np.abs(record[name]) for name in names)
     power = np.concatenate([np.maximum(velocity[:-1], velocity[1:]), velocity[-1:]]) * force
     return {
         limit.name: values / np.asarray(platform[limit.name])

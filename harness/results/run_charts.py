@@ -227,7 +227,11 @@ def _signals(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
             numbered = (title,) if size == 1 else tuple(str(k + 1) for k in range(size))
             complete = tuple(None if values is None or values.shape[1] < size else values for values in columns)
             signals.append(signal._replace(components=numbered, values=complete, reference=""))
-    powers = tuple(record["actuator_force"] * record[column_of_drives(record, "motor_velocity")] for record in records)
+    velocities = [column_of_drives(record, "motor_velocity") for record in records]
+    powers = tuple(
+        record["actuator_force"] * record[velocity] if "actuator_force" in record and velocity in record else None
+        for record, velocity in zip(records, velocities, strict=True)
+    )
     signals.append(Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, powers))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         numbers = tuple(

@@ -6,7 +6,7 @@ correlated: of correlations a Gaussian copula, of covariances a multivariate nor
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import ceil, log2, prod
@@ -91,36 +91,33 @@ class SamplingDesign:
             points = np.concatenate(parts, axis=1)
         elif self.sampling == "latin_hypercube":
             points = _hypercube(self.size, self.members, self.seed)[first:last]
-        elif self.sampling == "sobol":
-            points = _sobol(self.size, self.seed, first, last)
-        else:  # Saltelli's: A, A with one group of inputs from B each, B
+        else:
+            from scipy.stats import qmc  # takes half a second, and is needed for these designs only
+
             block, d = self.block, self.size
-            base = _sobol(2 * d, self.seed, first // block, ceil(last / block))
-            A, B = base[:, :d], base[:, d:]
-            ends, rows = np.cumsum((0, *self.sizes)), [A]
-            for group in self.groups:
-                mixed = A.copy()
-                for k in group:
-                    mixed[:, ends[k] : ends[k + 1]] = B[:, ends[k] : ends[k + 1]]
-                rows.append(mixed)
-            ordered = np.stack([*rows, B], axis=1).reshape(-1, d)
-            at = first - first // block * block
-            points = ordered[at : at + last - first]
+            begin, end = first // block, ceil(last / block)
+            rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(_STREAM,)))
+            # an interrupt while it reads its table of directions is lost, and the points would be others
+            with interrupts_held_back():
+                engine = qmc.Sobol(d if self.sampling == "sobol" else 2 * d, scramble=True, rng=rng)
+            if begin:
+                engine.fast_forward(begin)
+            with (
+                warnings.catch_warnings()
+            ):  # of counts that are not powers of two: chunks are parts of a longer sequence
+                warnings.simplefilter("ignore", UserWarning)
+                points = np.asarray(engine.random(end - begin))
+            if self.sampling == "saltelli":  # A, A with one group of inputs from B each, B
+                A, B = points[:, :d], points[:, d:]
+                ends, rows = np.cumsum((0, *self.sizes)), [A]
+                for group in self.groups:
+                    mixed = A.copy()
+                    for k in group:
+                        mixed[:, ends[k] : ends[k + 1]] = B[:, ends[k] : ends[k + 1]]
+                    rows.append(mixed)
+                ordered = np.stack([*rows, B], axis=1).reshape(-1, d)
+                points = ordered[first - begin * block : last - begin * block]
         return np.asarray(np.maximum(points, _SMALLEST))
-
-
-def _sobol(size: int, seed: int, first: int, last: int) -> FloatArray:
-    from scipy.stats import qmc  # takes half a second, and is needed for these designs only
-
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
-    # an interrupt while it reads its table of directions is lost, and the points would be others
-    with interrupts_held_back():
-        engine = qmc.Sobol(size, scramble=True, rng=rng)
-    if first:
-        engine.fast_forward(first)
-    with warnings.catch_warnings():  # of counts that are not powers of two: chunks are parts of a longer sequence
-        warnings.simplefilter("ignore", UserWarning)
-        return np.asarray(engine.random(last - first))
 
 
 @lru_cache(2)
@@ -227,9 +224,6 @@ def _ranks(values: FloatArray) -> NDArray[np.intp]:
 
 # --- distributions ---------------------------------------------------------------------------------------------------
 
-# From numbers in (0, 1) to values, elementwise.
-Quantile = Callable[[FloatArray], FloatArray]
-
 
 @dataclass(frozen=True)
 class VariedValue:
@@ -272,6 +266,8 @@ class Variation(TableSection):
     factor: "Variation | None" = Field(default=None)
     offset: "Variation | None" = Field(default=None)
 
+    _kind: str  # the key that is set
+
     @model_validator(mode="after")
     def _one_of_them(self) -> "Variation":
         names = [name for name in type(self).model_fields if getattr(self, name) is not None]
@@ -279,20 +275,15 @@ class Variation(TableSection):
             raise ValueError(
                 f"expected one of {', '.join(type(self).model_fields)}; found {' and '.join(names) or 'none'}"
             )
+        self._kind = names[0]
         return self
 
-    @property
-    def kind(self) -> str:
-        """The key that is set."""
-        (name,) = (name for name in type(self).model_fields if getattr(self, name) is not None)
-        return name
-
-    def spread(self, target: VariedValue) -> Spread:
+    def spread(self, target: VariedValue) -> Spread:  # noqa: PLR0912, PLR0915 - a section for each kind
         """The spread of a target under this distribution; a `ValueError` says what is no distribution of it."""
-        kind = self.kind
+        kind = self._kind
         value = getattr(self, kind)
-        if kind in ("factor", "offset") and value.kind in ("factor", "offset"):
-            raise ValueError(f"{kind} of a {value.kind}; expected a distribution in it")
+        if kind in ("factor", "offset") and value._kind in ("factor", "offset"):
+            raise ValueError(f"{kind} of a {value._kind}; expected a distribution in it")
         if kind == "factor":
             nominal, of_factor = _nominal(target), value.spread(VariedValue("factor", PLAIN, (), np.ones(())))
 
@@ -321,14 +312,56 @@ class Variation(TableSection):
             return Spread(1, draw_one, n if kind == "grid" else None)
         if target.unit is None:
             raise ValueError(f"{kind} applies to numbers only; expected choice or grid")
-        quantile = _quantile(kind, value, target)
+        parts, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
+        if len(parts) not in sizes:
+            raise ValueError(f"{kind} is {value!r}; expected {wanted} about the present value")
+        # one number for all elements, or one for each
+        numbers = [
+            np.array(number(part, PLAIN))
+            if kind == "lognormal" and k == len(parts) - 1
+            else _parsed(part, target, target.shape if isinstance(part, list | tuple) else ())
+            for k, part in enumerate(parts)
+        ]
+        if kind == "truncated_normal" and len(numbers) == 2:  # about the present value, between bounds
+            deviation, bound = numbers
+            _check_spread(bound, value, "a bound > 0")
+            numbers = [_nominal(target), deviation, _nominal(target) - bound, _nominal(target) + bound]
+        elif kind == "uniform" and len(numbers) == 1:
+            _check_spread(numbers[0], value, "a half width > 0")
+            numbers = [_nominal(target) - numbers[0], _nominal(target) + numbers[0]]
+        elif len(numbers) == 1:
+            numbers = [_nominal(target), *numbers]
+        middle, deviation, *bounds = numbers
+        if kind == "uniform":
+            bounds = numbers
+        elif kind == "lognormal":
+            if not (middle > 0).all():
+                raise ValueError(f"lognormal has the median {middle.tolist()}; expected a median > 0")
+            _check_spread(deviation, value, "a deviation of the logarithm > 0")
+        else:
+            _check_spread(deviation, value, "a standard deviation > 0")
+        if bounds:
+            _check_spread(bounds[1] - bounds[0], value, "the lower bound below the upper one")
 
         def draw(u: FloatArray) -> FloatArray:
-            drawn = quantile(u.reshape(len(u), *target.shape))
-            if not target.is_symmetric:
-                return drawn
-            # the elements above the diagonal, and their mirror images
-            return np.triu(drawn) + np.swapaxes(np.triu(drawn, 1), -1, -2)
+            u = u.reshape(len(u), *target.shape)
+            if kind == "uniform":  # a + (b − a) u
+                drawn = bounds[0] + (bounds[1] - bounds[0]) * u
+            elif kind == "normal":
+                drawn = normal(u, middle, deviation)
+            elif kind == "lognormal":  # the logarithm is normal, with mean ln m and deviation s: m exp(s Φ⁻¹(u))
+                drawn = middle * np.exp(deviation * normal(u))
+            else:  # μ + σ Φ⁻¹(Φ(α) + u (Φ(β) − Φ(α))), α and β the bounds as multiples of σ from μ
+                from scipy.special import ndtr
+
+                a, b = ((bound - middle) / deviation for bound in bounds)
+                # near 1, differences of Φ lose digits: in the upper tail use the mirrored distribution
+                upper = a > 0
+                a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
+                z = normal(ndtr(a) + v * (ndtr(b) - ndtr(a)))
+                drawn = np.clip(middle + deviation * np.where(upper, -z, z), *bounds)
+            # of a symmetric matrix, the elements above the diagonal, and their mirror images
+            return np.triu(drawn) + np.swapaxes(np.triu(drawn, 1), -1, -2) if target.is_symmetric else np.asarray(drawn)
 
         return Spread(prod(target.shape), draw)
 
@@ -353,58 +386,6 @@ def normal(u: FloatArray, mean: FloatArray | float = 0.0, deviation: FloatArray 
     from scipy.special import ndtri  # not needed, and slow, without an ensemble
 
     return np.asarray(mean + deviation * ndtri(u))
-
-
-def _quantile(kind: str, value: Any, target: VariedValue) -> Quantile:
-    """The quantile function of a distribution of numbers: normal, uniform, truncated_normal or lognormal."""
-    parts, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]
-    if len(parts) not in sizes:
-        raise ValueError(f"{kind} is {value!r}; expected {wanted} about the present value")
-    # one number for all elements, or one for each
-    numbers = [
-        np.array(number(part, PLAIN))
-        if kind == "lognormal" and k == len(parts) - 1
-        else _parsed(part, target, target.shape if isinstance(part, list | tuple) else ())
-        for k, part in enumerate(parts)
-    ]
-    if kind == "truncated_normal" and len(numbers) == 2:  # about the present value, between bounds
-        deviation, bound = numbers
-        _check_spread(bound, value, "a bound > 0")
-        numbers = [_nominal(target), deviation, _nominal(target) - bound, _nominal(target) + bound]
-    elif kind == "uniform" and len(numbers) == 1:
-        _check_spread(numbers[0], value, "a half width > 0")
-        numbers = [_nominal(target) - numbers[0], _nominal(target) + numbers[0]]
-    elif len(numbers) == 1:
-        numbers = [_nominal(target), *numbers]
-    if kind == "lognormal":  # the logarithm is normal, with mean ln m and deviation s: m exp(s Φ⁻¹(u))
-        median, deviation = numbers
-        if not (median > 0).all():
-            raise ValueError(f"lognormal has the median {median.tolist()}; expected a median > 0")
-        _check_spread(deviation, value, "a deviation of the logarithm > 0")
-        return lambda u: np.asarray(median * np.exp(deviation * normal(u)))
-    if kind == "uniform":  # a + (b − a) u
-        low, high = numbers
-        _check_spread(high - low, value, "the lower bound below the upper one")
-        return lambda u: np.asarray(low + (high - low) * u)
-    mean, deviation = numbers[:2]
-    _check_spread(deviation, value, "a standard deviation > 0")
-    if kind == "normal":
-        return lambda u: normal(u, mean, deviation)
-    low, high = numbers[2:]
-    _check_spread(high - low, value, "the lower bound below the upper one")
-
-    def truncated(u: FloatArray) -> FloatArray:
-        """μ + σ Φ⁻¹(Φ(α) + u (Φ(β) − Φ(α))), α and β the bounds as multiples of σ from μ."""
-        from scipy.special import ndtr
-
-        a, b = (low - mean) / deviation, (high - mean) / deviation
-        # near 1, differences of Φ lose digits: in the upper tail use the mirrored distribution
-        upper = a > 0
-        a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
-        z = normal(ndtr(a) + v * (ndtr(b) - ndtr(a)))
-        return np.clip(mean + deviation * np.where(upper, -z, z), low, high)
-
-    return truncated
 
 
 def _check_spread(size: FloatArray, value: Any, expected: str) -> None:
@@ -458,30 +439,28 @@ class EnsembleChoice(TableSection):
 
     @model_validator(mode="after")
     def _parse(self) -> "EnsembleChoice":
-        self._varied = dict(_variations("", self.model_extra or {}))
+        """Find the distributions in the table and its subtables, by dotted key."""
+        self._varied, pending = {}, list((self.model_extra or {}).items())
+        while pending:
+            key, value = pending.pop(0)
+            if isinstance(value, Variation):
+                self._varied[key] = value
+            elif not isinstance(value, Mapping):
+                raise ValueError(  # noqa: TRY004 - pydantic wants this one
+                    f"{key}: is {value!r}; expected a setting of the ensemble "
+                    f"({', '.join(type(self).model_fields)}), "
+                    "or the distribution of a varied value: {normal = [mean, deviation]}"
+                )
+            elif value.keys() & Variation.model_fields.keys():
+                try:
+                    self._varied[key] = Variation.built().model_validate(value)
+                except ValidationError as error:
+                    raise ValueError(f"{key}: {complaints(error, Variation, value)}") from None
+            else:
+                pending[:0] = [(f"{key}.{name}", part) for name, part in value.items()]
         return self
 
     @property
     def varied(self) -> Mapping[str, Variation]:
         """What varies, by key as written."""
         return self._varied
-
-
-def _variations(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Variation]]:
-    """The distributions in a table and its subtables, by dotted key."""
-    for name, value in table.items():
-        key = f"{prefix}{name}"
-        if isinstance(value, Variation):
-            yield key, value
-        elif not isinstance(value, Mapping):
-            raise ValueError(  # noqa: TRY004 - pydantic wants this one
-                f"{key}: is {value!r}; expected a setting of the ensemble ({', '.join(EnsembleChoice.model_fields)}), "
-                "or the distribution of a varied value: {normal = [mean, deviation]}"
-            )
-        elif value.keys() & Variation.model_fields.keys():
-            try:
-                yield key, Variation.built().model_validate(value)
-            except ValidationError as error:
-                raise ValueError(f"{key}: {complaints(error, Variation, value)}") from None
-        else:
-            yield from _variations(f"{key}.", value)

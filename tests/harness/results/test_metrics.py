@@ -152,6 +152,11 @@ def test_parts_without_numbers_are_none_and_not_empty() -> None:
     assert only["stroke"]["margin"] == pytest.approx(0.2)
     assert "force limited" in str(only)
     assert "force limited" not in str(gs.metrics(record_of(20, {"flag.force_limited": False})))
+    for column, parts in (("actuator_force", ("force", "power", "energy")), ("leg_length", ("power", "stroke"))):
+        lacking = gs.metrics(gs.Record((whole := record_of(20)).table.drop(whole.columns_of(column)), whole.metadata))
+        assert [lacking[part] for part in parts] == [None] * len(parts)
+        assert lacking["rows"] == 20
+        assert "peak force" not in str(lacking)
     rest = following(np.zeros(5), np.zeros(5))
     assert gs.metrics(rest)["step_response"] == []
     for lacks in ("reference.position", "reference.orientation"):
