@@ -53,21 +53,12 @@ _PACKAGE = __name__.partition(".")[0]
 
 @dataclass(frozen=True)
 class Input:
-    """One varied value: its key as written, its place, its distribution."""
+    """One varied value: its key as written, its place, its distribution, its columns in tables."""
 
     key: str
     place: Place
     spread: Spread
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Column names: `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` if common to all."""
-        target = self.place.target
-        if not target.shape:
-            return (target.name,)
-        if self.spread.factor is not None:
-            return (f"{target.name}.factor",)
-        return tuple(f"{target.name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(target.shape))
+    columns: tuple[str, ...]  # `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` if common to all
 
     @property
     def outside(self) -> str:
@@ -131,10 +122,15 @@ class Members:
         def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
             try:
                 place = place_of(key, experiment, *self.platforms, controller is not None)
-                inputs.append(Input(key, place, spread(place.target)))
+                distribution = spread(place.target)
             except ValueError as error:
                 raise self._error(key, str(error)) from None
-            return inputs[-1].spread
+            name, shape = place.target.name, place.target.shape
+            columns = [f"{name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(shape)] if shape else [name]
+            if shape and distribution.factor is not None:
+                columns = [f"{name}.factor"]
+            inputs.append(Input(key, place, distribution, tuple(columns)))
+            return distribution
 
         for key, variation in choice.varied.items():
             add(key, variation.spread)
