@@ -249,15 +249,12 @@ class Members:
             u[:, columns] = reordered(u[:, columns], R)
         return u
 
-    def prepared(self, first: int, last: int) -> Batch:
-        """Members first to last − 1, ready to run, or why they are impossible."""
-        return self.preparation.members(self.draws(first, last).values, range(first, last))
-
     def possible(self) -> Batch:
         """The first member that can run; an `ExperimentError` if none of the first can."""
         for last in (1, 8, _AMONG):
-            batch = self.prepared(0, min(self.count, last))
-            if len(batch):
+            numbers = range(min(self.count, last))
+            batch = self.preparation.members(self.draws(0, len(numbers)).values, numbers)
+            if batch.setups:
                 return batch.take([0])
         text = f"none of the first {len(batch.errors)} members is possible; the first: {batch.reasons[0]}"
         raise self._error("", text)
