@@ -365,7 +365,7 @@ class Preparation:
         # tables, the believed platform, and the one whose parameters those of the machine replace
         usual = Sensors(**dict(experiment.sensors))
         for k, member in enumerate(values):
-            changed = by_table(member)
+            changed = by_table(member) if member else {}  # a single run has the experiment's own
             varied = {path[-1]: value for path, value in changed.pop("plant", {}).items()}
             of_sensors = changed.pop("sensors", None)
             try:
