@@ -45,7 +45,7 @@ if __name__ == "__main__":
 
 def simulated_seconds(members: Members, stepping: Stepping) -> tuple[float, float]:
     """Simulated seconds per second: members on one core, and a single run on the FMU."""
-    batch = members.prepared(0, SIZE)
+    batch = members.preparation.members(members.draws(0, SIZE).values, range(SIZE))
     duration = batch.timing.duration
     # longer, so that its start is negligible
     single = prepare(load_experiment("heave_step", ["loop.duration=4"]))

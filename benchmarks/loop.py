@@ -22,11 +22,13 @@ from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.lanes import BatchPlant
 from gough_stewart.harness.plants.open import ModelPlant, cached_build
 from gough_stewart.harness.plants.unit import FmuPlant
+from gough_stewart.model.interface import Variant
 
 ROUNDS = 5
 SETTINGS = ["loop.duration=10"]
@@ -53,8 +55,8 @@ def seconds_a_step(version: str) -> tuple[float, float]:
 def seconds_in_machine_code(name: str) -> tuple[float, float]:
     """CPU times of a step of a single run, all rows recorded: in machine code, and row by row on the model."""
     prepared = prepare(load_experiment(name, SETTINGS))
-    kernel, steps = prepared.kernel, prepared.loop.timing.steps
-    assert kernel is not None  # the controllers are linear
+    kernel, steps = loop_kernel(Variant.of(prepared.machine)), prepared.loop.timing.steps
+    assert are_compiled([prepared.controller])  # they are linear
     ours = []
     for _ in range(ROUNDS):
         start = time.thread_time()

@@ -98,7 +98,7 @@ def batch_of(kind: dict[str, Any], members: int) -> Batch:
     """Members of `heave_step` on this kind of machine."""
     words = [f"plant.parameters.{key}={value}" for key, value in kind.items()]
     drawn = varying_members(load_experiment("heave_step", [*words, *LOOP, VARIED, f"ensemble.members={members}"]))
-    return drawn.prepared(0, members)
+    return drawn.preparation.members(drawn.draws(0, members).values, range(members))
 
 
 def run(batch: Batch, tolerance: float) -> tuple[float, FloatArray]:

@@ -24,7 +24,8 @@ def batch() -> Batch:
     varied = {"members": MEMBERS, "seed": 1, "platform_mass": {"factor": {"uniform": [0.8, 1.3]}}}
     varied["leg_coulomb_friction"] = {"uniform": ["0 N", "100 N"]}
     settings = {"loop.duration": 1, "sensors.quantisation": {}, "ensemble": varied}
-    return Members(load_experiment("heave_step", settings)).prepared(0, MEMBERS)
+    members = Members(load_experiment("heave_step", settings))
+    return members.preparation.members(members.draws(0, MEMBERS).values, range(MEMBERS))
 
 
 def motion(members: Batch, stepping: Stepping) -> tuple[FloatArray, float]:

@@ -75,8 +75,8 @@ def run_command(
         law = loaded.controller.code if controller is None or controller in FMI_VERSIONS else ()
         # members without a plant of their own run in the compiled batch
         in_batch = member is not None and plant is None and fmu is None
-        unit = None if in_batch else loaded.plant.own_unit(plant, fmu)
-        return law if unit is None else (*law, unit)
+        is_own = fmu is None and plant in (None, loaded.plant.kind) and not in_batch
+        return law if loaded.plant.fmu is None or not is_own else (*law, loaded.plant.fmu)
 
     loaded = opt.chosen_experiment(experiment, settings, no_python, executed)
     folder = out or opt.results_folder("run", experiment, "" if member is None else f"_member_{member}")

@@ -26,7 +26,6 @@ from gough_stewart.harness.control.state_space import Method, discretised
 from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.motion.motion import Motion, distinct_rows
 from gough_stewart.harness.section import (
     DerivativeGains,
     FileName,
@@ -38,25 +37,10 @@ from gough_stewart.harness.section import (
     PositiveTime,
     ProportionalGains,
 )
-from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
-from gough_stewart.model.interface import State
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 Feedforward = Literal["none", "gravity", "computed_torque"]
-
-
-def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatArray:
-    """Actuator forces (n, 6) [N] along a reference motion.
-
-    gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, inverse dynamics.
-    """
-    if kind == "none":
-        return np.zeros((len(motion.position), 6))
-    rows, of_row = distinct_rows(motion)
-    if kind == "gravity":
-        return np.asarray(static_leg_forces(platform, rows.position, rows.orientation)[of_row])
-    return np.asarray(inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))[of_row])
 
 
 class ControllerChoice(Kind):
@@ -124,11 +108,6 @@ class SixChannels(ControllerChoice):
     discretisation: Method = "tustin"
     notch: Notch | None = None
 
-    @property
-    def links(self) -> tuple[Link, ...]:
-        """The links after the six channels, in the order of their fields."""
-        return tuple(value for _, value in self if isinstance(value, Link))
-
     def gains(self, platform: Platform) -> Gains:
         """The stated gains, or gains from bandwidth and damping ratio on this platform.
 
@@ -159,9 +138,10 @@ class SixChannels(ControllerChoice):
         continuous = channel_matrices(gains.channels, self.derivative_on)
         discrete = discretised(continuous, sample_time, self.discretisation)
         links = []
-        for link in self.links:
-            link.check(sample_time)
-            links.append((type(link), {key: np.array([getattr(link, key)]) for key in link.keys}))
+        for _, link in self:
+            if isinstance(link, Link):
+                link.check(sample_time)
+                links.append((type(link), {key: np.array([getattr(link, key)]) for key in link.keys}))
         return LinearController(with_links(discrete, links, sample_time), space=self.space)
 
     @model_validator(mode="after")

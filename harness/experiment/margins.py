@@ -20,7 +20,7 @@ from gough_stewart.harness.control.linear import (
     structural_modes,
     structure_of,
 )
-from gough_stewart.harness.control.linear_controller import LinearController, linear_of
+from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.loop_margins import (
     ClassicalMargins,
     DiskMargin,
@@ -34,7 +34,6 @@ from gough_stewart.harness.control.loop_margins import (
     response,
     sensitivities,
 )
-from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
@@ -73,14 +72,11 @@ from gough_stewart.harness.report.quantities import (
 )
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.harness.section import plain
-from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import RIGID
 from gough_stewart.model.platform import Platform
 
 Kind = TypeVar("Kind")
 
-# Of an eigenvalue, and the largest exponent of a growth that is told.
-_ROUNDING, _MOST = 1e-7, 300.0
 _SHOWN_MODES = 8
 _POINTS = 500
 # Of step responses, at most.
@@ -490,27 +486,6 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
         x = P.A @ x + P.B @ forces[0]
     M = np.concatenate([x, reading, memory, *forces])
     return float(np.abs(np.linalg.eigvals(M)).max()) ** (a_sample / period) if np.isfinite(M).all() else math.inf
-
-
-def growing_of(prepared: Prepared) -> tuple[str, ...]:
-    """One sentence if the loop of a run is unstable in the linear model, however slowly it grows."""
-    if isinstance(prepared.controller, Maker):  # a factory is asked once, for the run itself
-        return ()
-    try:
-        controller = linear_of(prepared.controller)
-        if controller is None:
-            return ()
-        radius = radius_of(prepared, prepared.machine, controller)
-    except GoughStewartError:  # no linear loop
-        return ()
-    if radius < 1 + _ROUNDING:
-        return ()
-    timing = prepared.loop.timing
-    times = math.exp(min(math.log(radius) * timing.duration / timing.sample_time, _MOST))
-    return (
-        f"the linear loop, without Coulomb friction and limits, is unstable: errors grow to {times:.3g} times their "
-        f"size in {timing.duration:g} s; `gough-stewart margins` shows what the loop allows",
-    )
 
 
 def robustness_of(experiment: Experiment) -> Robustness | None:

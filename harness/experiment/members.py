@@ -53,21 +53,12 @@ _PACKAGE = __name__.partition(".")[0]
 
 @dataclass(frozen=True)
 class Input:
-    """One varied value: its key as written, its place, its distribution."""
+    """One varied value: its key as written, its place, its distribution, its columns in tables."""
 
     key: str
     place: Place
     spread: Spread
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Column names: `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` if common to all."""
-        target = self.place.target
-        if not target.shape:
-            return (target.name,)
-        if self.spread.factor is not None:
-            return (f"{target.name}.factor",)
-        return tuple(f"{target.name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(target.shape))
+    columns: tuple[str, ...]  # `platform_mass`, `base_points[1,1]`, 1-based, `platform_inertia.factor` if common to all
 
     @property
     def outside(self) -> str:
@@ -131,10 +122,15 @@ class Members:
         def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
             try:
                 place = place_of(key, experiment, *self.platforms, controller is not None)
-                inputs.append(Input(key, place, spread(place.target)))
+                distribution = spread(place.target)
             except ValueError as error:
                 raise self._error(key, str(error)) from None
-            return inputs[-1].spread
+            name, shape = place.target.name, place.target.shape
+            columns = [f"{name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(shape)] if shape else [name]
+            if shape and distribution.factor is not None:
+                columns = [f"{name}.factor"]
+            inputs.append(Input(key, place, distribution, tuple(columns)))
+            return distribution
 
         for key, variation in choice.varied.items():
             add(key, variation.spread)
@@ -253,15 +249,12 @@ class Members:
             u[:, columns] = reordered(u[:, columns], R)
         return u
 
-    def prepared(self, first: int, last: int) -> Batch:
-        """Members first to last − 1, ready to run, or why they are impossible."""
-        return self.preparation.members(self.draws(first, last).values, range(first, last))
-
     def possible(self) -> Batch:
         """The first member that can run; an `ExperimentError` if none of the first can."""
         for last in (1, 8, _AMONG):
-            batch = self.prepared(0, min(self.count, last))
-            if len(batch):
+            numbers = range(min(self.count, last))
+            batch = self.preparation.members(self.draws(0, len(numbers)).values, numbers)
+            if batch.setups:
                 return batch.take([0])
         text = f"none of the first {len(batch.errors)} members is possible; the first: {batch.reasons[0]}"
         raise self._error("", text)

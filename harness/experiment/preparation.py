@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.harness.control.by_hand import HandMotion
 from gough_stewart.harness.control.component import N_FAULTS, FaultChoice
-from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
+from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward
 from gough_stewart.harness.control.frequency_response import InjectionChoice
 from gough_stewart.harness.control.laws_of_members import KnownAhead, LawFrom, SeparateLaws, laws_of
 from gough_stewart.harness.control.linear_controller import Controller, LinearController, controller_of, linear_of
@@ -24,7 +24,7 @@ from gough_stewart.harness.control.own_law import LinearForm, linearised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
-from gough_stewart.harness.experiment.overrides import Values, table_with
+from gough_stewart.harness.experiment.overrides import Values, by_table, table_with
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.loop import (
@@ -41,9 +41,9 @@ from gough_stewart.harness.loop.loop import (
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, distinct_rows
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.plants.lanes import BatchPlant, CompiledLanes, Stepping
+from gough_stewart.harness.plants.lanes import BatchPlant, Stepping
 from gough_stewart.harness.plants.signals import VARIABLES, PerMember, of_legs, stacked
-from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import CHOOSING, SMOOTH, State, Variant, nearest
@@ -83,6 +83,7 @@ class Planned:
     # position and orientation in the first row, where loops are linearised
     pose: tuple[FloatArray, FloatArray] = (np.zeros(3), np.zeros(3))
     legs: LegMotion | None = None  # leg lengths and velocities at every row
+    mean_length: float = 0.0  # of the legs at home [m]
     signals: FloatArray | None = None  # and accelerations, at every row (n, 30)
     jacobians: FloatArray = field(default_factory=lambda: np.zeros((0, 6, 6)))  # of the legs at every sample (m, 6, 6)
     # limits exceeded with permission; of an experiment that is prepared alone also hints at it
@@ -113,11 +114,6 @@ class Prepared(Setup):
 
     machine: Platform  # the simulated platform
     loop: Loop
-
-    @property
-    def kernel(self) -> CompiledLanes | None:
-        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
-        return loop_kernel(Variant.of(self.machine)) if are_compiled([self.controller]) else None
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
@@ -182,11 +178,36 @@ class Batch:
             parts[name] = [getattr(self, name)[k] for k in at.tolist()]
         return replace(self, **parts)
 
-    def member(self, k: int) -> Prepared:
-        """One of them alone."""
-        return Prepared(
-            **vars(self.setups[k]), machine=self.machines[k], loop=(self if len(self) == 1 else self.take([k])).loop
-        )
+    def member(self, k: int, hints_at: Experiment | None = None) -> Prepared:
+        """One of them alone; its warnings are also of what is possible in an experiment but hardly meant.
+
+        Legs that nearly touch, joints in a bad order, a motion after the end, coarse sensors, faults that change
+        nothing.
+        """
+        setup, alone = self.setups[k], self if len(self.setups) == 1 else self.take([k])
+        prepared = Prepared(**vars(setup), machine=self.machines[k], loop=alone.loop)
+        if hints_at is None:
+            return prepared
+        platform, hints = setup.platform, list[str]()
+        length = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+        scales = {"m": length, "rad": 1.0, "m/s": length / _TIME, "rad/s": 1.0 / _TIME}
+        for kind in ("noise", "quantisation"):
+            for variable in VARIABLES:
+                value, scale = getattr(hints_at.sensors, kind).get(variable.name) or 0.0, scales[variable.unit]
+                if value > _SHARE * scale:
+                    hints.append(
+                        f"sensors.{kind}.{variable.name} is {value:g} {variable.unit}, {value / scale:.3g} of the "
+                        f"platform's scale of {scale:.3g} {variable.unit}; check its unit"
+                    )
+        read: Any = () if setup.controller is None else getattr(setup.controller, "signals", None)
+        for number, fault in enumerate(hints_at.fault if read is not None else (), 1):
+            hints += [
+                f"fault.{number}.freeze.{name}: nobody reads {name}, so this changes nothing; the controller reads "
+                f"{' and '.join(read) or 'no sensor'}"
+                for name in fault.freeze
+                if name not in read
+            ]
+        return replace(prepared, warnings=(*setup.warnings, *platform.hints, *too_late(hints_at), *hints))
 
     @property
     def timing(self) -> Timing:
@@ -249,7 +270,7 @@ class Batch:
             flat = one_or_stacked([views[id(setup.jacobians)] for setup in filled.setups])
             known, jacobians = [setup.known for setup in self.setups], flat.reshape(*flat.shape[:-1], 6, 6)
             law_from = laws_of(closed, self.setups[0].timing.sample_time, jacobians, known, copies)
-        return InParallel(plant, law_from, filled.loop, len(filled))
+        return InParallel(plant, law_from, filled.loop, len(starts))
 
 
 def one_or_each(numbers: Sequence[Any], none: float = np.nan) -> PerMember:
@@ -288,34 +309,7 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     batch = Preparation(experiment, controller).members([{}], injection=injection)
     for error in batch.errors.values():
         raise error
-    return with_hints(experiment, batch.member(0))
-
-
-def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
-    """With warnings of what is possible but hardly meant.
-
-    Legs that nearly touch, joints in a bad order, a motion after the end, coarse sensors, faults that change nothing.
-    """
-    platform = prepared.platform
-    length = home_leg_length(platform)
-    scales = {"m": length, "rad": 1.0, "m/s": length / _TIME, "rad/s": 1.0 / _TIME}
-    coarse = [
-        f"sensors.{kind}.{variable.name} is {value:g} {variable.unit}, {value / scales[variable.unit]:.3g} of the "
-        f"platform's scale of {scales[variable.unit]:.3g} {variable.unit}; check its unit"
-        for kind in ("noise", "quantisation")
-        for variable in VARIABLES
-        if (value := getattr(experiment.sensors, kind).get(variable.name) or 0.0) > _SHARE * scales[variable.unit]
-    ]
-    read = () if prepared.controller is None else getattr(prepared.controller, "signals", None)
-    unread = [
-        f"fault.{k}.freeze.{name}: nobody reads {name}, so this changes nothing; the controller reads "
-        f"{' and '.join(read) or 'no sensor'}"
-        for k, fault in enumerate(experiment.fault, 1)
-        for name in fault.freeze
-        if read is not None and name not in read
-    ]
-    hints = (*platform.hints, *too_late(experiment), *coarse, *unread)
-    return replace(prepared, warnings=(*prepared.warnings, *hints))
+    return batch.member(0, hints_at=experiment)
 
 
 def too_late(experiment: Experiment) -> tuple[str, ...]:
@@ -378,23 +372,21 @@ class Preparation:
         # tables, the believed platform, and the one whose parameters those of the machine replace
         usual = Sensors(**dict(experiment.sensors))
         for k, member in enumerate(values):
-            of_machine, changed = dict(experiment.plant.parameters), dict[str, dict[tuple[str, ...], Any]]()
-            for path, value in member.items():
-                if path[0] == "plant":
-                    of_machine[path[-1]] = value
-                else:
-                    changed.setdefault(path[0], {})[path[1:]] = value
+            changed = by_table(member) if member else {}  # a single run has the experiment's own
+            varied = {path[-1]: value for path, value in changed.pop("plant", {}).items()}
             of_sensors = changed.pop("sensors", None)
             try:
                 belief = once(self._believed, changed)
-                readings = once(self._sensors, of_sensors) if of_sensors else usual
+                readings = usual
+                if of_sensors:
+                    readings = Sensors(**dict(once(table_with, experiment, "sensors", of_sensors)))
             except GoughStewartError as error:
                 errors[k] = error
                 continue
             candidates.append(k)
             believed.append(belief)
             sensors.append(readings)
-            of_machines.append(of_machine)
+            of_machines.append({**experiment.plant.parameters, **varied})
 
         # machines, for all at once; one vector steps several, so that all have the same states
         distinct = {id(base): base for _, _, base in believed}
@@ -487,9 +479,6 @@ class Preparation:
         with part_of(experiment.where, "plant"):
             return tables, nominal, once(load_platform, str(experiment.folder / experiment.plant.file))
 
-    def _sensors(self, values: Values) -> Sensors:
-        return Sensors(**dict(table_with(self.experiment, "sensors", values)))
-
     def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:  # noqa: PLR0912, PLR0915 - likewise
         """Everything of a member but its machine and its sensors."""
         where, once = self._where, self._once
@@ -572,7 +561,7 @@ class Preparation:
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
         if bound is None and planned.reference is not None and is_closed:
-            bound = once(home_leg_length, platform)
+            bound = planned.mean_length
         force_limit, rate_limit = limited.actuator_force_max, drives.rate_limit
         low, high = platform.leg_length_min, platform.leg_length_max
         return Setup(
@@ -615,7 +604,7 @@ class Preparation:
             beyond: dict[str, WhenBeyond] = {"dynamic": "warn" if is_by_hand else when_beyond}
             beyond["geometric"] = "warn" if is_by_hand else "refuse"
             exceeded = check_reach(limited, timing.times, motion, condition_number, centre=reference.centre, **beyond)
-            legs = legs_of(limited, motion)
+            legs, home = legs_of(limited, motion), (limited.home_position, limited.home_orientation)
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
             rows, of_row = distinct_rows(Motion(*(part[at] for part in motion)))
@@ -625,6 +614,7 @@ class Preparation:
                 motion=motion,
                 pose=(motion.position[0], motion.orientation[0]),
                 legs=legs,
+                mean_length=float(leg_geometry(limited, *home).length.mean()),
                 signals=signals,
                 jacobians=jacobians,
                 warnings=tuple(exceeded),
@@ -633,9 +623,12 @@ class Preparation:
     def _feedforward(
         self, kind: Feedforward, delay: int, platform: Platform, planned: Planned, timing: Timing
     ) -> FloatArray:
-        """Forces at every sample (m, 6) [N]."""
+        """Actuator forces at every sample (m, 6) [N], along the motion.
+
+        gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, inverse dynamics.
+        """
         samples, reference = timing.samples, planned.reference
-        if reference is None:
+        if reference is None or kind == "none":
             return np.zeros((len(samples), 6))
         # forces are held, so evaluate them in the middle of that interval
         ahead = (delay + 0.5) * timing.sample_time
@@ -643,7 +636,10 @@ class Preparation:
             motion = reference.foreseen(samples, ahead)
         else:
             motion = reference(np.minimum(samples + ahead, reference.defined_until))
-        return feedforward(kind, platform, motion)
+        rows, of_row = distinct_rows(motion)
+        if kind == "gravity":
+            return np.asarray(static_leg_forces(platform, rows.position, rows.orientation)[of_row])
+        return np.asarray(inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))[of_row])
 
     def _controller(self, choice: ControllerChoice, platform: Platform, timing: Timing) -> Any:
         """The controller that replaces the experiment's, or the experiment's; None for feedforward alone."""
@@ -754,11 +750,6 @@ def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
     parameters = experiment.plant.parameters
     with part_of(experiment.where, "plant"):
         return nominal, base.with_parameters(parameters) if parameters else base
-
-
-def home_leg_length(platform: Platform) -> float:
-    """The mean length of the legs at home [m]."""
-    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
 
 
 def limited_platform(platform: Platform, force_limit: float | str) -> Platform:

@@ -1,8 +1,9 @@
 """Run an experiment: prepare it, open its plant, simulate the loop, make the record and its files; also members."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
@@ -14,15 +15,17 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.component import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.laws_of_members import LawFrom
+from gough_stewart.harness.control.linear_controller import LinearController
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, load_experiment
-from gough_stewart.harness.experiment.margins import growing_of
+from gough_stewart.harness.experiment.margins import radius_of
 from gough_stewart.harness.experiment.members import Members, fingerprint, varying_members
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
-from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
+from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between
+from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.loop import LENGTHS, as_numbers
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants import PlantKind, signals
@@ -40,6 +43,7 @@ from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.harness.section import plain, readable_json
 from gough_stewart.model import interface
+from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.process.files import Content, check_output_folder, file_set
 from gough_stewart.model.process.installed import versions
@@ -61,6 +65,8 @@ _LAST_PART = 0.2
 _AT_REST = 0.02
 # A noticeable error, as a share of the mean leg length.
 _NOTICEABLE = 1e-4
+# Of |z| of a sample, beyond rounding; and the largest exponent of a growth.
+_ROUNDING, _MOST = 1e-7, 300.0
 
 
 def run(  # noqa: PLR0912, PLR0915 - one road, in sections
@@ -143,11 +149,20 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     else:
         members = varying_members(chosen, controller)
         (chosen,), batch = _members_of(members, [member])
-        prepared = with_hints(chosen, batch.member(0))
+        prepared = batch.member(0, hints_at=chosen)
 
-    # what is to be said before
-    growing = growing_of(prepared)
-    said_before = (*prepared.warnings, *growing)
+    # what is to be said before; a maker is asked for its controller once, for the run itself
+    said_before, growing, timing = [*prepared.warnings], list[str](), prepared.loop.timing
+    if isinstance(prepared.controller, LinearController):
+        with suppress(GoughStewartError):  # no linear loop
+            radius = radius_of(prepared, prepared.machine, prepared.controller)
+            if radius >= 1 + _ROUNDING:
+                times = math.exp(min(math.log(radius) * timing.duration / timing.sample_time, _MOST))
+                growing.append(
+                    f"the linear loop, without Coulomb friction and limits, is unstable: errors grow to {times:.3g} "
+                    f"times their size in {timing.duration:g} s; `gough-stewart margins` shows what the loop allows"
+                )
+    said_before += growing
     if warn is not None:
         for text in said_before:
             warn(text)
@@ -163,11 +178,12 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     elif plant is None or isinstance(plant, str):
         kind: PlantKind = plant or choice.kind
         name = kind
-        if (unit := choice.own_unit(plant, fmu)) is not None:
-            fmu = chosen.folder / unit
+        if choice.fmu is not None and fmu is None and kind == choice.kind:
+            fmu = chosen.folder / choice.fmu
         # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
         is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
-        if is_whole and (kernel := prepared.kernel) is not None:
+        if is_whole and are_compiled([prepared.controller]):
+            kernel = loop_kernel(Variant.of(prepared.machine))
             opening = BatchPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
         else:
             opening = open_plant(
@@ -239,7 +255,7 @@ def records_of(members: Members, numbers: Sequence[int | None]) -> list[Record]:
         runs = simulate(running.plant, running.law_from, running.loop)
     replaced = [] if members.controller is None else ["controller"]
     return [
-        record_of(runs[k], with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, numbers[k])
+        record_of(runs[k], batch.member(k, hints_at=experiment), experiment, "lanes", replaced, numbers[k])
         for k, experiment in enumerate(experiments)
     ]
 

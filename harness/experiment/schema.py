@@ -91,10 +91,6 @@ class PlantChoice(TableSection):
     tolerance: Annotated[Number, Field(ge=TOLERANCES[0], le=TOLERANCES[1])] = DEFAULT_TOLERANCE
     fixed_step_size: Time = 0.0
 
-    def own_unit(self, kind: PlantKind | None, fmu: object) -> FileName | None:
-        """Its FMU if a run executes that: one that asks for no plant or for this kind, and brings no other file."""
-        return self.fmu if fmu is None and kind in (None, self.kind) else None
-
 
 class Start(TableSection):
     """`[start]`: the state at time 0; missing keys are those of the reference."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
-from gough_stewart.harness.control.component import Drive, ForceLimits, Sensor
+from gough_stewart.harness.control.component import Drive, ForceLimits, Link, Sensor
 from gough_stewart.harness.control.controllers import PD, PID, Feedforward
 from gough_stewart.harness.control.linear_controller import LinearController, fresh_controller
 from gough_stewart.harness.control.makers import name_of
@@ -236,7 +236,8 @@ def designed(
         chosen, made = choice if controller is None else None, fresh_controller(prepared.controller)
         if isinstance(chosen, PD | PID):
             gains = chosen.gains(prepared.platform)
-            law = pid_law(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, chosen.links)
+            links = tuple(value for _, value in chosen if isinstance(value, Link))
+            law = pid_law(gains, chosen.derivative_on, chosen.discretisation, chosen.space, T, links)
         elif isinstance(made, LinearController):
             made.check_sample_time(T)
             law = matrix_law(made)

@@ -29,6 +29,7 @@ from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.host import MEMORY, LoopBlock, LoopHost
+from gough_stewart.harness.loop.libraries import are_compiled, loop_kernel
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.motion.motion import Piecewise, Reference
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
@@ -196,7 +197,10 @@ def _block(  # noqa: PLR0912 - one road, in sections
     """
     loop, planned = prepared.loop, _planned(experiment, prepared, kept)
     batch_plant = BatchPlant(
-        [prepared.machine], [prepared.start], tolerance=experiment.plant.tolerance, kernel=prepared.kernel
+        [prepared.machine],
+        [prepared.start],
+        tolerance=experiment.plant.tolerance,
+        kernel=loop_kernel(Variant.of(prepared.machine)) if are_compiled([prepared.controller]) else None,
     )
     with batch_plant as plant, prepared.law_in_a_run() as law_from:
         changes, room = _changes(plant, loop), Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED)

@@ -108,10 +108,6 @@ class AboutPose(ReferenceChoice):
     def _at(self, time: Array) -> Motion:
         """The motion at an array of times in its own, unscaled time."""
 
-    def _along(self, kind: str) -> FloatArray:
-        """The direction (6,) of its change or amplitude."""
-        return np.concatenate([getattr(self, f"position_{kind}"), getattr(self, f"orientation_{kind}")])
-
     def _by(self, *parts: tuple[Profile, FloatArray]) -> Motion:
         """The pose plus profiles (n,) times directions (6,), times the amplitude scale."""
         value, rate, acceleration = (
@@ -162,7 +158,8 @@ class Step(_Change):
     def _at(self, time: Array) -> Motion:
         # at the time of the jump, the value after it
         value = reached(time - self.at, -ROUNDING)
-        return self._by((Profile(value, 0 * value, 0 * value), self._along("change")))
+        along = np.concatenate([self.position_change, self.orientation_change])
+        return self._by((Profile(value, 0 * value, 0 * value), along))
 
 
 class PointToPoint(_Change):
@@ -177,7 +174,8 @@ class PointToPoint(_Change):
     duration: PositiveTime
 
     def _at(self, time: Array) -> Motion:
-        return self._by((quintic(time - self.at, self.duration), self._along("change")))
+        along = np.concatenate([self.position_change, self.orientation_change])
+        return self._by((quintic(time - self.at, self.duration), along))
 
 
 class _Swing(AboutPose):
@@ -211,7 +209,8 @@ class Sine(_Swing):
 
     def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
-        offsets = self._along("phase")
+        offsets = np.concatenate([self.position_phase, self.orientation_phase])
+        amplitudes = np.concatenate([self.position_amplitude, self.orientation_amplitude])
         # axes of one phase share a sine; symbols, which cannot be compared, have one each
         first, of_axis = np.arange(6), np.arange(6)
         if offsets.dtype != object:
@@ -220,7 +219,7 @@ class Sine(_Swing):
             *(
                 (
                     sine(omega * time + (self.phase + offsets[axis : axis + 1]), omega).faded(time, self.fade_in),
-                    np.where(of_axis == k, self._along("amplitude"), 0.0),
+                    np.where(of_axis == k, amplitudes, 0.0),
                 )
                 for k, axis in enumerate(first.tolist())
             )
@@ -248,7 +247,8 @@ class Chirp(_Swing):
         frequency = f0 + (f1 - f0) * sweeping / T
         change = (f1 - f0) / T * (1 - reached(time, T))
         swing = sine(*(2 * math.pi * part for part in (cycles, frequency, change)))
-        return self._by((swing.faded(time, self.fade_in), self._along("amplitude")))
+        along = np.concatenate([self.position_amplitude, self.orientation_amplitude])
+        return self._by((swing.faded(time, self.fade_in), along))
 
 
 class Circle(AboutPose):
