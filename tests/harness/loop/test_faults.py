@@ -144,9 +144,9 @@ class Integral:
         return force
 
 
-def linear() -> Any:
-    """The same as a linear system."""
-    return control.ss(np.eye(6), np.eye(6), np.diag(KI), np.diag(K), T)
+def linear(poles: Any = 1.0) -> Any:
+    """The same as a linear system, or with sums that forget: x⁺ = a x + e."""
+    return control.ss(np.diag(np.broadcast_to(poles, 6)), np.eye(6), np.diag(KI), np.diag(K), T)
 
 
 def traced() -> casadi.Function:
@@ -166,20 +166,22 @@ def switched(**tables: Any) -> gs.Experiment:
 
 
 def commands_of(
-    error: FloatArray, spans: dict[int, Any], on: tuple[int, ...], start: FloatArray, rests: bool
+    error: FloatArray, spans: dict[int, Any], on: tuple[int, ...], start: FloatArray, poles: FloatArray | None
 ) -> FloatArray:
-    """The commands (m, 6) of the loop above; a linear controller `rests` with its sum at 0, others keep theirs."""
+    """The commands (m, 6) of the loop above; a linear controller rests, with its sum at 0, others keep theirs."""
     commands, is_off = list[FloatArray](), False
-    total = lacked = force = np.zeros(6)
+    a = np.ones(6) if poles is None else poles
+    rest = np.where(a < 1, 1 / np.where(a < 1, 1 - a, 1.0), 0.0)
+    total, lacked, force = rest * error[0], np.zeros(6), np.zeros(6)
     for k, e in enumerate(error):
         if k in spans:
             is_off, force = True, np.array(spans[k] or (commands[-1] if commands else start))
         is_off = is_off and k not in on
-        total = np.zeros(6) if is_off and rests else total
+        total = rest * e if is_off and poles is not None else total
         wanted = K * e + KI * total
         commands.append(force if is_off else wanted + lacked)
         lacked = force - wanted if is_off else lacked * (1 - T)
-        total = total if is_off else total + e
+        total = total if is_off else a * total + e
     return np.array(commands)
 
 
@@ -187,6 +189,7 @@ def commands_of(
     ("controller", "plant", "host"),
     [
         *((linear(), "model", "compiled"), (linear(), "scipy", "Python"), (linear(), "fmu3", "Python")),
+        (linear([0.6, 0.3, 1.0, 0.8, 0.5, 0.7]), "model", "compiled"),
         *((traced(), "model", "compiled"), (traced(), "scipy", "Python"), (Integral, "model", "Python")),
     ],
 )
@@ -197,7 +200,8 @@ def test_the_command_follows_while_it_is_off_and_begins_there(controller: Any, p
     samples = slice(0, 240, 4)
     command, error = record["controller.force"][samples], record["reference.leg_length"] - record["measured.leg_length"]
     error = error[samples]
-    expected = commands_of(error, SPANS, ON, np.zeros(6), isinstance(controller, control.StateSpace))
+    poles = np.diag(controller.A) if isinstance(controller, control.StateSpace) else None
+    expected = commands_of(error, SPANS, ON, np.zeros(6), poles)
     scale = np.abs(expected).max()
     assert np.abs(command - expected).max() < 1e-9 * scale
     for k in ON:
@@ -220,6 +224,7 @@ def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(c
     experiment = switched(change=changes, ensemble={**varied, "members": 11})
     many = gs.ensemble(experiment, controller=controller, workers=1)
     rms, offs = many.members["tracking.leg_length.rms"], set()
+    poles = None if controller is Integral else np.ones(6)
     # the first member of each time at which they are switched off, and the last one
     for k in {*np.unique(many.values("change.1.at"), return_index=True)[1].tolist(), 10}:
         record = gs.run(experiment, member=k, controller=controller)
@@ -229,7 +234,7 @@ def test_members_are_switched_each_at_its_time_and_some_are_off_from_the_start(c
         offs.add(off)
         error = (record["reference.leg_length"] - record["measured.leg_length"])[:240:4]
         spans = {off: None, 35: drawn[2]["manual_force"]}
-        expected = commands_of(error, spans, (on, 45), record["actuator_force"][0], controller is not Integral)
+        expected = commands_of(error, spans, (on, 45), record["actuator_force"][0], poles)
         assert np.abs(record["controller.force"][:240:4] - expected).max() < 1e-9 * np.abs(expected).max()
         assert rms[k] == pytest.approx(max(gs.metrics(record)["tracking"]["leg_length"]["rms"]), rel=1e-11)
     assert offs == {0, 9, 10}
