@@ -232,7 +232,7 @@ class Members:
             part = np.ascontiguousarray(part)
             drawn = spread.draw(part)
             if target.unit is None:
-                columns[target.name] = drawn
+                columns[target.name] = list(map(str, drawn)) if spread.is_mixed else drawn
             elif spread.factor is not None and target.shape:
                 columns[varied.columns[0]] = spread.factor(part)
             else:

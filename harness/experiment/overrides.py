@@ -53,8 +53,11 @@ _UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {n
 def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
     """A copy of plain values with some set: "loop.duration=3", "reference.position_change=[0, 0, 0.01]"."""
     tables: dict[str, Any] = _copied(values)
-    for where, key, value in keys_and_values(settings):
+    items = keys_and_values(settings)
+    for where, key, value in items:
         set_key(tables, where, key, _copied(value))
+    if {key.strip() for _, key, _ in items} >= _EITHER.keys():
+        raise SettingError(items[-1][0], "", f"{' and '.join(_EITHER)} are both set; expected one of them")
     return tables
 
 

@@ -246,6 +246,7 @@ class Spread:
     levels: int | None = None  # number of values of a grid
     # if one number scales several elements: from (n, size) to that factor (n,)
     factor: Callable[[FloatArray], FloatArray] | None = None
+    is_mixed: bool = False  # of texts, numbers and switches, which a column of a table has as texts
 
 
 class Variation(TableSection):
@@ -309,7 +310,8 @@ class Variation(TableSection):
                 drawn = [among[min(int(n * share), n - 1)] for share in np.ravel(u).tolist()]
                 return np.asarray(drawn) if is_number else drawn
 
-            return Spread(1, draw_one, n if kind == "grid" else None)
+            is_mixed = not is_number and len(set(map(type, value))) > 1
+            return Spread(1, draw_one, n if kind == "grid" else None, is_mixed=is_mixed)
         if target.unit is None:
             raise ValueError(f"{kind} applies to numbers only; expected choice or grid")
         parts, (sizes, wanted) = list(value) if isinstance(value, list | tuple) else [value], _WANTED[kind]

@@ -294,6 +294,8 @@ def test_a_file_a_name_and_an_experiment_run_alike(tmp_path: Path, monkeypatch: 
     mine.rename("circle")
     files = [gs.load_experiment("circle", changed).platform.file for changed in ((), "platform.preset=liu2000")]
     assert files == ["heavy.toml", None]
+    with pytest.raises(gs.GoughStewartError, match=r"preset and platform\.file are both set; expected one of them"):
+        gs.load_experiment("circle", ["platform.preset=liu2000", "platform.file=heavy.toml"])
 
 
 def test_requirements_have_paths_with_dots_or_quoted(tmp_path: Path) -> None:

@@ -315,6 +315,8 @@ def test_a_choice_keeps_texts_switches_and_numbers_as_they_are() -> None:
     assert {(type(each["mode"]), each["mode"]) for each in found} == {(str, "fast"), (float, 3.5), (bool, True)}
     assert {(type(each["steps"]), each["steps"]) for each in found} == {(int, 2), (int, 5)}
     assert {tuple(each["levels"]) for each in found} == {(0.5, 4), (1, 2)}
+    table = gs.ensemble("heave_step", {**settings, "ensemble.worst": 0}, controller=modal, workers=1)
+    assert table.members["varied.controller.parameters.mode"].to_list() == [str(each["mode"]) for each in found]
 
 
 def test_only_a_hypercube_is_drawn_as_a_whole() -> None:
