@@ -24,6 +24,20 @@ def test_other_gains_give_other_forces_of_the_same_error() -> None:
     assert after == pytest.approx(2.25 * before, rel=1e-3)
 
 
+def test_more_damping_in_motion_gives_no_kick() -> None:
+    """Expected: the derivative's force goes on where it was, then to the other damping within its filter's time."""
+    sine = {"type": "sine", "position_amplitude": [0, 0, 0.02], "frequency": 0.5}
+    settings = {**AT_REST, "loop.duration": 2.1, "loop.plant_step": 1e-3, "reference": sine, "controller": PD}
+    more = {"at": 2.0, "controller": {**PD, "damping_ratio": 1.2}}
+    force, unchanged = (
+        gs.run("heave_step", {**settings, "controller.feedforward": "none", "change": changes})["controller.force"]
+        for changes in ([more], [])
+    )
+    difference = np.abs(force - unchanged).max(axis=1)
+    assert difference[:2000].max() == 0.0
+    assert difference[2000] < 0.03 * difference[2000:].max()
+
+
 def test_a_delay_and_a_limit_that_change() -> None:
     """Expected: of forces that ramp with the samples, those of three samples ago from the change on; then the limit."""
     ramp = {"type": "open_loop", "force": [4000.0] * 6}
